@@ -1,0 +1,43 @@
+"""The command that an agent gives to the vehicle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+__all__ = ["Control"]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """One command for one tick, in CARLA's conventions.
+
+    ======== ======= =========================================
+    field    range   meaning
+    ======== ======= =========================================
+    throttle 0..1    share of the largest forward acceleration
+    steer    -1..1   share of the largest steering angle, positive to the right
+    brake    0..1    share of the largest deceleration
+    ======== ======= =========================================
+    """
+
+    throttle: float = 0.0
+    steer: float = 0.0
+    brake: float = 0.0
+
+    NEUTRAL: ClassVar[Control]
+
+    def problem(self) -> str | None:
+        """What is wrong with this control (`"steer is nan, expected a number in -1..1"`), or None."""
+        for name, value, low in (("throttle", self.throttle, 0.0), ("steer", self.steer, -1.0), ("brake", self.brake, 0.0)):
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                return f"{name} is {value!r}, expected a number in {low:g}..1"
+            if not math.isfinite(number) or not low <= number <= 1.0:
+                return f"{name} is {number!r}, expected a number in {low:g}..1"
+        return None
+
+
+Control.NEUTRAL = Control()

@@ -1,0 +1,25 @@
+"""The unit that runs, is stored, is cached, is retried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Episode"]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Episode:
+    """(agent, route, setting, seed). `setting` is the sentence form (`str(Setting)`), `"clean"` for the empty stack."""
+
+    agent: str
+    route_id: str
+    setting: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.agent} on {self.route_id} under {self.setting}, seed {self.seed}"
+
+    @property
+    def clean(self) -> Episode:
+        """The clean twin: same agent, route and seed."""
+        return Episode(self.agent, self.route_id, "clean", self.seed)

@@ -1,0 +1,127 @@
+"""What the agent sees in one tick: cameras, GPS, compass, IMU, speed, each with the tick of its capture.
+
+Frames of reference are CARLA's and highway-env's: x forward (world: east), y to the right (world: south), z up;
+yaw grows clockwise seen from above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.geodesy import to_geodetic
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.truth import GroundTruth
+
+    Pixels = NDArray[np.uint8]
+
+__all__ = ["CameraSpec", "Compass", "Gps", "Image", "Imu", "Observation", "Speed"]
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSpec:
+    """One camera of an agent's rig: pinhole, no distortion, mounted on the vehicle.
+
+    `x_m`, `y_m`, `z_m` are metres forward, right and up of the centre of the vehicle on the ground; `yaw_deg` turns
+    right, `pitch_deg` up; `fov_deg` is the horizontal field of view; `rate_hz` is how often a new image is captured
+    (in between, the last one is delivered again with the tick of its capture).
+    """
+
+    name: str
+    x_m: float = 0.8
+    y_m: float = 0.0
+    z_m: float = 1.6
+    yaw_deg: float = 0.0
+    pitch_deg: float = 0.0
+    fov_deg: float = 70.0
+    width_px: int = 256
+    height_px: int = 144
+    rate_hz: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """`pixels` is (height, width, 3) uint8 RGB; `tick` is the tick of capture."""
+
+    pixels: Pixels
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Gps:
+    """Position of the centre of the vehicle, metres in the route's frame (x east, y south)."""
+
+    x_m: float
+    y_m: float
+    tick: int
+
+    @property
+    def latitude_deg(self) -> float:
+        """Latitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[0]
+
+    @property
+    def longitude_deg(self) -> float:
+        """Longitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Compass:
+    """`heading_rad` is clockwise from north, as CARLA's IMU gives it; `yaw_rad` is clockwise from east (x)."""
+
+    heading_rad: float
+    tick: int
+
+    @property
+    def yaw_rad(self) -> float:
+        """Yaw in the route's frame: heading minus a quarter turn."""
+        return self.heading_rad - 1.5707963267948966
+
+
+@dataclass(frozen=True, slots=True)
+class Imu:
+    """Acceleration in the vehicle's frame (forward, right) in m/s2 and yaw rate (clockwise) in rad/s."""
+
+    forward_mps2: float
+    right_mps2: float
+    yaw_rate_radps: float
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """Forward speed in m/s."""
+
+    mps: float
+    tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """Everything that the agent is given in `tick`.
+
+    `cameras` maps the name of each `CameraSpec` of the agent to its `Image`. `truth` is None for every agent but
+    those that declare `privileged = True`.
+    """
+
+    tick: int
+    gps: Gps
+    compass: Compass
+    imu: Imu
+    speed: Speed
+    cameras: Mapping[str, Image] = field(default_factory=dict)
+    truth: GroundTruth | None = None
+
+    def map_images(self, change: Callable[[str, Image], Image]) -> Observation:
+        """A copy whose images are `change(camera name, image)`; the originals are not touched."""
+        return replace(self, cameras={name: change(name, image) for name, image in self.cameras.items()})
+
+    def private(self) -> Observation:
+        """A copy whose pixels share no memory with anybody: what the loop hands to the agent."""
+        return self.map_images(lambda _, image: Image(image.pixels.copy(), image.tick))

@@ -1,0 +1,97 @@
+"""What one episode produced: facts only. Scores are computed from it by `metrics`."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["EpisodeResult", "Injection", "Trace"]
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """The ego at the end of each tick: `rows` is (ticks, 11) float64, columns in the order of `COLUMNS`.
+
+    x, y in metres; yaw in radians; speed in m/s; forward and right acceleration in m/s2 (vehicle frame); yaw rate in
+    rad/s; the control that the vehicle got; route progress in metres.
+    """
+
+    rows: NDArray[np.float64]
+
+    COLUMNS = (
+        "x_m",
+        "y_m",
+        "yaw_rad",
+        "speed_mps",
+        "forward_mps2",
+        "right_mps2",
+        "yaw_rate_radps",
+        "throttle",
+        "steer",
+        "brake",
+        "progress_m",
+    )
+
+    def column(self, name: str) -> NDArray[np.float64]:
+        """One column of `rows` by its name."""
+        values: NDArray[np.float64] = self.rows[:, self.COLUMNS.index(name)]
+        return values
+
+    @property
+    def digest(self) -> str:
+        """Hex digest of the bytes: equal digests mean bit-identical trajectories."""
+        return hashlib.blake2b(self.rows.tobytes(), digest_size=16).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """One stretch of the injected schedule: `perturbation` touched `signal` in ticks `first_tick..last_tick`."""
+
+    perturbation: str
+    signal: str
+    first_tick: int
+    last_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """The record of one finished episode.
+
+    `route_completion_pct` is 0..100; `speed_ratios_pct` are the ego's mean speed in percent of the traffic's, one per
+    twentieth of the route (`bench2drive.md` 1.5; empty when the ego never got that far). `end_detail` says in one
+    sentence why the episode ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall
+    times of `act`, one per call, kept only when the setting's latency is measured.
+    """
+
+    episode: Episode
+    scenario: str
+    outcome: Outcome
+    end: End
+    end_detail: str
+    route_completion_pct: float
+    route_length_m: float
+    infractions: tuple[Infraction, ...]
+    speed_ratios_pct: tuple[float, ...]
+    ticks: int
+    dt_s: float
+    wall_s: float
+    trace: Trace
+    schedule: tuple[Injection, ...] = ()
+    inference_s: tuple[float, ...] = ()
+    privileged: bool = False
+    junction_passed: bool = False
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def game_s(self) -> float:
+        """Simulated seconds."""
+        return self.ticks * self.dt_s

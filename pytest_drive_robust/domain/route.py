@@ -1,0 +1,121 @@
+"""Where to drive: a route as in the CARLA leaderboard's route XML, and the sparse plan that an agent gets of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from pytest_drive_robust.domain.geodesy import to_geodetic
+
+__all__ = ["GlobalPlan", "PlanPoint", "RoadOption", "Route", "ScenarioSpec", "TriggerPoint", "Waypoint", "Weather"]
+
+
+class RoadOption(IntEnum):
+    """The leaderboard's navigation commands, with its numbers."""
+
+    LEFT = 1
+    RIGHT = 2
+    STRAIGHT = 3
+    LANE_FOLLOW = 4
+    CHANGE_LANE_LEFT = 5
+    CHANGE_LANE_RIGHT = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A key point of the route, metres in the town's frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class TriggerPoint:
+    """Where the scenario wakes up: metres and degrees (clockwise from east) in the town's frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioSpec:
+    """One scripted situation.
+
+    `parameters` maps each child element of the XML (`distance`, `flow_speed`, `source_dist_interval`, ...) to its
+    attributes as numbers: `{"distance": {"value": 45.0}, "source_dist_interval": {"from": 15.0, "to": 28.0}}`.
+    Attributes that are no numbers (`direction`, `blocker_model`) are kept in `texts`.
+    """
+
+    name: str
+    type: str
+    trigger: TriggerPoint
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+
+    def number(self, element: str, default: float, *, attribute: str = "value") -> float:
+        """The number of a parameter element, or the scenario type's default."""
+        return self.parameters.get(element, {}).get(attribute, default)
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """CARLA's weather attributes: percentages 0..100, sun angles in degrees (altitude below 0 is night)."""
+
+    cloudiness: float = 5.0
+    precipitation: float = 0.0
+    precipitation_deposits: float = 0.0
+    wetness: float = 0.0
+    wind_intensity: float = 10.0
+    sun_azimuth_angle: float = -1.0
+    sun_altitude_angle: float = 45.0
+    fog_density: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """One route of a route file. `id` is unique within a file; `town` names the map."""
+
+    id: str
+    town: str
+    waypoints: tuple[Waypoint, ...]
+    scenario: ScenarioSpec
+    weather: Weather = Weather()
+
+    @property
+    def label(self) -> str:
+        """`"2091 NonSignalizedJunctionLeftTurn"`: how people call it."""
+        return f"{self.id} {self.scenario.type}"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanPoint:
+    """One point of the sparse plan: metres in the route's frame and the command that holds from here on."""
+
+    x_m: float
+    y_m: float
+    command: RoadOption
+
+    @property
+    def latitude_deg(self) -> float:
+        """Latitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[0]
+
+    @property
+    def longitude_deg(self) -> float:
+        """Longitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalPlan:
+    """What `Agent.reset` gets: what CARLA's `set_global_plan` gives, and no more.
+
+    Points where the command changes, every lane change, and at least one every 50 m
+    (Bench2Drive `leaderboard/autoagents/autonomous_agent.py`).
+    """
+
+    points: tuple[PlanPoint, ...]

@@ -1,0 +1,91 @@
+"""Everything that can go wrong, as one tree.
+
+::
+
+    DriveRobustError
+    ├── UsageError                the user gave something that we cannot use: exit code 4, nothing driven
+    │   ├── UnknownNameError      no agent, perturbation, simulator, metric or route has that name
+    │   ├── PerturbationError     a severity that no sensor or computer can have
+    │   ├── RequirementError      a requirement that does not parse or can never be judged
+    │   ├── RouteError            a route file that we do not understand
+    │   └── PluginError           a third-party distribution that does not load
+    ├── ComparisonError           two sets of episodes that must not be compared (an error, never a score)
+    ├── AgentError                the agent broke its contract during an episode (outcome `agent_error`)
+    └── SimulationError           the simulator broke during an episode (outcome `infra_error`)
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+__all__ = [
+    "AgentError",
+    "ComparisonError",
+    "DriveRobustError",
+    "PerturbationError",
+    "PluginError",
+    "RequirementError",
+    "RouteError",
+    "SimulationError",
+    "UnknownNameError",
+    "UsageError",
+    "nearest",
+]
+
+
+class DriveRobustError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class UsageError(DriveRobustError):
+    """The user gave something that we cannot use. pytest exits with code 4 before anything was driven."""
+
+
+class UnknownNameError(UsageError):
+    """No entry of that name. The message lists the nearest names and where the list comes from."""
+
+    @classmethod
+    def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
+        names = sorted(known)
+        close = nearest(given, names)
+        message = f"there is no {what} named {given!r}."
+        if close is not None:
+            message += f" Did you mean {close!r}?"
+        message += f" Known: {', '.join(names) or 'none'}."
+        return cls(f"{message} {hint}".rstrip())
+
+
+class PerturbationError(UsageError):
+    """A severity that no sensor or computer can have: `ratio=1.5`, `ms=-100`."""
+
+
+class RequirementError(UsageError):
+    """A requirement that does not parse, or that can never be judged."""
+
+
+class RouteError(UsageError):
+    """A route file that we do not understand. The message names the file, the route and the element."""
+
+
+class PluginError(UsageError):
+    """A third-party entry point that does not load. The message names its distribution and version."""
+
+
+class ComparisonError(DriveRobustError):
+    """Two sets of episodes that must not be compared, or that hold no data to compare."""
+
+
+class AgentError(DriveRobustError):
+    """The agent broke its contract during an episode: exception, NaN, wrong type, out of range."""
+
+
+class SimulationError(DriveRobustError):
+    """The simulator broke during an episode. Such an episode is never scored."""
+
+
+def nearest(given: str, known: Iterable[str]) -> str | None:
+    """The known name that is closest to what was given, or None when nothing is close."""
+    lowered = {name.lower(): name for name in known}
+    found = difflib.get_close_matches(given.lower(), lowered, n=1, cutoff=0.5)
+    return lowered[found[0]] if found else None

@@ -1,0 +1,95 @@
+"""What the runner needs of a world: one small Protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End, Infraction
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.truth import Frame, GroundTruth
+
+__all__ = ["Score", "Simulator", "SimulatorOptions"]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorOptions:
+    """What a user may choose about any world.
+
+    `tick_cap`: an episode ends after so many ticks (Bench2Drive: 4000). `stuck_stop_s`: end an episode early when
+    the ego stood for so many seconds, whatever the scenario says (None: never); the result names it.
+    """
+
+    tick_cap: int = 4000
+    stuck_stop_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What the criteria say about the episode so far; read once, at its end."""
+
+    end: End
+    end_detail: str
+    route_completion_pct: float
+    route_length_m: float
+    infractions: tuple[Infraction, ...]
+    speed_ratios_pct: tuple[float, ...]
+    junction_passed: bool
+
+
+class Simulator(Protocol):
+    """One world, one episode at a time. No globals; everything seeded by (route, seed).
+
+    The order of calls is `reset`, then for each tick `observe` (at most once) and `step`, until `done` is not None.
+    """
+
+    name: str
+    version: str
+    dt_s: float
+
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+        """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
+        ...
+
+    def plan(self) -> GlobalPlan:
+        """The sparse plan of the current route: what the agent's `reset` gets."""
+        ...
+
+    def observe(self) -> Observation:
+        """Clean sensors of this moment, `truth` left out. Pixels may be reused by the simulator in a later tick."""
+        ...
+
+    def truth(self) -> GroundTruth:
+        """The state of the world of this moment, for scoring, drawing and privileged agents."""
+        ...
+
+    def step(self, control: Control) -> Frame:
+        """Advance by one tick. Raises `SimulationError`."""
+        ...
+
+    @property
+    def done(self) -> End | None:
+        """Why the episode is over, or None while it is not."""
+        ...
+
+    @property
+    def progress_m(self) -> float:
+        """Metres of the route that are behind the ego."""
+        ...
+
+    def score(self) -> Score:
+        """Close the criteria (percentages, yield, route completion) and report them."""
+        ...
+
+    def versions(self) -> Mapping[str, str]:
+        """What decides the numbers: backend, its version, versions of the libraries that compute."""
+        ...
+
+    def close(self) -> None:
+        """Free what the world holds. Calling it twice does no harm."""
+        ...
