@@ -1,0 +1,122 @@
+"""pytest for end-to-end driving policies: closed-loop robustness requirements as failing tests.
+
+Every public name is loaded when it is first used (PEP 562): pytest imports this package in every session of every
+environment that has it, so importing it must cost nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent, PlannedPath
+    from pytest_drive_robust.domain.control import Control
+    from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
+    from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
+    from pytest_drive_robust.perturbations import (
+        BurstFrameDrop,
+        EpisodeContext,
+        FrameBlend,
+        GpsNoise,
+        InferenceLatency,
+        PartialObservation,
+        Perturbation,
+        SensorDelay,
+        Setting,
+        SpeedNoise,
+    )
+    from pytest_drive_robust.requirements.model import Requirement, requirement
+    from pytest_drive_robust.requirements.parse import requirements
+
+    __version__: str
+
+__all__ = [
+    "Agent",
+    "BurstFrameDrop",
+    "CameraSpec",
+    "Compass",
+    "Control",
+    "EpisodeContext",
+    "FrameBlend",
+    "GlobalPlan",
+    "Gps",
+    "GpsNoise",
+    "Image",
+    "Imu",
+    "InferenceLatency",
+    "Observation",
+    "PartialObservation",
+    "Perturbation",
+    "PlanPoint",
+    "PlannedPath",
+    "Requirement",
+    "RoadOption",
+    "SensorDelay",
+    "Setting",
+    "Speed",
+    "SpeedNoise",
+    "__version__",
+    "requirement",
+    "requirements",
+]
+
+_MODULES = {
+    "domain.agent": ("Agent", "PlannedPath"),
+    "domain.control": ("Control",),
+    "domain.observation": ("CameraSpec", "Compass", "Gps", "Image", "Imu", "Observation", "Speed"),
+    "domain.route": ("GlobalPlan", "PlanPoint", "RoadOption"),
+    "perturbations": (
+        "BurstFrameDrop",
+        "EpisodeContext",
+        "FrameBlend",
+        "GpsNoise",
+        "InferenceLatency",
+        "PartialObservation",
+        "Perturbation",
+        "SensorDelay",
+        "Setting",
+        "SpeedNoise",
+    ),
+    "requirements.model": ("Requirement", "requirement"),
+    "requirements.parse": ("requirements",),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        value: object = _version()
+    elif name in _HOMES:
+        value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value  # asked once
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """Keeps `requirements` the function: importing the subpackage of that name would otherwise replace it here."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name not in _HOMES or not isinstance(value, ModuleType):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def _version() -> str:
+    """The installed version, or `"0+unknown"` when the package runs from a folder that was never installed."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("pytest-drive-robust")
+    except metadata.PackageNotFoundError:
+        return "0+unknown"

@@ -1,0 +1,178 @@
+"""`drive-robust`: what one wants to know without writing a test."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+
+__all__ = ["main"]
+
+_LISTS = ("agents", "perturbations", "simulators", "metrics", "routes")
+_USAGE_ERROR = 4  # pytest's exit code for the same mistake
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command. Returns the exit code: 0, 1 for a broken contract, 4 for what we cannot use."""
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.command(options)
+    except DriveRobustError as error:
+        print(f"drive-robust: {error}", file=sys.stderr)
+        return _USAGE_ERROR
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    from pytest_drive_robust import __version__
+
+    parser = argparse.ArgumentParser("drive-robust", description="Closed-loop robustness of driving policies.")
+    parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    listing = commands.add_parser("list", help="what is there, and where it comes from")
+    listing.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(_LISTS)}; all when left out")
+    listing.set_defaults(command=_list)
+
+    check = commands.add_parser("check-agent", help="does an agent keep the contract?")
+    check.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    check.set_defaults(command=_check_agent)
+
+    replay = commands.add_parser("replay", help="drive one route again, clean and perturbed")
+    replay.add_argument("route", metavar="ROUTE", help="the id of a route")
+    replay.add_argument("--agent", required=True, metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    replay.add_argument("--setting", default="clean", metavar="SENTENCE", help='such as "200 ms latency"')
+    replay.set_defaults(command=_replay)
+
+    for command in (check, replay):
+        command.add_argument("--seed", type=int, default=0, help="default: 0")
+        command.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
+        command.add_argument("--routes", metavar="SET", help="a set (bench24), a file, or FILE:id,id")
+    return parser
+
+
+def _list(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.registry import default_registry
+
+    for kind in options.kinds or _LISTS:
+        if kind not in _LISTS:
+            raise UnknownNameError.of("list", kind, _LISTS)
+        if kind == "routes":
+            _print_table("routes", ("id", "scenario", "town", "sets"), _route_rows())
+        else:
+            _print_table(kind, ("name", "origin"), default_registry().names(kind))
+    return 0
+
+
+def _route_rows() -> list[tuple[str, str, str, str]]:
+    """One row for each route of the named sets: which sets hold it."""
+    from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
+
+    sets = {name: {route.id: route for route in named_routes(name)} for name in set_names()}
+    routes = {identifier: route for members in sets.values() for identifier, route in members.items()}
+    return [
+        (route.id, route.scenario.type, route.town, ", ".join(name for name in sets if route.id in sets[name]))
+        for route in routes.values()
+    ]
+
+
+def _check_agent(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+    from pytest_drive_robust.testing import check_agent
+
+    registry = default_registry()
+    registry.agent(options.agent)  # an unknown name is said at once, before a world is built
+    routes = resolve_routes(options.routes) if options.routes else resolve_routes(DEFAULT_ROUTES)[:1]
+    simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=200))
+    kept = True
+    try:
+        for route in routes:
+            report = check_agent(
+                lambda: registry.agent(options.agent),
+                simulator=simulator,
+                route=route,
+                seed=options.seed,
+                subject=f"{options.agent} on {route.label}",
+            )
+            print(report)
+            kept = kept and report.ok
+    finally:
+        simulator.close()
+    return 0 if kept else 1
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.requirements.evaluate import first_divergence_s
+    from pytest_drive_robust.runner.loop import drive_episode
+    from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+
+    registry = default_registry()
+    setting = Setting.parse(options.setting, registry.perturbations())
+    routes = {route.id: route for route in resolve_routes(options.routes or DEFAULT_ROUTES)}
+    if options.route not in routes:
+        raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
+    agent, simulator = registry.agent(options.agent), registry.simulator(options.sim)
+    # The clean twin starts as slowly as the perturbed episode, or the comparison would measure the warm-up.
+    warmup_ticks = max((getattr(part, "warmup_ticks", 0) for part in setting.perturbations), default=0)
+    results = []
+    try:
+        for each in (setting,) if setting.is_clean else (Setting.CLEAN, setting):
+            result = drive_episode(
+                simulator,
+                agent,
+                route=routes[options.route],
+                setting=each,
+                seed=options.seed,
+                agent_name=options.agent,
+                warmup_ticks=warmup_ticks,
+            )
+            _print_result(result)
+            results.append(result)
+    finally:
+        simulator.close()
+    if len(results) == 2:
+        diverged_s = first_divergence_s(*results)
+        print("both drove the same" if diverged_s is None else f"first divergence at {diverged_s:.2f} s")
+    return 0
+
+
+def _print_result(result: EpisodeResult) -> None:
+    """One paragraph: outcome, score, end, and every infraction with its second."""
+    from pytest_drive_robust.domain.outcome import Outcome
+    from pytest_drive_robust.metrics.score import driving_score
+
+    scored = result.outcome is not Outcome.INFRA_ERROR
+    score = f"DS {driving_score(result):.1f}" if scored else "not scored"
+    print(f"{result.episode} ({result.scenario})")
+    print(f"  {result.outcome.value}: {score}, {result.route_completion_pct:.1f} % of {result.route_length_m:.0f} m")
+    print(f"  ended after {result.game_s:.2f} s ({result.wall_s:.2f} s on the clock): {result.end_detail}")
+    for infraction in result.infractions:
+        print(f"  {infraction.tick * result.dt_s:7.2f} s  {infraction.kind.value}: {infraction.detail}")
+    print(f"  trajectory {result.trace.digest}")
+
+
+def _print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else 120, markup=False, highlight=False).print(table)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

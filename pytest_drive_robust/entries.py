@@ -1,0 +1,99 @@
+"""One name in the registry: where it comes from, and how it is loaded when somebody asks for it."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError
+
+__all__ = ["Entry", "definition_of", "from_entry_points", "from_reference", "is_reference"]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for people: `"some-agents 1.2"`."""
+
+    kind: str
+    name: str
+    origin: str
+    loader: Callable[[], object]
+    advice: str = "Repair or uninstall it; all other entries still work."
+
+    def load(self) -> object:
+        """What is registered under the name. Raises `PluginError` with the origin when importing it fails."""
+        try:
+            return self.loader()
+        except (DriveRobustError, KeyboardInterrupt):
+            raise
+        except BaseException as error:  # an import may also call sys.exit() or pytest.skip(), and others go on
+            raise PluginError(
+                f"the entry {self.name!r} of {self.kind} from {self.origin} does not load: "
+                f"{type(error).__name__}: {error}. {self.advice}"
+            ) from error
+
+
+def from_entry_points(kind: str) -> Iterator[Entry]:
+    """The entries that installed distributions declare in the group `pytest_drive_robust.<kind>`, none imported."""
+    found = metadata.entry_points(group=f"pytest_drive_robust.{kind}")
+    for point in sorted(found, key=lambda point: (point.name, point.value)):
+        distribution = point.dist
+        origin = "an unknown distribution" if distribution is None else f"{distribution.name} {distribution.version}"
+        yield Entry(kind, point.name, origin, point.load)
+
+
+def is_reference(name: str) -> bool:
+    """True for `"module.path:Factory"`."""
+    module, colon, attribute = name.partition(":")
+    return bool(module and colon and attribute)
+
+
+def from_reference(kind: str, reference: str) -> Entry:
+    """The entry behind `"module.path:Factory"`; the module may lie in the current folder."""
+    module, _, attribute = reference.partition(":")
+    if module.endswith(".py") or "/" in module or os.sep in module:
+        proper = module.removesuffix(".py").replace(os.sep, ".").replace("/", ".").strip(".")
+        raise UnknownNameError(
+            f"{reference!r} names a file; give the module by its import path, from the current folder: "
+            f"'{proper}:{attribute}'."
+        )
+
+    def load() -> object:
+        folder = os.getcwd()
+        if folder not in sys.path and "" not in sys.path:
+            # As `python -m` does. It stays, because the agent may import its neighbours later.
+            sys.path.insert(0, folder)
+        target: object = importlib.import_module(module)
+        for part in attribute.split("."):
+            if not hasattr(target, part):
+                public = [name for name in vars(target) if not name.startswith("_")]
+                raise UnknownNameError.of(f"object in {module}", part, public)
+            target = getattr(target, part)
+        return target
+
+    advice = f"The module was looked for among the installed ones and in the current folder, {os.getcwd()}."
+    return Entry(kind, reference, f"module {module}", load, advice)
+
+
+def definition_of(target: object) -> str:
+    """Where a registered class or function is written: `"conftest.py:MyAgent"`; equal for the same definition."""
+    if isinstance(target, functools.partial):
+        return definition_of(target.func)
+    name = getattr(target, "__qualname__", type(target).__qualname__)
+    code = getattr(target, "__code__", None)
+    if code is None and isinstance(target, type):
+        # The module may be gone from sys.modules (two conftest.py share a name), so the methods are asked first.
+        code = next((member.__code__ for member in vars(target).values() if hasattr(member, "__code__")), None)
+    filename = code.co_filename if code is not None else None
+    if filename is None or filename.startswith("<"):
+        return f"{getattr(target, '__module__', 'unknown module')}:{name}"
+    path = Path(filename)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    line = f":{code.co_firstlineno}" if "<" in name and code is not None else ""
+    return f"{shown}:{name}{line}"

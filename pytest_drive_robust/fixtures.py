@@ -1,0 +1,216 @@
+"""What test functions use: `drive` and `drive_agent`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NoReturn
+
+import pytest
+
+from pytest_drive_robust.errors import ComparisonError, UsageError
+from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.report.numbers import interval_text
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.perturbations.base import Perturbation
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.requirements.evaluate import Verdict
+    from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.runner.campaign import Campaign, Judgement
+    from pytest_drive_robust.runner.plan import Scope
+    from pytest_drive_robust.runner.scopes import Scopes
+    from pytest_drive_robust.settings import Settings
+
+__all__ = ["DRIVER", "NEEDS_FLAG", "Drive", "Driver", "Estimate", "NotJudgedError", "drive", "drive_agent"]
+
+NEEDS_FLAG = "needs --drive-robust"
+
+
+@dataclass(frozen=True)
+class Driver:
+    """What a process needs in order to drive; in `config.stash` only where `--drive-robust` was given."""
+
+    settings: Settings
+    scopes: Scopes
+    campaign: Campaign
+
+
+DRIVER = pytest.StashKey[Driver]()
+
+
+class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
+    """A requirement that does not hold: the test fails with our message and no traceback."""
+
+
+class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
+    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+
+
+class Estimate(float):
+    """A measured value that compares like a float and shows its interval: `assert drive.rd(setting) <= 0.30`."""
+
+    metric: str
+    setting: str
+    low: float
+    high: float
+    routes: int
+    seeds: int
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> Estimate:
+        """The value of a verdict."""
+        estimate = cls(verdict.value)
+        estimate.metric = verdict.requirement.metric
+        estimate.setting = str(verdict.requirement.setting)
+        estimate.low, estimate.high = float(verdict.low), float(verdict.high)
+        estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
+        return estimate
+
+    def __repr__(self) -> str:
+        interval = interval_text(self.metric, self.low, self.high)
+        return (
+            f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
+            f"{self.routes} routes x {self.seeds} seeds)"
+        )
+
+
+class Drive:
+    """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
+
+    Episodes are driven when they are first asked for; every test of the run shares them.
+    """
+
+    def __init__(self, driver: Driver, scope: Scope, item: pytest.Item) -> None:
+        self._driver = driver
+        self._scope = scope
+        self._item = item
+
+    @property
+    def agent(self) -> str:
+        """The name of the agent under test."""
+        return self._scope.agent
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """The routes that are driven."""
+        return self._scope.routes
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds that each route is driven with."""
+        return self._scope.seeds
+
+    def check(self, requirement: Requirement) -> Verdict:
+        """Drive what is missing and judge. Fails the test when the requirement does not hold, and makes it an error
+        when it cannot be judged (an episode broke in the simulator, nothing to compare with).
+        """
+        __tracebackhide__ = True
+        from pytest_drive_robust.requirements.model import Requirement
+
+        if not isinstance(requirement, Requirement):
+            raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
+        with self._errors_of(str(requirement)):
+            judgement = self._driver.campaign.judge(requirement, self._scope, nodeid=self._item.nodeid)
+        self._record(judgement)
+        if not judgement.verdict.passed:
+            self._fail(judgement)
+        return judgement.verdict
+
+    def rd(self, setting: Setting | Perturbation) -> Estimate:
+        """Robustness degradation under `setting`: 0 is none, 1 is all of the clean driving score."""
+        __tracebackhide__ = True
+        return self._measure("RD", setting, "<=", 0.0)
+
+    def ds(self, setting: Setting | Perturbation) -> Estimate:
+        """Driving score under `setting`, 0..100."""
+        __tracebackhide__ = True
+        return self._measure("DS", setting, ">=", 50.0)
+
+    def sr(self, setting: Setting | Perturbation) -> Estimate:
+        """Success rate under `setting`, 0..1."""
+        __tracebackhide__ = True
+        return self._measure("SR", setting, ">=", 0.5)
+
+    def episodes(self, setting: Setting | Perturbation) -> tuple[EpisodeResult, ...]:
+        """Every episode under `setting`, driven where missing: routes within seeds."""
+        __tracebackhide__ = True
+        with self._errors_of(f"the episodes under {setting}"):
+            return self._driver.campaign.episodes(self._scope, _as_setting(setting))
+
+    def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
+        """The limit is only there because a verdict needs one; the test has its own."""
+        __tracebackhide__ = True
+        from pytest_drive_robust.requirements.model import Requirement
+
+        with self._errors_of(f"{metric} under {setting}"):
+            requirement = Requirement(metric, _as_setting(setting), comparison, limit)
+            return Estimate.of(self._driver.campaign.measure(requirement, self._scope).verdict)
+
+    @contextmanager
+    def _errors_of(self, what: str) -> Iterator[None]:
+        __tracebackhide__ = True
+        try:
+            yield
+        except (ComparisonError, UsageError) as error:
+            self._item.user_properties.append(("drive_verdict", "error"))
+            raise NotJudgedError(f"ERROR: not judged: {what}\n{error}", pytrace=False) from None
+
+    def _record(self, judgement: Judgement) -> None:
+        """Plain Python numbers only: anything else cannot travel from a worker, nor into a JUnit file."""
+        verdict = judgement.verdict
+        self._item.user_properties += [
+            ("drive_requirement", str(verdict.requirement)),
+            ("drive_agent", verdict.agent),
+            ("drive_verdict", "pass" if verdict.passed else "fail"),
+            ("drive_value", float(verdict.value)),
+            ("drive_limit", float(verdict.requirement.limit)),
+            ("drive_low", float(verdict.low)),
+            ("drive_high", float(verdict.high)),
+            ("drive_episode_seconds", float(judgement.episode_s)),
+        ]
+
+    def _fail(self, judgement: Judgement) -> NoReturn:
+        __tracebackhide__ = True
+        from pytest_drive_robust.report.failure import failure_text
+
+        text = failure_text(
+            judgement.verdict,
+            self._driver.settings,
+            routes_spec=self._scope.routes_spec,
+            privileged=judgement.privileged,
+        )
+        raise BrokenRequirementError(text, pytrace=False)
+
+
+@pytest.fixture
+def drive(request: pytest.FixtureRequest) -> Drive:
+    """Judge requirements on closed-loop episodes: `drive.check(requirement)`, `drive.rd(setting) <= 0.30`."""
+    driver = _driver(request)
+    return Drive(driver, _scope(driver, request), request.node)
+
+
+@pytest.fixture
+def drive_agent(request: pytest.FixtureRequest) -> str:
+    """The name of the agent under test: --drive-agent, or what the test's marker says."""
+    return _scope(_driver(request), request).agent
+
+
+def _driver(request: pytest.FixtureRequest) -> Driver:
+    driver = request.config.stash.get(DRIVER, None)
+    if driver is None:
+        pytest.skip(NEEDS_FLAG)
+    return driver
+
+
+def _scope(driver: Driver, request: pytest.FixtureRequest) -> Scope:
+    return driver.scopes.of(MarkerOptions.from_marks(request.node.iter_markers("drive_robust")))
+
+
+def _as_setting(setting: Setting | Perturbation) -> Setting:
+    from pytest_drive_robust.perturbations.setting import Setting
+
+    return setting if isinstance(setting, Setting) else Setting.of(setting)

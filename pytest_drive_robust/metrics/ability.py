@@ -1,0 +1,88 @@
+"""Multi-ability: success rates of five overlapping groups of scenario types.
+
+Source: Bench2Drive `tools/ability_benchmark.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.averages import mean, mean_over_routes
+from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.score import is_success
+
+__all__ = ["ABILITIES", "abilities", "mean_ability"]
+
+
+def _types(names: str) -> frozenset[str]:
+    return frozenset(names.split())
+
+
+ABILITIES: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "Overtaking": _types(
+            "Accident AccidentTwoWays ConstructionObstacle ConstructionObstacleTwoWays HazardAtSideLane "
+            "HazardAtSideLaneTwoWays ParkedObstacle ParkedObstacleTwoWays VehicleOpensDoorTwoWays"
+        ),
+        "Merging": _types(
+            "CrossingBicycleFlow EnterActorFlow HighwayCutIn HighwayExit InterurbanActorFlow "
+            "InterurbanAdvancedActorFlow MergerIntoSlowTraffic MergerIntoSlowTrafficV2 NonSignalizedJunctionLeftTurn "
+            "NonSignalizedJunctionLeftTurnEnterFlow NonSignalizedJunctionRightTurn ParkingExit SequentialLaneChange "
+            "SignalizedJunctionLeftTurn SignalizedJunctionLeftTurnEnterFlow SignalizedJunctionRightTurn"
+        ),
+        "Emergency_Brake": _types(
+            "BlockedIntersection ControlLoss DynamicObjectCrossing HardBreakRoute OppositeVehicleRunningRedLight "
+            "OppositeVehicleTakingPriority ParkingCrossingPedestrian ParkingCutIn PedestrianCrossing StaticCutIn "
+            "VehicleTurningRoute VehicleTurningRoutePedestrian"
+        ),
+        "Give_Way": _types("InvadingTurn YieldToEmergencyVehicle"),
+        "Traffic_Signs": _types(
+            "BlockedIntersection CrossingBicycleFlow EnterActorFlow NonSignalizedJunctionLeftTurn "
+            "NonSignalizedJunctionLeftTurnEnterFlow NonSignalizedJunctionRightTurn OppositeVehicleRunningRedLight "
+            "OppositeVehicleTakingPriority PedestrianCrossing SignalizedJunctionLeftTurn "
+            "SignalizedJunctionLeftTurnEnterFlow SignalizedJunctionRightTurn T_Junction VanillaNonSignalizedTurn "
+            "VanillaNonSignalizedTurnEncounterStopsign VanillaSignalizedTurnEncounterGreenLight "
+            "VanillaSignalizedTurnEncounterRedLight VehicleTurningRoute VehicleTurningRoutePedestrian"
+        ),
+    }
+)
+"""The scenario types of each ability; a type may be in two of them. `HardBreakRoute` is the schema's spelling."""
+
+_SIGNS = "Traffic_Signs"
+_SIGN_INFRACTIONS = (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN)
+
+
+def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
+    """The success rate (0..1) of each ability over its routes, None where no episode belongs to it.
+
+    Traffic_Signs has a rule of its own: an episode that failed later counts when it passed the first junction by 8
+    waypoints without running a red light or a stop sign. Raises `ComparisonError` for no episode or an `infra_error`.
+    """
+    require_scorable(results)
+    return {
+        ability: mean_over_routes(
+            [result for result in results if result.scenario in scenarios],
+            _masters_signs if ability == _SIGNS else _masters,
+        )
+        for ability, scenarios in ABILITIES.items()
+    }
+
+
+def mean_ability(rates: Mapping[str, float | None]) -> float | None:
+    """The plain mean of the abilities that have data, or None when none has."""
+    known = [rate for rate in rates.values() if rate is not None]
+    return mean(known) if known else None
+
+
+def _masters(result: EpisodeResult) -> float:
+    return float(is_success(result))
+
+
+def _masters_signs(result: EpisodeResult) -> float:
+    if is_success(result):
+        return 1.0
+    obeyed = all(infraction.kind not in _SIGN_INFRACTIONS for infraction in result.infractions)
+    return float(result.junction_passed and obeyed)

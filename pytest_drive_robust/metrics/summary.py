@@ -1,0 +1,61 @@
+"""All absolute metrics of a set of episodes of one agent under one setting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.ability import abilities, mean_ability
+from pytest_drive_robust.metrics.averages import mean, values_by_route
+from pytest_drive_robust.metrics.comfort import comfort
+from pytest_drive_robust.metrics.efficiency import efficiency
+from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.score import driving_score, is_success
+
+__all__ = ["Summary", "summarize"]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One row of a result table.
+
+    `ds` is 0..100, `sr` 0..1, `efficiency` percent of the traffic's speed, `comfort` percent of the segments,
+    `abilities` success rates 0..1 by ability; None where no episode has data. `agent_errors` of the `episodes` ended
+    with `agent_error`.
+    """
+
+    ds: float
+    sr: float
+    efficiency: float | None
+    comfort: float | None
+    abilities: Mapping[str, float | None]
+    episodes: int
+    agent_errors: int
+
+    @property
+    def mean_ability(self) -> float | None:
+        """The plain mean of the abilities that have data, 0..1, or None."""
+        return mean_ability(self.abilities)
+
+
+def summarize(results: Sequence[EpisodeResult], *, mode: str = "bench2drive") -> Summary:
+    """The metrics of a set of episodes: means over routes, the seeds of a route averaged first.
+
+    Raises `ComparisonError` when there is no episode or one is an `infra_error`, `UnknownNameError` for a mode that is
+    neither `bench2drive` nor `fixed`.
+    """
+    require_mode(mode)
+    require_scorable(results)
+    efficiencies = values_by_route(results, lambda result: efficiency(result, mode=mode))
+    comforts = values_by_route(results, lambda result: comfort(result, mode=mode))
+    return Summary(
+        ds=mean(list(values_by_route(results, driving_score).values())),
+        sr=mean(list(values_by_route(results, is_success).values())),
+        efficiency=mean(list(efficiencies.values())) if efficiencies else None,
+        comfort=mean(list(comforts.values())) if comforts else None,
+        abilities=abilities(results),
+        episodes=len(results),
+        agent_errors=sum(result.outcome is Outcome.AGENT_ERROR for result in results),
+    )

@@ -1,0 +1,139 @@
+"""The metrics by name, with range, unit and format: what requirements, tables and reports read.
+
+A metric of a user is a name and a function over the episodes of one setting; `Metric.from_function` wraps it, the hook
+and the entry point group `pytest_drive_robust.metrics` register it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.averages import mean_over_routes
+from pytest_drive_robust.metrics.comfort import comfort
+from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.efficiency import efficiency
+from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.score import driving_score, is_success
+
+__all__ = ["METRICS", "EpisodeValue", "Metric", "MetricFunction"]
+
+
+class MetricFunction(Protocol):
+    """What a user registers: the value over the episodes of one setting, None when they hold no data."""
+
+    def __call__(self, results: Sequence[EpisodeResult], /) -> float | None:
+        """The metric of `results` (one agent, one setting, never an `infra_error`)."""
+        ...
+
+
+EpisodeValue = Callable[[EpisodeResult, str], "float | None"]
+"""The value of one episode in a mode; its mean over routes is the metric."""
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One metric: `low..high` is its range, `decimals` how many a printed value has at least.
+
+    Exactly one of `of_episode` and `function` computes it; RD has neither, because it needs the clean episodes too.
+    """
+
+    name: str
+    meaning: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    higher_is_better: bool = True
+    decimals: int | None = None
+    of_episode: EpisodeValue | None = None
+    function: MetricFunction | None = None
+
+    @classmethod
+    def from_function(cls, name: str, function: MetricFunction) -> Metric:
+        """A user's metric: any range, no unit, higher is better."""
+        meaning = (getattr(function, "__doc__", None) or name).strip().splitlines()[0]
+        return cls(name, meaning, function=function)
+
+    @property
+    def needs_clean(self) -> bool:
+        """True when the value is relative to the clean episodes."""
+        return self.of_episode is None and self.function is None
+
+    def measure(
+        self,
+        results: Sequence[EpisodeResult],
+        *,
+        clean: Sequence[EpisodeResult] = (),
+        mode: str = "bench2drive",
+    ) -> float | None:
+        """The value over `results`, None when they hold no data. Raises `ComparisonError` as its formula says."""
+        require_mode(mode)
+        require_scorable(results)
+        of_episode = self.of_episode
+        if of_episode is not None:
+            return mean_over_routes(results, lambda result: of_episode(result, mode))
+        if self.function is not None:
+            return self.function(results)
+        return robustness_degradation(clean, results)
+
+    def format(self, value: float | None) -> str:
+        """The value for people: `"0.43"`, `"61.25"`; a dash when there is no data."""
+        if value is None:
+            return "-"
+        return f"{value:.{2 if self.decimals is None else self.decimals}f}"
+
+    def format_limit(self, limit: float) -> str:
+        """The limit for a sentence, exact: `"0.30"` with two decimals at least for RD and SR, else `"40"`."""
+        text = f"{limit:g}" if self.decimals is None else f"{limit:.{self.decimals}f}"
+        return text if float(text) == limit else repr(float(limit))
+
+
+METRICS: Mapping[str, Metric] = MappingProxyType(
+    {
+        metric.name: metric
+        for metric in (
+            Metric(
+                "RD",
+                "robustness degradation: share of the clean driving score that is lost",
+                high=1.0,
+                higher_is_better=False,
+                decimals=2,
+            ),
+            Metric(
+                "DS",
+                "driving score: route completion times penalties",
+                low=0.0,
+                high=100.0,
+                of_episode=lambda result, _mode: driving_score(result),
+            ),
+            Metric(
+                "SR",
+                "success rate: routes completed without an infraction",
+                low=0.0,
+                high=1.0,
+                decimals=2,
+                of_episode=lambda result, _mode: float(is_success(result)),
+            ),
+            Metric(
+                "efficiency",
+                "speed of the ego in percent of the traffic's",
+                unit="%",
+                low=0.0,
+                of_episode=lambda result, mode: efficiency(result, mode=mode),
+            ),
+            Metric(
+                "comfort",
+                "share of seconds within the comfort bounds",
+                unit="%",
+                low=0.0,
+                high=100.0,
+                of_episode=lambda result, mode: comfort(result, mode=mode),
+            ),
+        )
+    }
+)
+"""The built-in metrics by the name that requirements use."""

@@ -1,0 +1,114 @@
+"""The process that owns the run's result: collects what happened and makes every report of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Protocol
+
+from pytest_drive_robust.report.json_file import write_json
+from pytest_drive_robust.report.terminal import run_summary
+from pytest_drive_robust.runner.run_result import RunResult
+from pytest_drive_robust.store.base import MemoryStore
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.runner.progress import Progress
+    from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.store.events import Event
+
+__all__ = ["LocalRecord", "Record", "RunOwner"]
+
+_NOTHING_DRIVEN = (
+    "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
+    "Select tests that use the drive fixture, or leave --drive-robust out."
+)
+
+
+class Record(Protocol):
+    """What happened in a run, wherever it happened."""
+
+    def events(self) -> list[Event]:
+        """Everything so far; in order within each process."""
+        ...
+
+    def find(self, key: str) -> EpisodeResult | None:
+        """The finished episode of a key, or None."""
+        ...
+
+
+class LocalRecord:
+    """The record of a run in one process; as its observer, it also moves the progress display."""
+
+    def __init__(self, progress: Progress) -> None:
+        self.store = MemoryStore()
+        self._progress = progress
+        self._events: list[Event] = []
+
+    def events(self) -> list[Event]:
+        """Everything so far."""
+        return self._events
+
+    def find(self, key: str) -> EpisodeResult | None:
+        """The finished episode of a key, or None."""
+        return self.store.get(key)
+
+    def __call__(self, event: Event) -> None:
+        """Something happened (see `runner.campaign.Observer`)."""
+        self._events.append(event)
+        self._progress.see(event)
+
+    def ticked(self) -> None:
+        """An episode is still under way."""
+        self._progress.refresh()
+
+    def idle(self) -> None:
+        """pytest is about to write."""
+        self._progress.pause()
+
+
+class RunOwner:
+    """Builds the one `RunResult` and what is made of it. A report that breaks is named and spoils no other."""
+
+    def __init__(self, settings: Settings, record: Record, *, versions: Mapping[str, str]) -> None:
+        self._settings = settings
+        self._record = record
+        self._versions = versions
+        self._run: RunResult | None = None
+        self._problems: list[str] = []
+
+    def finish(self) -> bool:
+        """Close the books and write the files. True when the run must not be green for a reason of its own."""
+        try:
+            self._run = self._build()
+        except Exception as error:
+            self._problems.append(f"ERROR: the result of the run could not be put together: {_reason(error)}")
+            return True
+        if not self._run.episodes:
+            self._problems.append(_NOTHING_DRIVEN)
+        if self._settings.json_path is not None:
+            try:
+                write_json(self._settings.json_path, self._run)
+            except Exception as error:
+                self._problems.append(f"ERROR: {os.fspath(self._settings.json_path)} was not written: {_reason(error)}")
+        return bool(self._problems)
+
+    def text(self, *, colour: bool) -> str:
+        """The table and what is wrong with the run; empty when there is nothing to say."""
+        parts = []
+        if self._run is not None:
+            try:
+                parts.append(run_summary(self._run, colour=colour))
+            except Exception as error:
+                parts.append(f"the table could not be drawn: {_reason(error)}")
+        return "\n".join(part for part in (*parts, *self._problems) if part)
+
+    def _build(self) -> RunResult:
+        from pytest_drive_robust import __version__
+
+        versions = {"pytest-drive-robust": __version__, **self._versions}
+        return RunResult.of(self._settings, self._record.events(), self._record.find, versions=versions)
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,84 @@
+"""Checks of severities: what no sensor and no computer can have is refused when the perturbation is built."""
+
+from __future__ import annotations
+
+import math
+import numbers
+
+from pytest_drive_robust.errors import PerturbationError, nearest
+
+__all__ = [
+    "checked_choice",
+    "checked_count",
+    "checked_flag",
+    "checked_number",
+    "delay_ticks",
+    "refusal",
+    "whole_ticks",
+]
+
+_ROUNDING = 1e-9  # 100 ms / 50 ms must be 2 ticks, although 0.1 / 0.05 may come out a hair below 2
+
+
+def checked_number(
+    owner: object, name: str, *, expected: str, low: float = 0.0, high: float = math.inf, above_low: bool = False
+) -> float:
+    """The field `name` of `owner` as a finite float in `low..high` (`above_low`: without `low` itself).
+
+    Raises `PerturbationError` with the value and `expected`, which names the unit and the range for people.
+    """
+    value = getattr(owner, name)
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        number = float(value)
+        if math.isfinite(number) and low <= number <= high and not (above_low and number == low):
+            return number
+    raise refusal(owner, name, expected)
+
+
+def checked_count(owner: object, name: str, *, expected: str, low: int = 0) -> int:
+    """The field `name` of `owner` as an int of at least `low`. Raises `PerturbationError`."""
+    value = getattr(owner, name)
+    if isinstance(value, numbers.Real) and not isinstance(value, bool) and float(value).is_integer() and value >= low:
+        return int(value)
+    raise refusal(owner, name, expected)
+
+
+def checked_flag(owner: object, name: str) -> bool:
+    """The field `name` of `owner` as a bool. Raises `PerturbationError`."""
+    value = getattr(owner, name)
+    if isinstance(value, bool):
+        return value
+    raise refusal(owner, name, "True or False")
+
+
+def checked_choice(owner: object, name: str, choices: tuple[str, ...]) -> str:
+    """The field `name` of `owner` as one of `choices`. Raises `PerturbationError` with the nearest choice."""
+    value = getattr(owner, name)
+    if isinstance(value, str) and value in choices:
+        return value
+    close = nearest(str(value), choices)
+    advice = "" if close is None else f" Did you mean {close!r}?"
+    raise refusal(owner, name, f"one of {', '.join(map(repr, choices))}.{advice}")
+
+
+def whole_ticks(duration_s: float, dt_s: float) -> int:
+    """How many whole ticks fit into `duration_s`: `floor(ms * SIM_RATE / 1000)` of the paper, safe against rounding.
+
+    >>> whole_ticks(0.1, 0.05), whole_ticks(0.149, 0.05), whole_ticks(0.3, 0.1)
+    (2, 2, 3)
+    """
+    ticks = duration_s / dt_s
+    return math.floor(ticks + _ROUNDING * max(1.0, ticks))
+
+
+def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int:
+    """`whole_ticks`, but a duration between 0 and one tick is refused: it would be the clean setting in disguise."""
+    ticks = whole_ticks(duration_s, dt_s)
+    if ticks == 0 and duration_s > 0.0:
+        raise refusal(owner, name, f"0 or at least one tick, which lasts {dt_s:g} s in this simulator")
+    return ticks
+
+
+def refusal(owner: object, name: str, expected: str) -> PerturbationError:
+    """The error to raise when the field `name` of `owner` is not what was `expected`."""
+    return PerturbationError(f"{type(owner).__name__}: {name} is {getattr(owner, name)!r}, expected {expected}")

@@ -1,0 +1,280 @@
+"""The pytest plugin: options, activation, and hand-over to objects that do the work. Inert without `--drive-robust`.
+
+Where things are: `fixtures.py` has what tests use, `distributed.py` every decision about pytest-xdist,
+`runner/campaign.py` the episodes, `report/` what people read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from pytest_drive_robust import distributed, errors
+from pytest_drive_robust.fixtures import DRIVER, NEEDS_FLAG, Driver, NotJudgedError, drive, drive_agent
+from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
+from pytest_drive_robust.settings import OPTIONS, Settings
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.owner import Record, RunOwner
+    from pytest_drive_robust.runner.campaign import Observer
+    from pytest_drive_robust.store.base import EpisodeStore
+
+__all__ = ["drive", "drive_agent"]
+
+_NOT_JUDGED = "drive_robust_not_judged"
+_FIXTURES = frozenset({"drive", "drive_agent"})
+_PROBLEMS = pytest.StashKey["dict[str, None]"]()
+"""Usage errors found while collecting, each once, in order."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of the group drive-robust and an ini key for each."""
+    group = parser.getgroup("drive-robust", "closed-loop robustness requirements of driving agents")
+    group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
+    for option in OPTIONS:
+        default = f" (default: {option.default})" if option.default else ""
+        group.addoption(option.flag, metavar=option.metavar, default=None, help=f"{option.help}{default}")
+        parser.addini(option.ini, f"as {option.flag}: {option.help}", default="")
+
+
+def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
+    """Add our own hooks."""
+    from pytest_drive_robust import hookspecs
+
+    pluginmanager.add_hookspecs(hookspecs)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Register names and, with `--drive-robust`, what drives and reports."""
+    from pytest_drive_robust.registry import default_registry
+
+    config.addinivalue_line("markers", MARKER_LINE)
+    config.stash[_PROBLEMS] = {}
+    with _as_usage_error():
+        # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
+        config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": default_registry()})
+        if config.getoption("drive_robust"):
+            _activate(config)
+    if config.pluginmanager.hasplugin("xdist"):
+        config.pluginmanager.register(distributed.ProblemCourier(config.stash[_PROBLEMS]), "drive_robust_problems")
+
+
+def pytest_unconfigure() -> None:
+    """Forget the names that this session's conftest files registered."""
+    from pytest_drive_robust.registry import default_registry
+
+    default_registry.cache_clear()
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Requirements name their test cases."""
+    from sys import modules
+
+    model = modules.get("pytest_drive_robust.requirements.model")  # not loaded: then it cannot be one
+    return val.id if model is not None and isinstance(val, model.Requirement) else None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """A sentence that we do not understand is a usage error (exit code 4), not a traceback of our parser."""
+    report = yield
+    error = _usage_error_in(report)
+    if error is None:
+        return report
+    collector.config.stash[_PROBLEMS][f"{collector.nodeid or collector.name}: {error}"] = None
+    return pytest.CollectReport(collector.nodeid, "passed", None, [])
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Check the markers; without `--drive-robust`, skip what would have to drive."""
+    for item in items:
+        _check(config, item.nodeid, partial(_marker_of, item))
+    if not config.getoption("drive_robust"):
+        skip = pytest.mark.skip(reason=NEEDS_FLAG)
+        for item in _driving(items):
+            item.add_marker(skip)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Everything that can be checked without driving is checked here; then the plan is made."""
+    config = session.config
+    driver = config.stash.get(DRIVER, None)
+    if driver is not None and not config.stash[_PROBLEMS]:
+        _plan(driver, session)
+    problems = config.stash[_PROBLEMS]
+    if problems and distributed.is_worker(config):
+        session.items.clear()  # the controller reports the problems, see distributed.ProblemCourier
+    elif problems:
+        raise pytest.UsageError("\n".join(problems))
+
+
+class DrivingPlugin:
+    """In every process that runs tests."""
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Mark reports of tests that could not be judged. A plain attribute travels from workers."""
+        report = yield
+        if report.failed and call.excinfo is not None and isinstance(call.excinfo.value, NotJudgedError):
+            vars(report)[_NOT_JUDGED] = True
+        return report
+
+    def pytest_unconfigure(self) -> None:
+        """Close simulators."""
+        self._driver.campaign.close()
+
+
+class ReportingPlugin:
+    """In the one process that people look at: the only one, or the controller of pytest-xdist."""
+
+    def __init__(self, config: pytest.Config, owner: RunOwner, header: str) -> None:
+        self._config = config
+        self._owner = owner
+        self._header = header
+        self._ran = False
+
+    def pytest_report_header(self) -> str:
+        """The effective choices, in one line."""
+        return self._header
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self) -> None:
+        """Tests are about to run; --fixtures, --markers and the like never come here."""
+        only_looking = ("collectonly", "setupplan", "setuponly")
+        self._ran = not any(self._config.getoption(name, False) for name in only_looking)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_report_teststatus(
+        self, report: pytest.TestReport
+    ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
+        """What could not be judged counts as an error of the test."""
+        if getattr(report, _NOT_JUDGED, False):
+            return "error", "E", ("ERROR", {"red": True})
+        return None
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Close the books. A run that drove no episode, or whose file was not written, is not green."""
+        if self._ran:
+            problem = self._owner.finish()
+            if problem and session.exitstatus == pytest.ExitCode.OK:
+                session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """The table, and why the run is not green."""
+        text = self._owner.text(colour=terminalreporter.hasmarkup)
+        if text:
+            terminalreporter.section("drive-robust")
+            terminalreporter.write_line(text)
+
+
+def _activate(config: pytest.Config) -> None:
+    """With `--drive-robust`: decide what this process does, and register only that."""
+    from pytest_drive_robust.owner import LocalRecord, RunOwner
+    from pytest_drive_robust.runner.routes import resolve_routes
+    from pytest_drive_robust.screen import progress_for
+
+    settings = Settings.from_pytest_config(config)
+    if distributed.is_worker(config):
+        distributed.join_run(config, lambda store, observer: _drive_here(config, settings, store, observer))
+        return
+    routes = len(resolve_routes(settings.routes))
+    record: Record
+    if distributed.is_controller(config):
+        record = distributed.start_run(config)
+    else:
+        record = local = LocalRecord(progress_for(config))
+        _drive_here(config, settings, local.store, local)
+    owner = RunOwner(settings, record, versions={"pytest": pytest.__version__})
+    header = _header(settings, routes)
+    config.pluginmanager.register(ReportingPlugin(config, owner, header), "drive_robust_reporting")
+
+
+def _drive_here(config: pytest.Config, settings: Settings, store: EpisodeStore, observer: Observer) -> None:
+    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.runner.campaign import Campaign
+    from pytest_drive_robust.runner.executors import InlineExecutor
+    from pytest_drive_robust.runner.routes import resolve_routes
+    from pytest_drive_robust.runner.scopes import Scopes
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    registry = default_registry()
+    options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
+    executor = InlineExecutor(registry, simulator=settings.simulator, options=options)
+    campaign = Campaign(store, executor, observer, metrics=settings.metrics)
+    driver = Driver(settings, Scopes(settings, registry, resolve_routes), campaign)
+    config.stash[DRIVER] = driver
+    config.pluginmanager.register(DrivingPlugin(driver), "drive_robust_driving")
+
+
+def _plan(driver: Driver, session: pytest.Session) -> None:
+    """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
+    from pytest_drive_robust.requirements.model import Requirement
+
+    _check(session.config, "drive-robust", driver.scopes.check)
+    tasks: dict[str, Any] = {}
+
+    def add(item: pytest.Item) -> None:
+        scope = driver.scopes.of(_marker_of(item))
+        callspec = getattr(item, "callspec", None)
+        params = callspec.params.values() if callspec is not None else ()
+        tasks.update(scope.plan(value for value in params if isinstance(value, Requirement)))
+
+    for item in _driving(session.items):
+        _check(session.config, item.nodeid, partial(add, item))
+    driver.campaign.planned(tasks)
+
+
+def _check(config: pytest.Config, where: str, attempt: Any) -> None:
+    """Call `attempt`; what is wrong in it becomes one of the session's problems. The run's own come without a place."""
+    try:
+        attempt()
+    except errors.UsageError as error:
+        config.stash[_PROBLEMS][str(error) if where == "drive-robust" else f"{where}: {error}"] = None
+
+
+def _driving(items: list[pytest.Item]) -> Iterator[pytest.Item]:
+    return (item for item in items if not _FIXTURES.isdisjoint(getattr(item, "fixturenames", ())))
+
+
+def _marker_of(item: pytest.Item) -> MarkerOptions:
+    return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
+
+
+def _usage_error_in(report: pytest.CollectReport) -> errors.UsageError | None:
+    """Our usage error behind a failed collection, also when a conftest.py raised it."""
+    call = report.__dict__.get("call")
+    error = call.excinfo.value if call is not None and call.excinfo is not None else None
+    error = getattr(error, "cause", error)
+    return error if isinstance(error, errors.UsageError) else None
+
+
+def _header(settings: Settings, routes: int) -> str:
+    seeds = ",".join(map(str, settings.seeds))
+    return (
+        f"drive-robust: agent={settings.agent} sim={settings.simulator} routes={routes} ({settings.routes}) "
+        f"seeds={seeds} metrics={settings.metrics}"
+    )
+
+
+@contextmanager
+def _as_usage_error() -> Iterator[None]:
+    """Our usage errors as pytest's, which end with exit code 4 and without a traceback."""
+    try:
+        yield
+    except errors.UsageError as error:
+        raise pytest.UsageError(str(error)) from None

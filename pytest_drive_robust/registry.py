@@ -1,0 +1,206 @@
+"""Agents, perturbations, simulators and metrics by name.
+
+Three ways lead in, all open to everybody:
+
+* an entry point of an installed distribution, in the group `pytest_drive_robust.agents`, `.perturbations`,
+  `.simulators` or `.metrics`; it is listed without being imported, and imported when its name is asked for;
+* the hook `pytest_drive_robust_register` in a plugin or a `conftest.py`, which wins over an entry point of that name;
+* for agents and simulators, a reference `module.path:Factory` in place of a name.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import cast
+
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
+from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+
+__all__ = ["KINDS", "AgentFactory", "Metric", "Registry", "SimulatorFactory", "default_registry", "kebab_case"]
+
+AgentFactory = Callable[[], Agent]
+"""A class or function that makes a new agent, called without arguments."""
+SimulatorFactory = Callable[[SimulatorOptions], Simulator]
+"""A class or function that makes a new world."""
+Metric = Callable[[Sequence[EpisodeResult]], float]
+"""A function that computes one number from the results of one setting."""
+
+KINDS = ("agents", "perturbations", "simulators", "metrics")
+
+_HINTS: Mapping[str, str] = {
+    "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register.",
+    "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
+    "simulators": "Give 'module:Factory' to use your own, or register one in pytest_drive_robust_register.",
+    "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
+}
+
+
+class Registry:
+    """The names that one process knows. Asking for a name loads that entry and no other."""
+
+    def __init__(self) -> None:
+        self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
+        self._problems: dict[tuple[str, str], DriveRobustError] = {}
+
+    def register_agent(self, name: str, factory: AgentFactory) -> None:
+        """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook."""
+        self._register("agents", name, factory)
+
+    def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
+        """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default."""
+        _check_perturbation(cls, definition_of(cls))
+        self._register("perturbations", name or kebab_case(cls.__name__), cls)
+
+    def register_simulator(self, name: str, factory: SimulatorFactory) -> None:
+        """Make `--drive-sim name` call `factory(options)`."""
+        self._register("simulators", name, factory)
+
+    def register_metric(self, name: str, function: Metric) -> None:
+        """Add a number to every setting's summary: `function(results of the setting) -> float`."""
+        self._register("metrics", name, function)
+
+    def agent(self, name: str) -> Agent:
+        """A new agent. `name` is a registered name or `module.path:Factory`.
+
+        Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
+        """
+        entry = self._find("agents", name)
+        return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
+
+    def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
+        """A new world. `name` is a registered name or `module.path:Factory`. Raises as `agent` does."""
+        entry = self._find("simulators", name)
+        return cast("Simulator", _made(entry, entry.load(), (options or SimulatorOptions(),), protocol=Simulator))
+
+    def perturbation(self, name: str) -> type[Perturbation]:
+        """The class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
+        entry = self._find("perturbations", name)
+        return _check_perturbation(entry.load(), entry.origin)
+
+    def perturbations(self) -> dict[str, type[Perturbation]]:
+        """Every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
+        classes: dict[str, type[Perturbation]] = {}
+        for name, _ in self.names("perturbations"):
+            try:
+                classes[name] = self.perturbation(name)
+            except DriveRobustError as error:  # noqa: PERF203 - one that is broken stops no other
+                self._problems["perturbations", name] = error
+        return classes
+
+    def metric(self, name: str) -> Metric:
+        """The function of that name. Raises `UnknownNameError` or `PluginError`."""
+        entry = self._find("metrics", name)
+        function = entry.load()
+        if not callable(function):
+            raise PluginError(f"the metric {name!r} from {entry.origin} is {function!r}, expected a function.")
+        return cast("Metric", function)
+
+    def names(self, kind: str) -> list[tuple[str, str]]:
+        """(name, origin) of every entry of a kind, sorted, nothing loaded."""
+        return sorted((name, " and ".join(entry.origin for entry in found)) for name, found in self._all(kind).items())
+
+    def require(self, kind: str, name: str) -> None:
+        """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
+        self._find(kind, name).load()
+
+    def problems(self) -> tuple[DriveRobustError, ...]:
+        """What did not load when `perturbations` loaded them all, for the report."""
+        return tuple(self._problems[key] for key in sorted(self._problems))
+
+    def _register(self, kind: str, name: str, target: Callable[..., object]) -> None:
+        if not name or ":" in name or name != name.strip():
+            raise UsageError(f"{name!r} cannot name one of our {kind}: expected text without ':' or outer spaces.")
+        if not callable(target):
+            raise UsageError(f"{name!r} of {kind} is registered with {target!r}, expected a class or a function.")
+        definition = definition_of(target)
+        known = self._registered.get((kind, name))
+        if known is not None and known[1] != definition:  # equal: a conftest.py was imported once more
+            raise UsageError(
+                f"{name!r} of {kind} is registered twice: by {known[0].origin} and by {definition}. Rename one of them."
+            )
+        self._registered[kind, name] = (Entry(kind, name, definition, lambda: target), definition)
+
+    def _all(self, kind: str) -> dict[str, list[Entry]]:
+        if kind not in KINDS:
+            raise UnknownNameError.of("kind of entry", kind, KINDS)
+        found: dict[str, list[Entry]] = {}
+        for entry in (*_builtins(kind), *from_entry_points(kind)):
+            found.setdefault(entry.name, []).append(entry)
+        for (registered_kind, name), (entry, _) in self._registered.items():
+            if registered_kind == kind:
+                found[name] = [entry]
+        return found
+
+    def _find(self, kind: str, name: str) -> Entry:
+        known = self._all(kind)
+        if name not in known:
+            if kind in ("agents", "simulators") and is_reference(name):
+                return from_reference(kind, name)
+            raise UnknownNameError.of(kind.removesuffix("s"), name, known, hint=_HINTS[kind])
+        if len(known[name]) > 1:
+            origins = " and ".join(entry.origin for entry in known[name])
+            raise PluginError(
+                f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
+                "the name in pytest_drive_robust_register of your conftest.py."
+            )
+        return known[name][0]
+
+
+@functools.cache
+def default_registry() -> Registry:
+    """The registry of this process: built-ins, entry points, and what hooks registered."""
+    return Registry()
+
+
+def kebab_case(name: str) -> str:
+    """`"BurstFrameDrop"` to `"burst-frame-drop"`."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", name).lower()
+
+
+def _builtins(kind: str) -> list[Entry]:
+    if kind == "simulators":
+        reference = from_reference(kind, "pytest_drive_robust.simulators.embedded:EmbeddedSimulator")
+        return [Entry(kind, "embedded", "built in", reference.loader)]
+    if kind == "perturbations":
+        from pytest_drive_robust.perturbations import BUILTIN
+
+        return [Entry(kind, name, "built in", functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
+    return []
+
+
+def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
+    """What the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    what = f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
+    if not callable(factory):
+        raise PluginError(f"{what} is {factory!r}, expected a class or a function that makes one.")
+    try:
+        made: object = factory(*arguments)
+    except Exception as error:
+        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
+    if isinstance(made, type):
+        raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
+    missing = [name for name in _members(protocol) if not (hasattr(type(made), name) or hasattr(made, name))]
+    if missing:
+        raise PluginError(
+            f"{what} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
+            f"{protocol.__module__}.{protocol.__name__}."
+        )
+    return made
+
+
+def _members(protocol: type) -> list[str]:
+    names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
+    return sorted(name for name in names if not name.startswith("_"))
+
+
+def _check_perturbation(cls: object, origin: str) -> type[Perturbation]:
+    if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
+        raise PluginError(f"{cls!r} from {origin} is no perturbation: expected a subclass of Perturbation.")
+    return cls

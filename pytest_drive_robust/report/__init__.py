@@ -1,0 +1,1 @@
+"""Pure functions from one `RunResult` (or one verdict) to text and files."""

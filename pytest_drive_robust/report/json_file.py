@@ -1,0 +1,143 @@
+"""The run as JSON: `schema` 1, numbers as they are, and null where there is none."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.score import driving_score, is_success
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.metrics.summary import Summary
+    from pytest_drive_robust.runner.run_result import RunResult, SettingRow
+
+__all__ = ["SCHEMA", "run_as_json", "write_json"]
+
+SCHEMA = 1
+"""Grows when a key changes its meaning or goes away, not when one is added."""
+
+
+def write_json(path: Path, run: RunResult) -> None:
+    """Write the run so that `path` is either untouched or whole."""
+    text = json.dumps(run_as_json(run), indent=2, allow_nan=False) + "\n"
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def run_as_json(run: RunResult) -> dict[str, object]:
+    """The run as plain JSON types; NaN and infinity become None."""
+    document = {
+        "schema": SCHEMA,
+        "settings": run.settings.to_json(),
+        "versions": dict(run.versions),
+        "requirements": [asdict(judged) for judged in run.judged],
+        "summaries": [_row(row) for row in run.rows],
+        "episodes": [_episode(key, result) for key, result in run.episodes.items()],
+        "notes": list(run.notes),
+    }
+    return {key: _finite(value) for key, value in document.items()}
+
+
+def _row(row: SettingRow) -> dict[str, object]:
+    return {
+        "agent": row.agent,
+        "privileged": row.privileged,
+        "routes_spec": row.routes_spec,
+        "routes": row.routes,
+        "seeds": row.seeds,
+        "setting": row.setting,
+        "warmup_ticks": row.warmup_ticks,
+        "episodes_needed": row.needed,
+        "episodes_finished": len(row.results),
+        "summary": None if row.summary is None else _summary(row.summary),
+        "rd": row.rd,
+        "verdict": row.verdict,
+        "problem": row.problem or None,
+    }
+
+
+def _summary(summary: Summary) -> dict[str, object]:
+    return {
+        "ds": summary.ds,
+        "sr": summary.sr,
+        "efficiency": summary.efficiency,
+        "comfort": summary.comfort,
+        "abilities": dict(summary.abilities),
+        "episodes": summary.episodes,
+        "agent_errors": summary.agent_errors,
+    }
+
+
+def _episode(key: str, result: EpisodeResult) -> dict[str, object]:
+    """The record of an episode; of its trajectory only the digest."""
+    score, success = _score(result)
+    return {
+        "key": key,
+        "agent": result.episode.agent,
+        "route_id": result.episode.route_id,
+        "scenario": result.scenario,
+        "setting": result.episode.setting,
+        "seed": result.episode.seed,
+        "outcome": result.outcome.value,
+        "end": result.end.value,
+        "end_detail": result.end_detail,
+        "driving_score": score,
+        "success": success,
+        "route_completion_pct": result.route_completion_pct,
+        "route_length_m": result.route_length_m,
+        "infractions": [{**asdict(item), "kind": item.kind.value} for item in result.infractions],
+        "speed_ratios_pct": result.speed_ratios_pct,
+        "ticks": result.ticks,
+        "dt_s": result.dt_s,
+        "game_s": result.game_s,
+        "wall_s": result.wall_s,
+        "privileged": result.privileged,
+        "junction_passed": result.junction_passed,
+        "schedule": [asdict(item) for item in result.schedule],
+        "trace_digest": result.trace.digest,
+        "versions": dict(result.versions),
+    }
+
+
+def _score(result: EpisodeResult) -> tuple[float | None, bool | None]:
+    try:
+        return driving_score(result), is_success(result)
+    except ComparisonError:
+        return None, None
+
+
+def _finite(value: object) -> object:
+    """JSON has no NaN and no infinity; numpy scalars become Python numbers."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _umask() -> int:
+    """The process's umask; it can only be read by setting it."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,25 @@
+"""How numbers are written for people: the same in every report."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["interval_text", "shown"]
+
+_SHARES = ("RD", "SR")
+
+
+def shown(metric: str, value: float | None) -> str:
+    """Shares (RD, SR) and scores with two digits after the point, `"-"` where there is no number."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    text = f"{value:.2f}"
+    # "-0.00" reads like a loss where there is none.
+    return "0.00" if text == "-0.00" and metric in _SHARES else text
+
+
+def interval_text(metric: str, low: float, high: float) -> str:
+    """`"95 % interval 0.33 to 0.53"`; one route says nothing about others, then both ends are infinite."""
+    if not (math.isfinite(low) or math.isfinite(high)):
+        return "95 % interval unknown"
+    return f"95 % interval {shown(metric, low)} to {shown(metric, high)}"

@@ -1,0 +1,110 @@
+"""The table at the end of a run: agent x setting, in at most 100 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import StringIO
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.report.numbers import shown
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pytest_drive_robust.runner.run_result import RunResult, SettingRow
+
+__all__ = ["WIDTH", "run_summary"]
+
+WIDTH = 100
+_MAX_ERRORS = 10
+_COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
+_STYLES = {"pass": "green", "fail": "red", "error": "bold red"}
+
+
+def run_summary(run: RunResult, *, colour: bool) -> str:
+    """The table with its footnotes; empty when nothing was asked for. `colour` adds terminal escapes."""
+    if not run.rows:
+        return ""
+    from rich.console import Console
+
+    stream = StringIO()
+    look = {"force_terminal": colour, "no_color": not colour}
+    console = Console(file=stream, width=WIDTH, highlight=False, markup=False, **look)
+    console.print(_table(run, colour=colour))
+    for line in _footnotes(run):
+        console.print(line, soft_wrap=False)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+
+
+def _table(run: RunResult, *, colour: bool) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
+    table.add_column("setting", max_width=40, overflow="fold")
+    for name in _COLUMNS:
+        table.add_column(name, justify="right", no_wrap=True, max_width=10)
+    table.add_column("verdict", no_wrap=True, min_width=7)
+    several_sets = len({row.routes_spec for row in run.rows}) > 1
+    for row in run.rows:
+        table.add_row(
+            row.agent + ("*" if row.privileged else ""),
+            row.label + (f" on {_short(row.routes_spec)}" if several_sets else ""),
+            *_numbers(row),
+            Text(row.verdict, style=_STYLES.get(row.verdict, "")),
+        )
+    return table
+
+
+def _numbers(row: SettingRow) -> list[str]:
+    summary = row.summary
+    routes = str(row.routes) + (f" x {len(row.seeds)}" if len(row.seeds) > 1 else "")
+    if len(row.results) < row.needed:
+        routes = f"{len(row.results)} of {row.needed}"
+    if summary is None:
+        return ["-", "-", "-", "-", "-", routes]
+    return [
+        shown("DS", summary.ds),
+        shown("SR", summary.sr),
+        shown("RD", row.rd),
+        shown("efficiency", summary.efficiency),
+        shown("comfort", summary.comfort),
+        routes,
+    ]
+
+
+def _footnotes(run: RunResult) -> list[str]:
+    lines = []
+    if any(row.privileged for row in run.rows):
+        lines.append("* privileged: this agent sees ground truth")
+    if any(len(row.results) < row.needed for row in run.rows):
+        lines.append("'n of m' routes: the run ended before all episodes of this setting were driven")
+    stuck = sum(result.end is End.STUCK for result in run.episodes.values())
+    if stuck:
+        lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
+    lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
+    lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
+    return lines + list(run.notes)
+
+
+def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:
+    """Equal reasons once, with how many episodes ended that way and one of them by name."""
+    found = [result for result in run.episodes.values() if result.outcome is outcome]
+    reasons: dict[str, list[str]] = {}
+    for result in found:
+        reasons.setdefault(result.end_detail, []).append(str(result.episode))
+    lines = [f"{len(episodes)} x {name}: {reason} ({_first(episodes)})" for reason, episodes in reasons.items()]
+    hidden = len(lines) - _MAX_ERRORS
+    return lines[:_MAX_ERRORS] + ([f"and {hidden} more kinds of {name}"] if hidden > 0 else [])
+
+
+def _first(episodes: Sequence[str]) -> str:
+    return episodes[0] if len(episodes) == 1 else f"first {episodes[0]}"
+
+
+def _short(routes_spec: str) -> str:
+    """A file by its name: the folder is the same for all of them as a rule."""
+    return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]

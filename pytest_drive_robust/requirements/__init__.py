@@ -1,0 +1,1 @@
+"""What must hold for an agent: the sentences, the objects behind them, and the verdicts."""

@@ -1,0 +1,97 @@
+"""The valid sentence that is nearest to one that does not parse."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable, Mapping
+from difflib import SequenceMatcher
+
+from pytest_drive_robust.errors import nearest
+from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.requirements.known import metric_names
+
+__all__ = ["nearest_sentence"]
+
+Known = Mapping[str, type[Perturbation]]
+
+_LIMITS = {"RD": "0.30", "SR": "0.50", "DS": "40", "efficiency": "80", "comfort": "20"}
+_AT_LEAST = re.compile(r">|≥|\b(?:above|at least|more than|over)\b")
+_COMPARISON = re.compile(r"[<>=!≤≥]+|\b(?:is|below|above|at most|at least|less than|more than|over)\b")
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
+_FIELD = re.compile(r"\{(\w+)\}")
+_UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
+_ALIKE = 0.5
+
+
+def nearest_sentence(sentence: str, known: Known, reads: Callable[[str, Known], bool]) -> str | None:
+    """`sentence` with as few parts replaced as make it valid, or None when no repair is.
+
+    `reads` tells whether a sentence is valid.
+    """
+    left, comparison, limit = _split(sentence)
+    metric, setting = _metric_and_setting(left)
+    sign = ">=" if _AT_LEAST.search(comparison) or (not comparison and metric != "RD") else "<="
+    settings = [setting, " and ".join(_nearest_phrase(part, known) for part in setting.split(" and "))]
+    limits = [*_limit_candidates(metric, limit), _LIMITS.get(metric, "0")]
+    for phrase in [*settings, "200 ms latency" if metric == "RD" else "clean"]:
+        for number in limits:
+            candidate = f"{metric} under {phrase} {sign} {number}"
+            if reads(candidate, known):
+                return candidate
+    return None
+
+
+def _split(sentence: str) -> tuple[str, str, str]:
+    """What stands before the last comparison, the comparison, and what follows."""
+    outside_brackets = re.sub(r"\([^)]*\)", lambda match: " " * len(match.group()), sentence)
+    found = list(_COMPARISON.finditer(outside_brackets))
+    if not found:
+        return sentence, "", ""
+    first, last = found[0].start(), found[-1].end()
+    return sentence[:first].strip(), sentence[first:last], sentence[last:].strip()
+
+
+def _metric_and_setting(left: str) -> tuple[str, str]:
+    first, _, rest = left.partition(" ")
+    metric = first if first in METRICS else nearest(first, metric_names())
+    if metric is None:
+        return ("RD", left) if first.lower() != "clean" else ("DS", left)
+    second, _, others = rest.partition(" ")
+    return metric, others if nearest(second, ["under", "in", "with", "at"]) else rest
+
+
+def _limit_candidates(metric: str, text: str) -> list[str]:
+    number = _NUMBER.search(text)
+    if number is None:
+        return []
+    plain = number.group()
+    if metric in ("RD", "SR") and abs(float(plain)) >= 1.0:
+        return [plain, METRICS[metric].format_limit(float(plain) / 100.0)]
+    return [plain]
+
+
+def _nearest_phrase(text: str, known: Known) -> str:
+    """The phrase whose words are most like those of `text`, with the numbers of `text`; `text` when none is alike."""
+    words = _words(text)
+    scored = [(SequenceMatcher(None, words, _words(cls.phrase)).ratio(), name) for name, cls in sorted(known.items())]
+    likeness, name = max(scored, default=(0.0, ""))
+    if likeness < _ALIKE:
+        return text
+    numbers = iter(_NUMBER.findall(text))
+    examples = _examples(known[name])
+    return _FIELD.sub(lambda field: next(numbers, None) or examples.get(field.group(1), "1"), known[name].phrase)
+
+
+def _examples(cls: type[Perturbation]) -> dict[str, str]:
+    """A usual value of each severity: the class's `example`, else the default."""
+    values = {field.name: field.default for field in dataclasses.fields(cls) if isinstance(field.default, (int, float))}
+    values.update(getattr(cls, "example", {}))
+    return {name: f"{value:g}" for name, value in values.items()}
+
+
+def _words(phrase: str) -> str:
+    """The words of a phrase without its numbers and units, in lower case."""
+    text = _NUMBER.sub(" ", _FIELD.sub(" ", phrase.lower()))
+    return " ".join(word for word in text.split() if word not in _UNITS)

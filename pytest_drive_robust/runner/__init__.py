@@ -1,0 +1,1 @@
+"""From what a run asks for to finished episodes."""

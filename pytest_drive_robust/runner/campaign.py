@@ -1,0 +1,164 @@
+"""The episodes of one run: keeps the finished ones, has the missing ones driven, judges requirements on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.store.events import Asked, Event, Finished, Judged, Planned, Started
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.requirements.evaluate import Verdict
+    from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.runner.executors import Executor
+    from pytest_drive_robust.runner.plan import Need, Scope, Task
+    from pytest_drive_robust.store.base import EpisodeStore
+
+__all__ = ["Campaign", "Judgement", "Observer"]
+
+Results = tuple[EpisodeResult, ...]
+
+
+class Observer(Protocol):
+    """Who follows the run: a progress display, or the journal that another process reads."""
+
+    def __call__(self, event: Event) -> None:
+        """Something happened."""
+        ...
+
+    def ticked(self) -> None:
+        """An episode is still under way. Called every tick."""
+        ...
+
+    def idle(self) -> None:
+        """No episode is under way any more, be it that all are done or that driving was interrupted."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A verdict with what else people ask about it: `episode_s` are the wall seconds of all episodes behind it."""
+
+    verdict: Verdict
+    privileged: bool
+    episode_s: float
+
+
+class Campaign:
+    """Answers questions about episodes; drives those that nobody has driven yet, when they are asked for."""
+
+    def __init__(self, store: EpisodeStore, executor: Executor, observer: Observer, *, metrics: str) -> None:
+        self._store = store
+        self._executor = executor
+        self._observer = observer
+        self._metrics = metrics
+
+    def planned(self, tasks: Mapping[str, Task]) -> None:
+        """Tell the observer what will be needed, so that it can say how much is left."""
+        self._observer(Planned(tuple(tasks)))
+
+    def episodes(self, scope: Scope, setting: Setting) -> Results:
+        """Every episode of `scope` under `setting`, routes within seeds."""
+        return self._results(scope, scope.need(setting, clean=False))[1]
+
+    def judge(self, requirement: Requirement, scope: Scope, *, nodeid: str) -> Judgement:
+        """Drive what is missing and judge, for the record of the run.
+
+        Raises `ComparisonError` when there is no number to judge and `UsageError` when the agent or the simulator
+        cannot be made; the record says so too.
+        """
+        try:
+            judgement = self.measure(requirement, scope)
+        except DriveRobustError as error:
+            self._observer(_judged(requirement, scope, nodeid, verdict=None, message=str(error)))
+            raise
+        self._observer(_judged(requirement, scope, nodeid, verdict=judgement.verdict))
+        return judgement
+
+    def measure(self, requirement: Requirement, scope: Scope) -> Judgement:
+        """As `judge`, for a caller who only wants the value: the record gets the episodes but no verdict."""
+        from pytest_drive_robust.requirements.evaluate import judge
+
+        clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
+        verdict = judge(requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics)
+        used = (*clean, *perturbed)
+        return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))
+
+    def close(self) -> None:
+        """Free simulators and agents."""
+        self._executor.close()
+
+    def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
+        """The clean and the perturbed results, driven where missing."""
+        for asked in _asked(scope, need):
+            self._observer(asked)
+        self._drive_missing(need.tasks)
+        return self._finished(need.clean), self._finished(need.perturbed)
+
+    def _drive_missing(self, tasks: tuple[Task, ...]) -> None:
+        by_key = {task.key: task for task in tasks}
+        try:
+            # Closed at once, not when a traceback lets go of it: an exception must give back the claimed episode.
+            with closing(self._store.missing(tuple(by_key))) as missing:
+                for task, result in self._executor.drive((by_key[key] for key in missing), self):
+                    self._store.put(task.key, result)
+                    self._observer(Finished(task.key, result.wall_s))
+        finally:
+            self._observer.idle()
+
+    def _finished(self, tasks: tuple[Task, ...]) -> Results:
+        results = {task.key: self._store.get(task.key) for task in tasks}
+        lost = [task.episode for task in tasks if results[task.key] is None]
+        if lost:
+            raise DriveRobustError(f"{len(lost)} episodes were driven but are not in the store, first {lost[0]}.")
+        return tuple(result for task in tasks if (result := results[task.key]) is not None)
+
+    def started(self, task: Task) -> None:
+        """An episode begins (see `runner.executors.Listener`)."""
+        self._observer(Started(task.key, task.episode.agent, task.episode.setting, task.route.label))
+
+    def ticked(self) -> None:
+        """An episode is still under way (see `runner.executors.Listener`)."""
+        self._observer.ticked()
+
+
+def _asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
+    """What the record is told: the setting, and its clean twins as a setting of their own."""
+    clean_keys = tuple(task.key for task in need.clean)
+    keys = tuple(task.key for task in need.perturbed)
+
+    def asked(tasks: tuple[Task, ...], setting: str, twins: tuple[str, ...]) -> Asked:
+        own = tuple(task.key for task in tasks)
+        return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, tasks[0].warmup_ticks, own, twins)
+
+    perturbed = asked(need.perturbed, str(need.setting), () if clean_keys == keys else clean_keys)
+    if not clean_keys or clean_keys == keys:
+        return (perturbed,)
+    return (asked(need.clean, "clean", ()), perturbed)
+
+
+def _judged(
+    requirement: Requirement, scope: Scope, nodeid: str, *, verdict: Verdict | None, message: str = ""
+) -> Judged:
+    return Judged(
+        nodeid=nodeid,
+        requirement=str(requirement),
+        agent=scope.agent,
+        routes_spec=scope.routes_spec,
+        seeds=scope.seeds,
+        metric=requirement.metric,
+        setting=str(requirement.setting),
+        comparison=requirement.comparison,
+        limit=float(requirement.limit),
+        verdict="error" if verdict is None else "pass" if verdict.passed else "fail",
+        value=None if verdict is None else float(verdict.value),
+        low=None if verdict is None else float(verdict.low),
+        high=None if verdict is None else float(verdict.high),
+        routes=0 if verdict is None else verdict.routes,
+        message=message,
+    )

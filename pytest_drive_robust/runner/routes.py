@@ -1,0 +1,85 @@
+"""From what a user types for `--drive-routes` to routes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.route import Route
+
+__all__ = ["DEFAULT_ROUTES", "resolve_routes"]
+
+DEFAULT_ROUTES = "bench24"
+
+
+def resolve_routes(spec: str) -> tuple[Route, ...]:
+    """The routes of a specification, in the order in which it names them.
+
+    ==================== =======================================================
+    `bench24`            a named set
+    `my/routes.xml`      every route of a file in the leaderboard's schema
+    `101,201`            routes of the default set by their ids
+    `bench24:101,201`    routes of a named set
+    `routes.xml:2091`    routes of a file
+    ==================== =======================================================
+
+    Raises `UnknownNameError` for sets, files and ids that do not exist, `RouteError` for files that we do not
+    understand, `UsageError` for an empty specification.
+    """
+    text = spec.strip()
+    if not text:
+        raise UsageError("no routes were named: give a set (bench24), a file (routes.xml) or ids (101,201).")
+    source, ids = _split(text)
+    routes = _load(source)
+    return routes if ids is None else _select(routes, ids, source)
+
+
+def _split(text: str) -> tuple[str, str | None]:
+    """(set or file, ids or None). A colon may also belong to a file name (`C:/routes.xml`)."""
+    from pytest_drive_robust.simulators.embedded.routes import set_names
+
+    if text in set_names() or _is_file(text):
+        return text, None
+    source, colon, ids = text.rpartition(":")
+    if colon and "/" not in ids and not ids.endswith(".xml"):
+        return source.strip(), ids
+    if _looks_like_ids(text):
+        return DEFAULT_ROUTES, text
+    return text, None
+
+
+def _load(source: str) -> tuple[Route, ...]:
+    from pytest_drive_robust.simulators.embedded.routes import load_routes, named_routes, set_names
+
+    names = set_names()
+    if source in names:
+        return named_routes(source)
+    if _is_file(source):
+        return load_routes(Path(source))
+    if source.endswith(".xml") or "/" in source:
+        folder = Path(source).parent
+        beside = [str(path) for path in folder.glob("*.xml")]
+        raise UnknownNameError.of("route file", source, beside, hint=f"Looked from the folder {Path.cwd()}.")
+    raise UnknownNameError.of("set of routes", source, names, hint="Or give a route file or ids, such as 101,201.")
+
+
+def _select(routes: tuple[Route, ...], ids: str, source: str) -> tuple[Route, ...]:
+    by_id = {route.id: route for route in routes}
+    wanted = [part.strip() for part in ids.split(",") if part.strip()]
+    if not wanted:
+        raise UsageError(f"no route ids after {source!r}: give them as {source}:{','.join(list(by_id)[:2])}.")
+    for name in wanted:
+        if name not in by_id:
+            raise UnknownNameError.of(f"route in {source}", name, by_id)
+    return tuple(by_id[name] for name in dict.fromkeys(wanted))
+
+
+def _is_file(text: str) -> bool:
+    return Path(text).is_file()
+
+
+def _looks_like_ids(text: str) -> bool:
+    return all(part.strip().isdigit() for part in text.split(",") if part.strip())

@@ -1,0 +1,164 @@
+"""Everything that one run produced, as one frozen object: what every report is a pure function of."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.summary import Summary, summarize
+from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.store.events import Asked, Event, Judged, Planned
+
+__all__ = ["RunResult", "SettingRow"]
+
+Lookup = Callable[[str], "EpisodeResult | None"]
+
+
+@dataclass(frozen=True, slots=True)
+class SettingRow:
+    """One agent under one setting.
+
+    `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
+    the clean twins were not driven or do not compare. `verdict` is the worst of the requirements on this row:
+    `"error"`, `"fail"`, `"pass"`, or `"-"` when none was judged.
+    """
+
+    agent: str
+    routes_spec: str
+    setting: str
+    seeds: tuple[int, ...]
+    warmup_ticks: int
+    needed: int
+    results: tuple[EpisodeResult, ...]
+    summary: Summary | None
+    rd: float | None
+    verdict: str
+    problem: str = ""
+
+    @property
+    def routes(self) -> int:
+        """How many routes were driven at least once."""
+        return len({result.episode.route_id for result in self.results})
+
+    @property
+    def privileged(self) -> bool:
+        """True when the agent saw ground truth."""
+        return any(result.privileged for result in self.results)
+
+    @property
+    def label(self) -> str:
+        """The setting for people; a baseline with a warm-up is not the plain one."""
+        if self.setting == "clean" and self.warmup_ticks:
+            return f"clean ({self.warmup_ticks} ticks warm-up)"
+        return self.setting
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """One run. `episodes` holds every finished episode by its key, in the order in which tests need them."""
+
+    settings: Settings
+    rows: tuple[SettingRow, ...]
+    judged: tuple[Judged, ...]
+    episodes: Mapping[str, EpisodeResult]
+    versions: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        settings: Settings,
+        events: Sequence[Event],
+        find: Lookup,
+        *,
+        versions: Mapping[str, str],
+        notes: tuple[str, ...] = (),
+    ) -> RunResult:
+        """Put together what the events tell; `find` gives the finished episode of a key, or None."""
+        asked = _merged(event for event in events if isinstance(event, Asked))
+        order = {key: place for place, key in enumerate(_needed_keys(events))}
+        asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
+        episodes = {key: result for key in order if (result := find(key)) is not None}
+        judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
+        return cls(
+            settings=settings,
+            rows=tuple(_row(item, episodes, judged, mode=settings.metrics) for item in asked),
+            judged=tuple(judged),
+            episodes=episodes,
+            versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
+            notes=notes,
+        )
+
+
+def _merged(asked: Iterable[Asked]) -> list[Asked]:
+    """Each setting once, though several tests asked for it; its clean twins are known when one of them compared."""
+    found: dict[tuple[str, ...], Asked] = {}
+    for item in asked:
+        if item.keys not in found or item.clean_keys:
+            found[item.keys] = item
+    return list(found.values())
+
+
+def _needed_keys(events: Sequence[Event]) -> list[str]:
+    """Keys in the order of the plan, then of asking: the same however many workers took part."""
+    planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
+    asked = (key for event in events if isinstance(event, Asked) for key in (*event.clean_keys, *event.keys))
+    return list(dict.fromkeys((*planned, *asked)))
+
+
+def _row(asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[Judged], *, mode: str) -> SettingRow:
+    results = tuple(episodes[key] for key in asked.keys if key in episodes)
+    summary, problem = None, ""
+    try:
+        summary = summarize(results, mode=mode)
+    except ComparisonError as error:
+        problem = str(error)
+    return SettingRow(
+        agent=asked.agent,
+        routes_spec=asked.routes_spec,
+        setting=asked.setting,
+        seeds=asked.seeds,
+        warmup_ticks=asked.warmup_ticks,
+        needed=len(asked.keys),
+        results=results,
+        summary=summary,
+        rd=_rd(asked, episodes),
+        verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
+        problem=problem,
+    )
+
+
+def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult]) -> float | None:
+    if not asked.clean_keys or any(key not in episodes for key in (*asked.clean_keys, *asked.keys)):
+        return None
+    try:
+        return robustness_degradation(
+            [episodes[key] for key in asked.clean_keys], [episodes[key] for key in asked.keys]
+        )
+    except ComparisonError:
+        return None
+
+
+def _is_on(judged: Judged, asked: Asked) -> bool:
+    """A baseline with a warm-up is nobody's own setting."""
+    same = (judged.agent, judged.routes_spec, judged.setting, judged.seeds)
+    hidden = asked.setting == "clean" and asked.warmup_ticks > 0
+    return same == (asked.agent, asked.routes_spec, asked.setting, asked.seeds) and not hidden
+
+
+def _worst(verdicts: Iterable[str]) -> str:
+    found = set(verdicts)
+    return next((verdict for verdict in ("error", "fail", "pass") if verdict in found), "-")
+
+
+def _simulator_versions(results: Iterable[EpisodeResult]) -> dict[str, str]:
+    """What the episodes say decided their numbers. Several values of one name are all shown."""
+    found: dict[str, dict[str, None]] = {}
+    for result in results:
+        for name, version in result.versions.items():
+            found.setdefault(name, {})[version] = None
+    return {name: ", ".join(versions) for name, versions in found.items()}

@@ -1,0 +1,52 @@
+"""What each test drives over: the run's settings, changed by the test's marker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.settings import Settings
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.registry import Registry
+
+__all__ = ["Scopes"]
+
+
+class Scopes:
+    """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes."""
+
+    def __init__(
+        self, settings: Settings, registry: Registry, load_routes: Callable[[str], tuple[Route, ...]]
+    ) -> None:
+        self._settings = settings
+        self._registry = registry
+        self._load_routes = load_routes
+        self._routes: dict[str, tuple[Route, ...]] = {}
+        self._known: set[tuple[str, str]] = set()
+
+    def routes(self, spec: str) -> tuple[Route, ...]:
+        """The routes of a spec. Raises `UsageError` when there is no such set or file."""
+        if spec not in self._routes:
+            self._routes[spec] = self._load_routes(spec)
+        return self._routes[spec]
+
+    def of(self, marker: MarkerOptions) -> Scope:
+        """The scope of a test with this marker. Raises `UsageError` for an unknown agent or routes."""
+        agent = marker.agent or self._settings.agent
+        self._require("agents", agent)
+        routes_spec = marker.routes or self._settings.routes
+        return Scope(agent, routes_spec, self.routes(routes_spec), marker.seeds or self._settings.seeds)
+
+    def check(self) -> None:
+        """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
+        self._require("simulators", self._settings.simulator)
+        self.of(MarkerOptions())
+
+    def _require(self, kind: str, name: str) -> None:
+        if (kind, name) not in self._known:
+            self._registry.require(kind, name)
+            self._known.add((kind, name))

@@ -1,0 +1,164 @@
+"""What one run was asked to do: a frozen object built once from the command line and the ini file."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+
+__all__ = ["DEFAULT_AGENT", "DEFAULT_ROUTES", "DEFAULT_SIMULATOR", "METRIC_MODES", "OPTIONS", "Option", "Settings"]
+
+DEFAULT_AGENT = "classical"
+DEFAULT_ROUTES = "bench24"
+DEFAULT_SIMULATOR = "embedded"
+METRIC_MODES = ("bench2drive", "fixed")
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One command line option with the ini key of the same meaning. The command line wins."""
+
+    flag: str
+    ini: str
+    metavar: str
+    default: str
+    help: str
+
+
+OPTIONS = (
+    Option("--drive-agent", "drive_agent", "NAME", DEFAULT_AGENT, "the agent under test"),
+    Option("--drive-routes", "drive_routes", "SPEC", DEFAULT_ROUTES, "a named route set or a route XML file"),
+    Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
+    Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator"),
+    Option("--drive-metrics", "drive_metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
+    Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
+    Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
+)
+"""Every option but the switch `--drive-robust`."""
+
+
+class _Config(Protocol):
+    """The part of `pytest.Config` that is read here."""
+
+    def getoption(self, name: str) -> Any: ...
+
+    def getini(self, name: str) -> Any: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The choices of one run.
+
+    `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
+    `json_path` is None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
+    """
+
+    agent: str = DEFAULT_AGENT
+    routes: str = DEFAULT_ROUTES
+    seeds: tuple[int, ...] = (0,)
+    simulator: str = DEFAULT_SIMULATOR
+    metrics: str = "bench2drive"
+    stuck_stop_s: float | None = None
+    json_path: Path | None = None
+
+    @classmethod
+    def from_pytest_config(cls, config: _Config) -> Settings:
+        """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
+        given = {option.ini: _read(config, option) for option in OPTIONS}
+        return cls(
+            agent=given["drive_agent"],
+            routes=given["drive_routes"],
+            seeds=parse_seeds(given["drive_seeds"], source="--drive-seeds"),
+            simulator=given["drive_sim"],
+            metrics=_metric_mode(given["drive_metrics"]),
+            stuck_stop_s=_seconds(given["drive_stuck_stop"]),
+            json_path=_writable_file(given["drive_json"]),
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """The settings as plain JSON types."""
+        return {
+            "agent": self.agent,
+            "routes": self.routes,
+            "seeds": list(self.seeds),
+            "simulator": self.simulator,
+            "metrics": self.metrics,
+            "stuck_stop_s": self.stuck_stop_s,
+        }
+
+
+def parse_seeds(given: str, *, source: str) -> tuple[int, ...]:
+    """`"0,1"` as numbers. Raises `UsageError`, naming `source`, for anything but distinct whole numbers >= 0."""
+    words = [word.strip() for word in given.split(",")]
+    if not all(word.isdecimal() for word in words):
+        raise UsageError(f"{source} is {given!r}, expected whole numbers >= 0 with commas between them, as in 0,1.")
+    return check_seeds((int(word) for word in words), source=source)
+
+
+def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
+    """The seeds when they are distinct whole numbers >= 0 and at least one, else `UsageError`, naming `source`."""
+    numbers: list[int] = []
+    for seed in seeds:
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise UsageError(f"{source} holds {seed!r}, expected whole numbers >= 0.")
+        if seed in numbers:
+            raise UsageError(f"{source} holds seed {seed} twice: the same episode would count double.")
+        numbers.append(seed)
+    if not numbers:
+        raise UsageError(f"{source} is empty, expected at least one seed.")
+    return tuple(numbers)
+
+
+def _read(config: _Config, option: Option) -> str:
+    """The command line's value, else the ini file's, else the default."""
+    dest = option.flag.lstrip("-").replace("-", "_")
+    given = config.getoption(dest)
+    if given is None:
+        given = config.getini(option.ini)
+    return str(given).strip() or option.default
+
+
+def _metric_mode(given: str) -> str:
+    if given not in METRIC_MODES:
+        raise UnknownNameError.of("metric mode", given, METRIC_MODES, hint="Set it with --drive-metrics.")
+    return given
+
+
+def _seconds(given: str) -> float | None:
+    if not given:
+        return None
+    try:
+        seconds = float(given)
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise UsageError(f"--drive-stuck-stop is {given!r}, expected seconds > 0, as in --drive-stuck-stop 60.")
+    return seconds
+
+
+def _writable_file(given: str) -> Path | None:
+    """The file to write at the end, refused now when it could not be written then."""
+    if not given:
+        return None
+    path = Path(given).absolute()
+    if path.is_dir():
+        raise UsageError(f"--drive-json is {given!r}, which is a directory; expected a file, as in {given}/run.json.")
+    if not path.parent.is_dir():
+        missing = str(path.parent)
+        raise UsageError(f"--drive-json is {given!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"--drive-json is {given!r}, but {str(path.parent)!r} cannot be written to.")
+    return path
+
+
+def _similar(folder: Path) -> str:
+    """A nearby folder that does exist, as a sentence of its own."""
+    if not folder.parent.is_dir():
+        return ""
+    close = nearest(folder.name, [entry.name for entry in folder.parent.iterdir() if entry.is_dir()])
+    return f" Did you mean {str(folder.parent / close)!r}?" if close else ""

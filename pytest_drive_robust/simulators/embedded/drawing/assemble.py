@@ -1,0 +1,114 @@
+"""Turns the actors of a frame into boxes."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from pytest_drive_robust.domain.truth import ActorState, Frame
+from pytest_drive_robust.simulators.embedded.drawing import boxes as box
+from pytest_drive_robust.simulators.embedded.drawing.looks import Role
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["assemble"]
+
+_ID, _KIND, _X, _Y, _YAW = Frame.ID, Frame.KIND, Frame.X, Frame.Y, Frame.YAW
+_SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = Frame.SPEED, Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT, Frame.STATE
+_BRAKING, _SIREN = int(ActorState.BRAKING), int(ActorState.SIREN)
+_LEFT, _RIGHT = int(ActorState.INDICATOR_LEFT), int(ActorState.INDICATOR_RIGHT)
+_BODY, _BRAKE_LAMP, _HEADLAMP = int(Role.BODY), int(Role.BRAKE_LAMP), int(Role.HEADLAMP)
+_LEFT_INDICATOR, _RIGHT_INDICATOR = int(Role.LEFT_INDICATOR), int(Role.RIGHT_INDICATOR)
+_LEFT_BEACON, _RIGHT_BEACON = int(Role.LEFT_BEACON), int(Role.RIGHT_BEACON)
+_LEFT_LEG, _RIGHT_LEG = int(Role.LEFT_LEG), int(Role.RIGHT_LEG)
+
+_BLINK_TICKS = 8
+_FLASH_TICKS = 3
+_STRIDE_RAD_PER_TICK = 0.42
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def assemble(
+    rows: Floats,
+    first: int,
+    actors: Floats,
+    tick: int,
+    night: float,
+    parts: Floats,
+    spans: NDArray[np.int64],
+    paints: Floats,
+) -> int:
+    """Writes the boxes of `actors` (k, 10) to `rows` from row `first` on; returns the row after the last one.
+
+    `parts` and `spans` come from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest
+    span times k. What blinks and swings is a function of `tick` and the actor's id only.
+    """
+    at = first
+    for k in range(len(actors)):
+        kind = int(actors[k, _KIND])
+        if kind < 0 or kind >= len(spans):
+            continue
+        for p in range(spans[kind, 0], spans[kind, 1]):
+            if _set_colour(rows, at, actors, k, tick, night, parts, p, paints):
+                _place(rows, at, actors, k, tick, parts, p)
+                at += 1
+    return at
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int) -> None:
+    length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
+    forward, right = parts[p, 0] * length, parts[p, 1] * width
+    role = int(parts[p, 9])
+    if role >= _LEFT_LEG and actors[k, _SPEED] > 0.05:
+        swing = math.sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
+        forward += swing if role == _LEFT_LEG else -swing
+    c, s = math.cos(actors[k, _YAW]), math.sin(actors[k, _YAW])
+    rows[at, box.X] = actors[k, _X] + c * forward - s * right
+    rows[at, box.Y] = actors[k, _Y] + s * forward + c * right
+    rows[at, box.Z] = parts[p, 2] * height
+    rows[at, box.YAW] = actors[k, _YAW]
+    rows[at, box.ALONG] = parts[p, 3] * length
+    rows[at, box.WIDE] = parts[p, 4] * width
+    rows[at, box.HIGH] = parts[p, 5] * height
+    rows[at, box.FRONT] = parts[p, 10] * parts[p, 3] * length
+    rows[at, box.REAR] = parts[p, 11] * parts[p, 3] * length
+    rows[at, box.SIDES] = parts[p, 12] * parts[p, 4] * width
+    rows[at, box.MATERIAL] = parts[p, 13]
+    rows[at, box.SEED] = actors[k, _ID]
+    rows[at, box.REACH] = parts[p, 14]
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def _set_colour(
+    rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
+) -> bool:
+    """The colour and glow of a part; False when the part is not to be seen now."""
+    state, role = int(actors[k, _STATE]), int(parts[p, 9])
+    red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
+    if role == _BODY:
+        paint = (int(actors[k, _ID]) * 5 + 1) % len(paints)
+        red, green, blue = paints[paint, 0], paints[paint, 1], paints[paint, 2]
+    elif role == _BRAKE_LAMP:
+        red, green, blue, glow = (255.0, 44.0, 30.0, 1.0) if state & _BRAKING else (112.0, 10.0, 14.0, 0.9 * night)
+    elif role == _HEADLAMP:
+        red, green, blue, glow = 236.0 + 19.0 * night, 238.0 + 17.0 * night, 224.0 + 10.0 * night, night
+    elif role == _LEFT_INDICATOR or role == _RIGHT_INDICATOR:
+        wanted = _LEFT if role == _LEFT_INDICATOR else _RIGHT
+        if not state & wanted or (tick // _BLINK_TICKS) % 2:
+            return False
+        glow = 1.0
+    elif role == _LEFT_BEACON or role == _RIGHT_BEACON:
+        turn = (tick // _FLASH_TICKS) % 2 == (0 if role == _LEFT_BEACON else 1)
+        if state & _SIREN and turn:
+            red, green, blue, glow = 120.0, 190.0, 255.0, 1.0
+        else:
+            red, green, blue = red * 0.6, green * 0.6, blue * 0.6
+    rows[at, box.RED], rows[at, box.GREEN], rows[at, box.BLUE], rows[at, box.GLOW] = red, green, blue, glow
+    return True

@@ -1,0 +1,94 @@
+"""The only solid that the cameras know: a box whose top may be smaller or larger than its bottom.
+
+Boxes are rows of one float64 array, so that kernels fill and draw them without touching Python.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+__all__ = [
+    "ALONG",
+    "BLUE",
+    "BOX_COLUMNS",
+    "FRONT",
+    "GLOW",
+    "GREEN",
+    "HIGH",
+    "MATERIAL",
+    "REACH",
+    "REAR",
+    "RED",
+    "SEED",
+    "SIDES",
+    "WIDE",
+    "X",
+    "Y",
+    "YAW",
+    "Z",
+    "Box",
+    "Material",
+    "box_rows",
+]
+
+X, Y, Z, YAW, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(17)
+"""Columns: see the fields of `Box`."""
+BOX_COLUMNS = 17
+
+
+class Material(IntEnum):
+    """The pattern on a box's upright faces."""
+
+    PLAIN = 0
+    FACADE = 1
+    STRIPES = 2
+    RIBS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """One box: centre x, y and bottom z in metres, yaw in radians, length, width, height in metres.
+
+    `front_m`, `rear_m` and `sides_m` say by how much the top face is drawn in at the front, at the rear and at each
+    side (negative: it juts out). `colour` is RGB 0..255; `glow` 0..1 is the share of it that needs no light; `seed`
+    varies the pattern; farther away than `reach_m` the box is not drawn.
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    length_m: float
+    width_m: float
+    height_m: float
+    colour: tuple[float, float, float]
+    front_m: float = 0.0
+    rear_m: float = 0.0
+    sides_m: float = 0.0
+    glow: float = 0.0
+    material: Material = Material.PLAIN
+    seed: int = 0
+    reach_m: float = math.inf
+
+
+def box_rows(boxes: list[Box]) -> Floats:
+    """The boxes as a (n, `BOX_COLUMNS`) array."""
+    rows = [
+        (
+            *(box.x_m, box.y_m, box.z_m, box.yaw_rad, box.length_m, box.width_m, box.height_m),
+            *(box.front_m, box.rear_m, box.sides_m, *box.colour),
+            *(box.glow, float(box.material), float(box.seed), box.reach_m),
+        )
+        for box in boxes
+    ]
+    return np.array(rows, np.float64).reshape(len(rows), BOX_COLUMNS)

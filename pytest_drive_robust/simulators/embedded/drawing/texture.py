@@ -1,0 +1,182 @@
+"""The ground as a texture: packed colours in levels of falling resolution, cached per map and region."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.truth import LaneMap
+    from pytest_drive_robust.simulators.embedded.drawing.paint import GroundSheet
+
+    Floats = NDArray[np.float64]
+    Packed = NDArray[np.uint32]
+
+__all__ = ["FAR_COLOUR", "GroundTexture", "TextureCache", "ground_texture"]
+
+_NEAR_MARGIN_M = 30.0
+_WIDE_MARGIN_M = 110.0
+_NEAR_TEXEL_M = 0.1
+_NEAR_LEVELS = 2
+_LEVELS = 7
+_CACHED_TEXTURES = 32
+
+_MATERIALS = np.array(
+    ((104, 124, 72), (150, 148, 144), (176, 174, 168), (84, 86, 92), (98, 98, 100)), np.float64
+)  # by paint.GRASS, SIDEWALK, KERB, PARKING, ASPHALT
+_GRAIN = np.array((9.0, 5.0, 4.0, 4.0, 4.0))
+_WHITE = np.array((232.0, 232.0, 228.0))
+_YELLOW = np.array((222.0, 178.0, 48.0))
+FAR_COLOUR = (104.0, 124.0, 72.0)
+"""The colour of the ground outside of every texture: grass."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundTexture:
+    """Ground colours, ready for the kernels.
+
+    `texels` is flat uint32, 0x00BBGGRR, all levels one after the other. `levels` is (n, 6) float64: first texel,
+    columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are twice as large as
+    those of the one before. The first two levels cover the route's surroundings only, the others a wide region.
+    """
+
+    texels: Packed
+    levels: Floats
+
+
+class TextureCache:
+    """Keeps the textures that were used last: a process drives few maps many times."""
+
+    def __init__(self, capacity: int = _CACHED_TEXTURES) -> None:
+        self._capacity = capacity
+        self._kept: OrderedDict[bytes, GroundTexture] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def texture(self, lane_map: LaneMap, around: Floats) -> GroundTexture:
+        """The ground of `lane_map` around the points `around` (n, 2 or more); equal content, equal object."""
+        near = Region.around(around, _NEAR_MARGIN_M, texel_m=_NEAR_TEXEL_M)
+        wide = Region.around(around, _WIDE_MARGIN_M, texel_m=_NEAR_TEXEL_M * 2 ** (_NEAR_LEVELS - 1))
+        key = _digest(lane_map, near, wide)
+        with self._lock:
+            found = self._kept.pop(key, None)
+            if found is None:
+                found = _build(lane_map, near, wide)
+            self._kept[key] = found
+            while len(self._kept) > self._capacity:
+                self._kept.popitem(last=False)
+        return found
+
+
+_cache = TextureCache()
+
+
+def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
+    """The ground of `lane_map` around the points `around`, from this process's cache or drawn now."""
+    return _cache.texture(lane_map, around)
+
+
+def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:
+    pictures: list[tuple[Packed, Region]] = []
+    picture, region = _packed(paint_ground(lane_map, near)), near
+    for _ in range(_NEAR_LEVELS):
+        pictures.append((picture, region))
+        picture, region = _halved(picture), _halved_region(region)
+    # The wide sheet is drawn one level finer than its first kept level: thin paint needs the averaging.
+    picture, region = _packed(paint_ground(lane_map, wide)), wide
+    for _ in range(_NEAR_LEVELS, _LEVELS):
+        picture, region = _halved(picture), _halved_region(region)
+        pictures.append((picture, region))
+    first = np.cumsum([0] + [picture.size for picture, _ in pictures[:-1]])
+    levels = np.array(
+        [
+            (offset, region.columns, region.rows, region.x_m, region.y_m, region.texel_m)
+            for offset, (_, region) in zip(first, pictures, strict=True)
+        ],
+        np.float64,
+    )
+    return GroundTexture(np.concatenate([picture.ravel() for picture, _ in pictures]), levels)
+
+
+def _halved_region(region: Region) -> Region:
+    return Region(region.x_m, region.y_m, region.columns // 2, region.rows // 2, region.texel_m * 2.0)
+
+
+def _packed(sheet: GroundSheet) -> Packed:
+    column = round(sheet.region.x_m / sheet.region.texel_m)
+    row = round(sheet.region.y_m / sheet.region.texel_m)
+    packed: Packed = _pack(
+        sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW
+    )
+    return packed
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def _pack(
+    material: NDArray[np.uint8],
+    white: NDArray[np.uint8],
+    yellow: NDArray[np.uint8],
+    column: int,
+    row: int,
+    colours: Floats,
+    grain: Floats,
+    white_colour: Floats,
+    yellow_colour: Floats,
+) -> Packed:
+    """Colours of a sheet; the grain is a hash of the texel's place in the world, so it never depends on the region."""
+    rows, columns = material.shape
+    packed = np.empty((rows, columns), np.uint32)
+    for i in range(rows):
+        for j in range(columns):
+            kind = material[i, j]
+            word = ((row + i) * 73856093) ^ ((column + j) * 19349663)
+            word = (word ^ (word >> 13)) * 1274126177
+            noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
+            a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
+            value = 0
+            for channel in range(3):
+                colour = colours[kind, channel] + noise
+                colour += (yellow_colour[channel] - colour) * b
+                colour += (white_colour[channel] - colour) * a
+                value |= int(min(max(colour, 0.0), 255.0)) << (8 * channel)
+            packed[i, j] = value
+    return packed
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def _halved(picture: Packed) -> Packed:
+    """Each 2 x 2 block of texels averaged, channels rounded to nearest."""
+    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+    small = np.empty((rows, columns), np.uint32)
+    for i in range(rows):
+        for j in range(columns):
+            low, high = np.uint32(0x00020002), np.uint32(0x00020002)
+            for k in range(4):
+                texel = picture[2 * i + k // 2, 2 * j + k % 2]
+                low += texel & np.uint32(0x00FF00FF)
+                high += (texel >> np.uint32(8)) & np.uint32(0x00FF00FF)
+            small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
+                ((high >> np.uint32(2)) & np.uint32(0x00FF00FF)) << np.uint32(8)
+            )
+    return small
+
+
+def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
+    """Equal digests mean equal ground: everything that `paint_ground` reads goes in."""
+    content = hashlib.blake2b(repr(regions).encode(), digest_size=16)
+    for lane in lane_map.lanes:
+        words = (lane.index, int(lane.kind), lane.width_m, lane.left, lane.right, lane.left_same_way)
+        content.update(repr((*words, lane.right_same_way, lane.left_line, lane.right_line)).encode())
+        content.update(np.ascontiguousarray(lane.centre, np.float64).tobytes())
+    content.update(repr([(s.x_m, s.y_m, s.heading_rad, s.width_m) for s in lane_map.stop_lines]).encode())
+    content.update(np.ascontiguousarray(lane_map.crosswalks, np.float64).tobytes())
+    return content.digest()

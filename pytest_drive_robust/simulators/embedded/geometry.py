@@ -1,0 +1,66 @@
+"""Polylines: (n, 3) arrays of x, y in metres and heading in radians, points about one metre apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["arc_lengths", "offset", "place", "project", "resample", "reverse"]
+
+Floats = NDArray[np.float64]
+
+
+def arc_lengths(points: Floats) -> Floats:
+    """Distance along the line of each point, (n,)."""
+    steps = np.hypot(np.diff(points[:, 0]), np.diff(points[:, 1]))
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
+    """The line through `points` (n, >=2) with equal steps of about `step_m`, headings from central differences."""
+    xy = np.asarray(points, dtype=float)[:, :2]
+    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > 1e-6])
+    xy = xy[keep]
+    s = arc_lengths(xy)
+    count = max(2, round(s[-1] / step_m) + 1)
+    at = np.linspace(0.0, s[-1], count)
+    x, y = np.interp(at, s, xy[:, 0]), np.interp(at, s, xy[:, 1])
+    heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
+    return np.stack([x, y, heading], axis=1)
+
+
+def offset(line: Floats, right_m: float) -> Floats:
+    """The line shifted to the right (negative: to the left)."""
+    moved = line.copy()
+    moved[:, 0] -= right_m * np.sin(line[:, 2])
+    moved[:, 1] += right_m * np.cos(line[:, 2])
+    return resample(moved)
+
+
+def reverse(line: Floats) -> Floats:
+    """The same line driven the other way."""
+    turned = line[::-1].copy()
+    turned[:, 2] += np.pi
+    return turned
+
+
+def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float, float]:
+    """x, y, heading of the point `s_m` along the line and `right_m` beside it; beyond the ends it goes straight on."""
+    step = arc_lengths(line)[-1] / (len(line) - 1)
+    index = int(np.clip(np.floor(s_m / step), 0, len(line) - 2))
+    share = s_m / step - index
+    x, y = line[index, :2] + share * (line[index + 1, :2] - line[index, :2])
+    heading = float(line[index, 2] + np.clip(share, 0.0, 1.0) * (line[index + 1, 2] - line[index, 2]))
+    return float(x - right_m * np.sin(heading)), float(y + right_m * np.cos(heading)), heading
+
+
+def project(line: Floats, x_m: float, y_m: float) -> tuple[float, float]:
+    """(distance along the line, distance to its right) of the point of the line that is nearest to (x, y)."""
+    away = np.hypot(line[:, 0] - x_m, line[:, 1] - y_m)
+    index = int(np.argmin(away))
+    step = arc_lengths(line)[-1] / (len(line) - 1)
+    dx, dy, heading = x_m - line[index, 0], y_m - line[index, 1], line[index, 2]
+    return (
+        float(index * step + dx * np.cos(heading) + dy * np.sin(heading)),
+        float(-dx * np.sin(heading) + dy * np.cos(heading)),
+    )

@@ -1,0 +1,68 @@
+"""What a scenario type is: one function that puts actors on a `Stage`, and the sites where routes for it are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pytest_drive_robust.simulators.embedded.stage import Stage
+
+__all__ = ["SCENARIOS", "ScenarioType", "Site", "scenario"]
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where the generator draws routes for a scenario type.
+
+    `chain` names a chain of lanes of the town style. Where the chain has a junction, `before_m` metres lie between the
+    start and the junction; elsewhere the route starts anywhere. `length_m` and `trigger_m` are ranges, the latter measured
+    from the start of the route.
+    """
+
+    style: str
+    chain: str
+    length_m: tuple[float, float]
+    trigger_m: tuple[float, float] = (4.0, 14.0)
+    before_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioType:
+    """One of the 44 situations.
+
+    `parameters` are the ranges from which the generator draws the XML's parameter elements; an element whose two numbers
+    are themselves an interval (`flow gaps`) is listed in `intervals`. `blocked_test_off` and `two_ways` are what the
+    scenario does to the criteria while it runs (Bench2Drive `scenario_runner/srunner/scenarios`).
+    """
+
+    name: str
+    build: Callable[[Stage], None]
+    sites: tuple[Site, ...]
+    parameters: dict[str, tuple[float, float]]
+    intervals: dict[str, tuple[float, float]]
+    blocked_test_off: bool
+    two_ways: bool
+
+
+SCENARIOS: dict[str, ScenarioType] = {}
+"""Every scenario type by its name in the route XML."""
+
+
+def scenario(
+    name: str,
+    *,
+    sites: tuple[Site, ...],
+    parameters: dict[str, tuple[float, float]] | None = None,
+    intervals: dict[str, tuple[float, float]] | None = None,
+    blocked_test_off: bool = False,
+    two_ways: bool = False,
+) -> Callable[[Callable[[Stage], None]], Callable[[Stage], None]]:
+    """Register a builder under its name in the route XML."""
+
+    def register(build: Callable[[Stage], None]) -> Callable[[Stage], None]:
+        SCENARIOS[name] = ScenarioType(
+            name, build, sites, parameters or {}, intervals or {}, blocked_test_off, two_ways
+        )
+        return build
+
+    return register

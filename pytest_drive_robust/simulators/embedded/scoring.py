@@ -1,0 +1,102 @@
+"""From the kernels' event rows to the domain's `Score`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.world import DT_S, World
+
+__all__ = ["ENDS", "score_of"]
+
+ENDS = {
+    c.END_COMPLETED: End.COMPLETED,
+    c.END_DEVIATED: End.DEVIATED,
+    c.END_BLOCKED: End.BLOCKED,
+    c.END_TICK_CAP: End.TICK_CAP,
+    c.END_STUCK: End.STUCK,
+}
+
+_COLLISIONS = {
+    "vehicle": InfractionKind.COLLISION_VEHICLE,
+    "pedestrian": InfractionKind.COLLISION_PEDESTRIAN,
+    "layout": InfractionKind.COLLISION_LAYOUT,
+}
+
+
+def score_of(world: World, options: SimulatorOptions) -> Score:
+    """Read the criteria of a finished episode."""
+    end = ENDS.get(int(world.state.criteria_ints[c.CI_END]), End.SIMULATION_CRASHED)
+    infractions = _infractions(world)
+    if end is End.DEVIATED:
+        infractions.append(_here(world, InfractionKind.DEVIATION, "left the route by more than 30 m"))
+    if end is End.BLOCKED:
+        infractions.append(_here(world, InfractionKind.BLOCKED, "stood still for more than 60 s"))
+    outside = float(world.state.criteria[c.C_OUTSIDE_M])
+    passed = float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
+    if outside > 0.0 and passed > 0.0:
+        share = 100.0 * outside / passed
+        detail = f"outside its lanes for {outside:.0f} m, {share:.0f} % of the way"
+        infractions.append(_here(world, InfractionKind.OUTSIDE_LANES, detail, share_pct=share))
+    ratios = [row[c.EV_VALUE] for row in _events(world) if row[c.EV_KIND] == c.EVENT_SPEED]
+    return Score(
+        end=end,
+        end_detail=_end_detail(world, end, options),
+        route_completion_pct=100.0 if end is End.COMPLETED else round(100.0 * passed / world.dense.length_m, 2),
+        route_length_m=world.dense.length_m,
+        infractions=tuple(infractions),
+        speed_ratios_pct=tuple(float(ratio) for ratio in ratios),
+        junction_passed=_junction_passed(world),
+    )
+
+
+def _events(world: World) -> np.typing.NDArray[np.float64]:
+    return world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
+
+
+def _infractions(world: World) -> list[Infraction]:
+    found = []
+    for row in _events(world):
+        kind, number, value = int(row[c.EV_KIND]), int(row[c.EV_ACTOR]), float(row[c.EV_VALUE])
+        if kind == c.EVENT_SPEED:
+            continue
+        if kind == c.EVENT_COLLISION:
+            what = ActorKind.BUILDING if number < 0 else ActorKind(int(world.state.actor_ints[number, c.I_KIND]))
+            name = what.name.lower().replace("_", " ")
+            infraction, detail = _COLLISIONS[what.collision_class], f"hit {name} at {value:.1f} m/s"
+        elif kind == c.EVENT_RED_LIGHT:
+            infraction, detail = InfractionKind.RED_LIGHT, "ran a red light"
+        elif kind == c.EVENT_STOP_SIGN:
+            infraction, detail = InfractionKind.STOP_SIGN, f"passed a stop sign at {value:.1f} m/s"
+        else:
+            infraction, detail = InfractionKind.YIELD_EMERGENCY, "did not let the emergency vehicle past"
+        found.append(Infraction(infraction, int(row[c.EV_TICK]), detail, float(row[c.EV_X]), float(row[c.EV_Y])))
+    return found
+
+
+def _here(world: World, kind: InfractionKind, detail: str, *, share_pct: float = 0.0) -> Infraction:
+    ego = world.state.ego
+    tick = int(world.state.clock[0])
+    return Infraction(kind, tick, detail, float(ego[c.EGO_X]), float(ego[c.EGO_Y]), share_pct)
+
+
+def _end_detail(world: World, end: End, options: SimulatorOptions) -> str:
+    at_s = float(world.state.clock[0]) * DT_S
+    still_s = float(world.state.criteria[c.C_STILL_S])
+    return {
+        End.COMPLETED: f"reached the end at {at_s:.1f} s",
+        End.DEVIATED: f"left the route at {at_s:.1f} s",
+        End.BLOCKED: f"stood still for {still_s:.0f} s",
+        End.TICK_CAP: f"not finished after {options.tick_cap} ticks ({options.tick_cap * DT_S:.0f} s)",
+        End.STUCK: f"stood still for {still_s:.0f} s, stopped early (--drive-stuck-stop)",
+        End.SIMULATION_CRASHED: f"stopped at {at_s:.1f} s before any end was reached",
+    }[end]
+
+
+def _junction_passed(world: World) -> bool:
+    """More than eight waypoints beyond the first junction waypoint (Bench2Drive `tools/ability_benchmark.py`)."""
+    row = world.dense.first_junction_row()
+    return row is not None and int(world.state.criteria_ints[c.CI_PROGRESS]) > row + 8

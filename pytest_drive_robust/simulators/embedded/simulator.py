@@ -1,0 +1,127 @@
+"""The default backend: `World`, its sensors and its criteria behind the `Simulator` protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.domain.truth import Frame, GroundTruth
+from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.scoring import ENDS, score_of
+from pytest_drive_robust.simulators.embedded.sensors import Sensors
+from pytest_drive_robust.simulators.embedded.state import State
+from pytest_drive_robust.simulators.embedded.world import DT_S, World
+
+__all__ = ["EmbeddedSimulator"]
+
+
+class EmbeddedSimulator:
+    """A 20 Hz world in arrays whose maps come from highway-env's road network and lanes.
+
+    >>> simulator = EmbeddedSimulator()
+    >>> simulator.name, simulator.dt_s
+    ('embedded', 0.05)
+    """
+
+    name = "embedded"
+    version = "1"
+    dt_s = DT_S
+
+    def __init__(self, options: SimulatorOptions | None = None) -> None:
+        self.options = options or SimulatorOptions()
+        self._world: World | None = None
+        self._sensors: Sensors | None = None
+        self._frame: Frame | None = None
+
+    @property
+    def world(self) -> World:
+        """The world of the current episode. Raises `SimulationError` before the first `reset`."""
+        if self._world is None:
+            raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
+        return self._world
+
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+        """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
+        world = World(route, seed=seed, options=self.options)
+        self._sensors = Sensors(
+            cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S
+        )
+        self._world = world
+        self._frame = world.frame()
+        return self._frame
+
+    def plan(self) -> GlobalPlan:
+        """The sparse plan of the current route."""
+        return self.world.dense.plan()
+
+    def observe(self) -> Observation:
+        """Clean sensors of this moment."""
+        if self._sensors is None:
+            raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
+        return self._sensors.observe(self.frame)
+
+    @property
+    def frame(self) -> Frame:
+        """The dynamic world of this moment."""
+        if self._frame is None:
+            self._frame = self.world.frame()
+        return self._frame
+
+    def truth(self) -> GroundTruth:
+        """The state of the world of this moment."""
+        return self.world.truth(self.frame)
+
+    def step(self, control: Control) -> Frame:
+        """Advance by 50 ms."""
+        self.world.tick(control)
+        self._frame = self.world.frame()
+        return self._frame
+
+    @property
+    def done(self) -> End | None:
+        """Why the episode is over, or None while it is not."""
+        return ENDS.get(int(self.world.state.criteria_ints[c.CI_END]))
+
+    @property
+    def progress_m(self) -> float:
+        """Metres of the route that are behind the ego."""
+        world = self.world
+        return float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
+
+    def score(self) -> Score:
+        """Close the criteria and report them; once per episode."""
+        self.world.close_criteria()
+        return score_of(self.world, self.options)
+
+    def snapshot(self) -> State:
+        """A copy of everything that changes; microseconds."""
+        return self.world.snapshot()
+
+    def restore(self, snapshot: State) -> None:
+        """Go back to a snapshot of the current episode."""
+        self.world.restore(snapshot)
+        self._frame = None
+
+    def versions(self) -> Mapping[str, str]:
+        """Backend and the libraries that compute."""
+        import cv2
+        import highway_env
+        import numba
+        import numpy as np
+
+        return {
+            "simulator": f"{self.name} {self.version}",
+            "highway-env": str(getattr(highway_env, "__version__", "unknown")),
+            "numba": str(numba.__version__),
+            "numpy": str(np.__version__),
+            "opencv": str(cv2.__version__),
+        }
+
+    def close(self) -> None:
+        """Forget the current world."""
+        self._world = self._sensors = self._frame = None

@@ -1,0 +1,114 @@
+"""The world as arrays: what the kernels read (`Statics`) and what they write (`State`), and the names of the columns.
+
+`snapshot` is a copy of `State`, so branching a world costs microseconds.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["EVENT_CAPACITY", "State", "Statics", "copy_state"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+EVENT_CAPACITY = 256
+
+# --- ego: one row of floats -------------------------------------------------------------------------------------------
+EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_ACCEL, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(9)
+EGO_COLUMNS = 9
+
+# --- actors: one row each -------------------------------------------------------------------------------------------
+A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)
+A_TARGET_V, A_TARGET_LAT, A_LAT_RATE, A_END_S = range(10, 14)
+# what a trigger starts: a speed and a lateral target, for so many seconds, then another speed
+A_SCRIPT_V, A_SCRIPT_LAT, A_SCRIPT_S, A_AFTER_V, A_DELAY_S, A_TIMER_S = range(14, 20)
+A_TRIGGER_TTA_S, A_TRIGGER_M, A_TRIGGER_X, A_TRIGGER_Y, A_TRIGGER_PROGRESS_M = range(20, 25)
+A_SYNC_M, A_BRAKE_MAX, A_ACCEL_MAX = range(25, 28)
+ACTOR_COLUMNS = 28
+
+I_KIND, I_ACTIVE, I_MODE, I_PATH, I_STATE, I_PHASE, I_STUN, I_LAST_HIT, I_TRIGGER, I_AT_END = range(10)
+I_BACKGROUND, I_OBEYS_LIGHTS, I_SOLID, I_LEASH, I_FLOW, I_RELATIVE = range(10, 16)
+ACTOR_INTS = 16
+
+MODE_STATIC, MODE_DRIVE, MODE_WALK = range(3)
+TRIGGER_NONE, TRIGGER_ARRIVAL, TRIGGER_PROGRESS = range(3)
+PHASE_WAITING, PHASE_DELAYED, PHASE_SCRIPT, PHASE_DONE = range(4)
+AT_END_STAY, AT_END_LEAVE = range(2)
+
+# --- flows: sources of cars at constant speed -----------------------------------------------------------------------
+F_SOURCE_S, F_SINK_S, F_SPEED, F_NEXT_GAP_M = range(4)
+FLOW_COLUMNS = 4
+FI_PATH, FI_FIRST_SLOT, FI_LAST_SLOT, FI_LATEST, FI_DRAWN = range(5)
+FLOW_INTS = 5
+
+# --- criteria: one row of floats and one of ints --------------------------------------------------------------------
+C_OUTSIDE_M, C_DRIVEN_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(6)
+C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(6, 10)
+CRITERIA_COLUMNS = 10
+CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_ACTIVATED, CI_SAMPLES = range(7)
+CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN = range(7, 12)
+CRITERIA_INTS = 12
+
+END_NONE, END_COMPLETED, END_DEVIATED, END_BLOCKED, END_TICK_CAP, END_STUCK = range(6)
+
+# --- events: one row each -------------------------------------------------------------------------------------------
+EVENT_COLLISION, EVENT_RED_LIGHT, EVENT_STOP_SIGN, EVENT_YIELD, EVENT_SPEED = range(5)
+EV_KIND, EV_TICK, EV_ACTOR, EV_VALUE, EV_X, EV_Y = range(6)
+EVENT_COLUMNS = 6
+
+
+class Statics(NamedTuple):
+    """What does not change within an episode."""
+
+    dt_s: float
+    tick_cap: int
+    stuck_stop_s: float
+    route: Floats  # (n, 4): x, y, yaw, speed limit; about one row a metre
+    route_s: Floats  # (n,): distance along the route [m]
+    trigger_m: float  # progress at which the scenario wakes up
+    scenario_end_m: float  # progress at which the scenario is over
+    blocked_test_off: int  # 1: the blocked test sleeps while the scenario runs
+    two_ways: int  # 1: driving against the traffic is allowed while the scenario runs
+    emergency_actor: int  # the actor that must be let past, or -1
+    ego_length_m: float
+    ego_width_m: float
+    paths: Floats  # (total, 3): all paths of actors, one after the other
+    path_start: Ints  # (paths + 1,)
+    path_step: Floats  # (paths,): distance between two points of a path [m]
+    path_stop_s: Floats  # (paths,): where the path meets a light, or infinity
+    path_stop_line: Ints  # (paths,): which stop line that is, or -1
+    lanes: Floats  # (total, 3): centre points of driving and parking lanes
+    lane_of: Ints  # (total,): lane index of each centre point
+    lane_width: Floats  # (lanes,)
+    lane_junction: Ints  # (lanes,)
+    stop_lines: Floats  # (stop lines, 4): x, y, heading, width
+    stop_is_light: Ints  # (stop lines,)
+    light_states: Ints  # (stop lines, phases)
+    light_until_s: Floats  # (stop lines, phases): phase ends so many seconds after the scenario woke up
+    light_before: Ints  # (stop lines,): state before the scenario wakes up
+    flow_gaps: Floats  # (flows, draws): distances between two cars [m]
+    buildings: Floats  # (b, 6)
+
+
+class State(NamedTuple):
+    """What a tick changes."""
+
+    clock: Ints  # (2,): tick, tick at which the scenario woke up (-1: not yet)
+    ego: Floats  # (9,)
+    actors: Floats  # (k, 28)
+    actor_ints: Ints  # (k, 16)
+    flows: Floats  # (f, 4)
+    flow_ints: Ints  # (f, 5)
+    lights: Ints  # (stop lines,)
+    criteria: Floats  # (10,)
+    criteria_ints: Ints  # (12,)
+    events: Floats  # (EVENT_CAPACITY, 6)
+
+
+def copy_state(state: State) -> State:
+    """An independent copy: what `snapshot` and `restore` move around."""
+    return State(*(array.copy() for array in state))

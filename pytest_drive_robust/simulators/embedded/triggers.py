@@ -1,0 +1,26 @@
+"""What wakes an actor up, once its scenario is awake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Union
+
+__all__ = ["Arrival", "Passing", "Trigger"]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """The ego is nearer than `within_m` to the actor's conflict point, or reaches it in less than `tta_s` at its speed."""
+
+    tta_s: float
+    within_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """The ego has passed `progress_m` metres of the route."""
+
+    progress_m: float
+
+
+Trigger = Union[Arrival, Passing]

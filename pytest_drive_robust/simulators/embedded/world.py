@@ -1,0 +1,187 @@
+"""One episode's world: built from a route and a seed, advanced by controls, all arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth, LaneKind, LaneMap
+from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish, judge
+from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
+from pytest_drive_robust.simulators.embedded.kernels import actor_rows, advance, fill_flows, pose_actors
+from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
+from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
+from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.state import State, Statics, copy_state
+
+__all__ = ["DT_S", "EGO_LENGTH_M", "EGO_WIDTH_M", "World"]
+
+DT_S = 0.05
+EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
+"""`vehicle.lincoln.mkz_2020`, the leaderboard's ego."""
+
+Floats = NDArray[np.float64]
+
+
+class World:
+    """A route with its actors. `statics` never changes, `state` is everything that does.
+
+    Raises `RouteError` when the route cannot be laid or its scenario cannot be staged there.
+    """
+
+    def __init__(self, route: Route, *, seed: int, options: SimulatorOptions = SimulatorOptions()) -> None:  # noqa: B008
+        self.dense = lay_route(route)
+        kind = SCENARIOS.get(route.scenario.type)
+        if kind is None:
+            raise UnknownNameError.of("scenario type", route.scenario.type, SCENARIOS, hint=f"(route {route.id})")
+        self.stage = Stage(self.dense, seed=seed)
+        kind.build(self.stage)
+        actors, actor_ints, flows, flow_ints, gaps = self.stage.cast.freeze()
+        self.statics = _statics(self.dense, self.stage, kind, gaps, options)
+        floats, ints = criteria_arrays()
+        self.state = State(
+            clock=np.array([0, -1], dtype=np.int64),
+            ego=_ego_at_start(self.dense),
+            actors=actors,
+            actor_ints=actor_ints,
+            flows=flows,
+            flow_ints=flow_ints,
+            lights=np.zeros(len(self.lane_map.stop_lines), dtype=np.int64),
+            criteria=floats,
+            criteria_ints=ints,
+            events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
+        )
+        self._rows = np.zeros((len(actors), 10))
+        pose_actors(self.statics, self.state)
+        fill_flows(self.statics, self.state)
+        _clear_start(self.statics, self.state)
+
+    @property
+    def lane_map(self) -> LaneMap:
+        """The town."""
+        return self.dense.lane_map
+
+    def tick(self, control: Control) -> None:
+        """Advance by `DT_S` seconds."""
+        advance(self.statics, self.state, float(control.throttle), float(control.steer), float(control.brake))
+        judge(self.statics, self.state)
+
+    def close_criteria(self) -> None:
+        """Note what is only known at the end; once per episode."""
+        finish(self.statics, self.state)
+
+    def frame(self) -> Frame:
+        """The dynamic world of this moment; its arrays belong to the caller."""
+        ego = self.state.ego
+        count = actor_rows(self.state, self._rows)
+        return Frame(
+            tick=int(self.state.clock[0]),
+            ego=EgoState(
+                x_m=float(ego[c.EGO_X]),
+                y_m=float(ego[c.EGO_Y]),
+                yaw_rad=float(ego[c.EGO_YAW]),
+                speed_mps=float(ego[c.EGO_V]),
+                forward_mps2=float(ego[c.EGO_FORWARD]),
+                right_mps2=float(ego[c.EGO_RIGHT]),
+                yaw_rate_radps=float(ego[c.EGO_YAW_RATE]),
+                length_m=EGO_LENGTH_M,
+                width_m=EGO_WIDTH_M,
+            ),
+            actors=self._rows[:count].copy(),
+            lights=self.state.lights.copy(),
+        )
+
+    def truth(self, frame: Frame) -> GroundTruth:
+        """`frame` together with the map and the route."""
+        return GroundTruth(frame, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
+
+    def snapshot(self) -> State:
+        """A copy of everything that changes; give it to `restore` to branch from here."""
+        return copy_state(self.state)
+
+    def restore(self, snapshot: State) -> None:
+        """Go back to a snapshot of this world."""
+        for mine, theirs in zip(self.state, snapshot, strict=True):
+            mine[...] = theirs
+
+
+def _ego_at_start(dense: DenseRoute) -> Floats:
+    ego = np.zeros(c.EGO_COLUMNS)
+    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]] = dense.rows[0, :3]
+    ego[c.EGO_YAW] = np.remainder(ego[c.EGO_YAW] + np.pi, 2.0 * np.pi) - np.pi
+    return ego
+
+
+def _clear_start(statics: Statics, state: State) -> None:
+    """No flow car may stand where the ego starts: those nearer than 15 m on its own lane leave before the first tick."""
+    for i in range(len(state.actors)):
+        if state.actor_ints[i, c.I_ACTIVE] != 1 or state.actor_ints[i, c.I_FLOW] < 0:
+            continue
+        dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
+        beside = abs(-dx * np.sin(state.ego[c.EGO_YAW]) + dy * np.cos(state.ego[c.EGO_YAW]))
+        if np.hypot(dx, dy) < 15.0 and beside < statics.ego_width_m:
+            state.actor_ints[i, c.I_ACTIVE] = 0
+
+
+def _statics(
+    dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, options: SimulatorOptions
+) -> Statics:
+    lane_map = dense.lane_map
+    usable = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]
+    stops = lane_map.stop_lines
+    before, states, until = compile_programs([stage.programs.get(line.index, RED) for line in stops])
+    stop_s, stop_line = _path_stops(stage.paths, dense)
+    lengths = [len(path) for path in stage.paths]
+    steps = [float(np.hypot(*(path[1, :2] - path[0, :2]))) for path in stage.paths]
+    if any(step <= 0.0 for step in steps):
+        raise RouteError(f"route {dense.route.id}: an actor's path has no length")
+    return Statics(
+        dt_s=DT_S,
+        tick_cap=options.tick_cap,
+        stuck_stop_s=np.inf if options.stuck_stop_s is None else float(options.stuck_stop_s),
+        route=dense.rows,
+        route_s=dense.s,
+        trigger_m=float(dense.trigger_m),
+        scenario_end_m=float(stage.end_m),
+        blocked_test_off=int(kind.blocked_test_off),
+        two_ways=int(kind.two_ways),
+        emergency_actor=stage.emergency_actor,
+        ego_length_m=EGO_LENGTH_M,
+        ego_width_m=EGO_WIDTH_M,
+        paths=np.concatenate(stage.paths),
+        path_start=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+        path_step=np.array(steps),
+        path_stop_s=stop_s,
+        path_stop_line=stop_line,
+        lanes=np.concatenate([lane.centre for lane in usable]),
+        lane_of=np.concatenate([np.full(len(lane.centre), lane.index) for lane in usable]).astype(np.int64),
+        lane_width=np.array([lane.width_m for lane in lane_map.lanes]),
+        lane_junction=np.array([int(lane.junction) for lane in lane_map.lanes], dtype=np.int64),
+        stop_lines=np.array([[s.x_m, s.y_m, s.heading_rad, s.width_m] for s in stops]).reshape(-1, 4),
+        stop_is_light=np.array([int(s.is_light) for s in stops], dtype=np.int64),
+        light_states=states,
+        light_until_s=until,
+        light_before=before,
+        flow_gaps=gaps,
+        buildings=lane_map.buildings,
+    )
+
+
+def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:
+    """Where each path meets its first stop line, if it does."""
+    stop_s = np.full(len(paths), np.inf)
+    stop_line = np.full(len(paths), -1, dtype=np.int64)
+    for p, path in enumerate(paths):
+        step = float(np.hypot(*(path[1, :2] - path[0, :2])))
+        for line in dense.lane_map.stop_lines:
+            away = np.hypot(path[:, 0] - line.x_m, path[:, 1] - line.y_m)
+            k = int(np.argmin(away))
+            along = np.cos(path[k, 2] - line.heading_rad) > 0.8
+            if line.is_light and along and away[k] < 1.0 and k * step < stop_s[p]:
+                stop_s[p], stop_line[p] = k * step, line.index
+    return stop_s, stop_line

@@ -1,0 +1,137 @@
+"""Two-sided confidence intervals whose unit of analysis is the route: average the seeds of a route first.
+
+Closed forms, so the same values give the same interval. With one route there is no spread to learn from: the interval
+is then the whole range of the quantity, `bounds`, and says so instead of looking certain.
+
+All of them read zero spread as certainty: 24 routes with a score of 100 give 100..100. `share_interval` does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from math import fsum
+
+from pytest_drive_robust.errors import ComparisonError
+
+__all__ = ["jackknife_interval", "mean_interval", "ratio_interval", "share_interval"]
+
+_EVERYTHING = (-math.inf, math.inf)
+_LARGEST_RD = 1.0
+
+
+def mean_interval(
+    values: Sequence[float], confidence: float = 0.95, *, bounds: tuple[float, float] = _EVERYTHING
+) -> tuple[float, float]:
+    """Student's t interval of the mean of `values` (one per route), cut to `bounds`.
+
+    Contains the mean of `values`. One value gives `bounds`. Raises `ComparisonError` for no value.
+    """
+    count = _require_values(values)
+    if count == 1:
+        return bounds
+    centre = fsum(values) / count
+    variance = fsum((value - centre) ** 2 for value in values) / (count - 1)
+    return _around(centre, _t_quantile(confidence, count - 1) * math.sqrt(variance / count), bounds)
+
+
+def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a success rate; `values` are 0..1, one per route.
+
+    It stays open when every route succeeded or failed: 24 of 24 give 0.86..1.00. For routes with several seeds, whose
+    values lie between 0 and 1, it is wider than needed. Source: Wilson 1927, "Probable inference, the law of
+    succession, and statistical inference". Raises `ComparisonError` for no value.
+    """
+    from scipy.special import ndtri
+
+    count = _require_values(values)
+    share = fsum(values) / count
+    z = float(ndtri(0.5 + _require_confidence(confidence) / 2.0))
+    weight = z * z / count
+    centre = (share + weight / 2.0) / (1.0 + weight)
+    half = math.sqrt(share * (1.0 - share) * weight + weight * weight / 4.0) / (1.0 + weight)
+    return max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))
+
+
+def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+    """Fieller's interval of RD = 1 - mean(perturbed) / mean(clean), paired: one value per route, same order.
+
+    It holds every threshold that the paired t test on `P - (1 - threshold) * C` does not reject; that statistic is
+    linear, so nothing is divided. Contains the RD of the means and never exceeds 1, because scores are not negative.
+
+    One route gives (-inf, 1). So does a clean mean that cannot be told from 0 at this confidence: then the test
+    rejects thresholds on one side only or none at all, and RD may be anything. Equal lists give (0, 0): nothing
+    changed, however few routes. Source: Fieller 1954, "Some problems in interval estimation".
+
+    Raises `ComparisonError` for no route, for lists of different length and for a clean mean of 0.
+    """
+    count = _require_values(clean)
+    if len(perturbed) != count:
+        raise ComparisonError(
+            f"{count} clean and {len(perturbed)} perturbed values do not pair. Expected one per route."
+        )
+    clean_mean = fsum(clean) / count
+    if clean_mean <= 0.0:
+        raise ComparisonError(f"the mean clean score is {clean_mean:g}, so the degradation is undefined.")
+    if list(clean) == list(perturbed):
+        return 0.0, 0.0
+    if count == 1:
+        return -math.inf, _LARGEST_RD
+    ratio = fsum(perturbed) / count / clean_mean
+    rd = 1.0 - ratio
+    residuals = [after - ratio * before for before, after in zip(clean, perturbed, strict=True)]
+    deviations = [before - clean_mean for before in clean]
+    scale = _t_quantile(confidence, count - 1) ** 2 / (count * (count - 1))
+    spread = scale * fsum(residual * residual for residual in residuals)
+    shared = scale * fsum(residual * deviation for residual, deviation in zip(residuals, deviations, strict=True))
+    certainty = clean_mean**2 - scale * fsum(deviation * deviation for deviation in deviations)
+    if certainty <= 0.0:
+        return -math.inf, _LARGEST_RD
+    # Thresholds 1 - ratio - shift where certainty * shift^2 + 2 * shared * shift - spread <= 0; the roots enclose 0.
+    half = math.sqrt(shared * shared + certainty * spread)
+    smallest, largest = (-shared - half) / certainty, (-shared + half) / certainty
+    return min(rd, rd - largest), min(_LARGEST_RD, max(rd, rd - smallest))
+
+
+def jackknife_interval(
+    value: float,
+    without_route: Sequence[float],
+    confidence: float = 0.95,
+    *,
+    bounds: tuple[float, float] = _EVERYTHING,
+) -> tuple[float, float]:
+    """Jackknife t interval of any smooth statistic; equals `mean_interval` when the statistic is a mean.
+
+    `value` is the statistic over all routes, `without_route` the statistic with one route left out, one per route.
+    One route gives `bounds`. Source: Efron and Tibshirani 1993, "An introduction to the bootstrap",
+    chapter 11.
+    """
+    count = len(without_route)
+    if count < 2:
+        return bounds
+    centre = fsum(without_route) / count
+    variance = (count - 1) / count * fsum((other - centre) ** 2 for other in without_route)
+    return _around(value, _t_quantile(confidence, count - 1) * math.sqrt(variance), bounds)
+
+
+def _around(centre: float, half: float, bounds: tuple[float, float]) -> tuple[float, float]:
+    return max(bounds[0], centre - half), min(bounds[1], centre + half)
+
+
+def _t_quantile(confidence: float, degrees_of_freedom: int) -> float:
+    from scipy.special import stdtrit
+
+    quantile: Callable[[float, float], float] = stdtrit
+    return float(quantile(float(degrees_of_freedom), 0.5 + _require_confidence(confidence) / 2.0))
+
+
+def _require_confidence(confidence: float) -> float:
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"the confidence is {confidence!r}, expected a number between 0 and 1 such as 0.95.")
+    return confidence
+
+
+def _require_values(values: Sequence[float]) -> int:
+    if not values:
+        raise ComparisonError("there is no value to compute an interval of. Expected one per route.")
+    return len(values)

@@ -1,0 +1,97 @@
+"""What happens during a run, as small frozen facts: the one stream that progress and reports read.
+
+One process hands them over directly; workers append them to a file that the controller reads.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+__all__ = ["Asked", "Event", "Finished", "Judged", "Planned", "Started", "event_from_json", "event_to_json"]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """The episodes (by key) that the selected tests are known to need. May repeat: keys count once."""
+
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A test needs these episodes (by key): one agent under one setting over routes x seeds.
+
+    `clean_keys` are their clean twins, empty when nobody asked to compare. `warmup_ticks` is 0 but for settings that
+    begin with a warm-up and for their clean twins.
+    """
+
+    agent: str
+    routes_spec: str
+    setting: str
+    seeds: tuple[int, ...]
+    warmup_ticks: int
+    keys: tuple[str, ...]
+    clean_keys: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """An episode began. `route` is the label of the route, for people."""
+
+    key: str
+    agent: str
+    setting: str
+    route: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """An episode ended and is stored. `wall_s` is how many seconds it took."""
+
+    key: str
+    wall_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A requirement got its verdict in the test `nodeid`.
+
+    `verdict` is `"pass"`, `"fail"` or `"error"`. For `"error"` the numbers are None and `message` says why.
+    `low` and `high` bound the 95 % interval of `value`.
+    """
+
+    nodeid: str
+    requirement: str
+    agent: str
+    routes_spec: str
+    seeds: tuple[int, ...]
+    metric: str
+    setting: str
+    comparison: str
+    limit: float
+    verdict: str
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    routes: int = 0
+    message: str = ""
+
+
+Event = Planned | Asked | Started | Finished | Judged
+
+_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Planned, Asked, Started, Finished, Judged)}
+
+
+def event_to_json(event: Event) -> str:
+    """One line of JSON."""
+    return json.dumps({"event": type(event).__name__, **asdict(event)})
+
+
+def event_from_json(line: str) -> Event:
+    """The inverse of `event_to_json`. Raises `ValueError` for a line that was cut off."""
+    fields = json.loads(line)
+    kind = _KINDS[fields.pop("event")]
+    event: Event = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    return event

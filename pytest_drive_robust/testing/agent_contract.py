@@ -1,0 +1,229 @@
+"""Does an agent keep the contract of `pytest_drive_robust.Agent`? One small function for each promise."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, consumed_signals
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import Image, Observation
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import GroundTruth
+from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
+from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest
+from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
+from pytest_drive_robust.testing.report import Check, ContractReport
+
+__all__ = ["check_agent"]
+
+_EPISODE_TICKS = 120
+_SLOWEST_ACT_S = 5.0
+_METHODS = ("sensors", "reset", "act")
+_KNOWN = ", ".join(SIGNALS)
+
+
+def check_agent(
+    agent_factory: Callable[[], Agent],
+    *,
+    simulator: Simulator | None = None,
+    route: Route | None = None,
+    seed: int = 0,
+    subject: str = "",
+) -> ContractReport:
+    """Drive a few episodes and tell which promises of the contract hold.
+
+    `agent_factory` makes a new agent on every call. Without `simulator` and `route`, the agent drives 120 ticks of
+    `FakeSimulator`; give your own for an agent that needs a real scene. Nothing is raised for what the agent does.
+    """
+    world = simulator or FakeSimulator(SimulatorOptions(tick_cap=_EPISODE_TICKS))
+    name = subject or getattr(agent_factory, "__name__", type(agent_factory).__name__)
+    trial = _Trial(agent_factory, world, route or fake_route(), seed)
+    return ContractReport(name, tuple(trial.checks()))
+
+
+class _Trial:
+    """The checks share one recorded episode, which everything else is compared with."""
+
+    def __init__(self, factory: Callable[[], Agent], simulator: Simulator, route: Route, seed: int) -> None:
+        self.factory = factory
+        self.simulator = simulator
+        self.route = route
+        self.seed = seed
+
+    def checks(self) -> Iterator[Check]:
+        """Every check in order; those that need a contract already broken are left out."""
+        for first in (self.methods, self.declarations):
+            yield (check := first())
+            if not check.ok:
+                return
+        self.acts_s: list[float] = []
+        self.record, result = self.drive(_Timed(self.factory(), self.acts_s), self.seed)
+        yield self.controls(result)
+        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+            return
+        self.truth: GroundTruth = self.simulator.truth()
+        yield self.time()
+        for promise in (self.determinism, self.reset, self.isolation, self.consumes, self.privileged, self.plan):
+            try:
+                yield promise()
+            except AgentError as error:  # noqa: PERF203 - a broken promise does not hide the next one
+                yield Check(promise.__name__, False, f"{error}.")
+
+    def drive(self, agent: Agent, seed: int) -> tuple[RecordingAgent, EpisodeResult]:
+        """One whole episode on the route of the trial."""
+        return drive(agent, self.simulator, route=self.route, seed=seed)
+
+    def methods(self) -> Check:
+        """The factory gives an object with the three methods."""
+        try:
+            agent = self.factory()
+        except Exception as error:
+            return Check("methods", False, f"the factory raised {type(error).__name__}: {error}.")
+        missing = [name for name in _METHODS if not callable(getattr(agent, name, None))]
+        if missing:
+            return Check("methods", False, f"{type(agent).__name__} lacks {', '.join(missing)}.")
+        return Check("methods", True, "sensors, reset and act are there.")
+
+    def declarations(self) -> Check:
+        """`consumes` holds names of signals, `privileged` is a bool."""
+        agent = self.factory()
+        privileged = getattr(agent, "privileged", False)
+        if not isinstance(privileged, bool):
+            return Check("declarations", False, f"privileged is {privileged!r}, expected True or False.")
+        declared: object = getattr(agent, "consumes", SIGNALS)
+        if isinstance(declared, str) or not hasattr(declared, "__iter__"):
+            return Check("declarations", False, f"consumes is {declared!r}, expected names out of {_KNOWN}.")
+        unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
+        if unknown:
+            return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
+        return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
+
+    def controls(self, result: EpisodeResult) -> Check:
+        """A whole episode without an exception, a NaN, a wrong type, a value out of range or an impossible camera."""
+        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+            return Check("controls", False, f"tick {result.ticks}: {result.end_detail}.")
+        return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
+
+    def time(self) -> Check:
+        """How long `act` takes: told, and judged only where no run could end."""
+        mean_s, worst_s = sum(self.acts_s) / len(self.acts_s), max(self.acts_s)
+        sentence = f"act takes {1000.0 * mean_s:.2f} ms on average, {1000.0 * worst_s:.2f} ms at most."
+        if mean_s > _SLOWEST_ACT_S:
+            return Check("time", False, f"{sentence} More than {_SLOWEST_ACT_S:g} s: an episode would take hours.")
+        return Check("time", True, sentence)
+
+    def determinism(self) -> Check:
+        """Two new agents with the same seed drive the same."""
+        again, _ = self.drive(self.factory(), self.seed)
+        tick = first_difference(self.record.controls, again.controls)
+        if tick is not None:
+            advice = "Draw all randomness from the seed that reset gets, and read no clock."
+            return Check("determinism", False, f"two agents with seed {self.seed} differ from act {tick} on. {advice}")
+        return Check("determinism", True, f"two agents with seed {self.seed} drive the same.")
+
+    def reset(self) -> Check:
+        """An agent that has driven another episode drives like a new one after `reset`."""
+        agent = self.factory()
+        self.drive(agent, self.seed + 1)
+        again, _ = self.drive(agent, self.seed)
+        tick = first_difference(self.record.controls, again.controls)
+        if tick is not None:
+            advice = "Set every attribute that act changes in reset."
+            return Check("reset", False, f"after another episode the agent differs from act {tick} on. {advice}")
+        return Check("reset", True, "after another episode and reset, the agent drives like a new one.")
+
+    def isolation(self) -> Check:
+        """The same controls from a script see the same world: nothing that the agent writes to reaches it."""
+        script = ScriptedAgent(self.record.controls, cameras=self.record.sensors())
+        replayed, _ = self.drive(script, self.seed)
+        seen = [observation_digest(observation) for observation in self.record.observations]
+        tick = first_difference(seen, [observation_digest(observation) for observation in replayed.observations])
+        if tick is not None:
+            told = f"something that the agent wrote to changed what is seen in tick {tick}: write to copies"
+            return Check("isolation", False, f"{told}.")
+        return Check("isolation", True, "the agent changes the world by its controls only.")
+
+    def consumes(self) -> Check:
+        """Signals that are not declared do not change the controls."""
+        agent = self.factory()
+        undeclared = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
+        expected = self.feed(lambda observation: observation)
+        for signal in undeclared:
+            tick = first_difference(expected, self.feed(_CHANGES[signal]))
+            if tick is not None:
+                return Check("consumes", False, f"{signal} changes the control of act {tick}: declare it in consumes.")
+        told = f"{', '.join(undeclared)} reach no control, as declared." if undeclared else "every signal is declared."
+        return Check("consumes", True, told)
+
+    def privileged(self) -> Check:
+        """Ground truth changes the controls of those that ask for it, and of nobody else."""
+        if not getattr(self.factory(), "privileged", False):
+            with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
+            if first_difference(self.feed(lambda observation: observation), with_truth) is not None:
+                return Check("privileged", False, "the agent reads observation.truth: declare privileged = True.")
+            return Check("privileged", True, "the agent does without ground truth.")
+        try:
+            blind = self.feed(lambda observation: replace(observation, truth=None))
+        except AgentError:
+            return Check("privileged", True, "the agent needs the ground truth that it asks for.")
+        if first_difference(self.record.controls, blind) is None:
+            return Check("privileged", False, "the same is driven without ground truth: remove privileged = True.")
+        return Check("privileged", True, "the agent uses the ground truth that it asks for.")
+
+    def plan(self) -> Check:
+        """`plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
+        agent = self.factory()
+        plan = getattr(agent, "plan", None)
+        if plan is None:
+            return Check("plan", True, "there is no plan() to show, and none is needed.")
+        assert self.record.plan is not None  # the recorded episode began with reset
+        feed(agent, self.record.observations[:1], plan=self.record.plan, seed=self.seed)
+        try:
+            planned: object = plan()
+        except Exception as error:
+            return Check("plan", False, f"plan raised {type(error).__name__}: {error}.")
+        if not isinstance(planned, PlannedPath):
+            return Check("plan", False, f"plan returned {type(planned).__name__}, expected a PlannedPath.")
+        points = (*planned.path, *planned.target_points, *planned.speed_points)
+        if not all(math.isfinite(value) for point in points for value in point):
+            return Check("plan", False, "plan returned a point that is not finite.")
+        return Check("plan", True, f"plan gives {len(points)} points.")
+
+    def feed(self, change: Callable[[Observation], Observation]) -> list[Control]:
+        """A new agent's controls for the recorded observations."""
+        assert self.record.plan is not None  # the recorded episode began with reset
+        agent = self.factory()
+        return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+
+
+class _Timed:
+    """Passes on to an agent and adds the wall time of each `act` to a list."""
+
+    def __init__(self, agent: Agent, acts_s: list[float]) -> None:
+        self.sensors, self.reset = agent.sensors, agent.reset
+        self.consumes = consumed_signals(agent)
+        self.privileged = getattr(agent, "privileged", False)
+        self._agent = agent
+        self._acts_s = acts_s
+
+    def act(self, observation: Observation) -> Control:
+        started_s = time.perf_counter()
+        control = self._agent.act(observation)
+        self._acts_s.append(time.perf_counter() - started_s)
+        return control
+
+
+_CHANGES: dict[str, Callable[[Observation], Observation]] = {
+    "cameras": lambda seen: seen.map_images(lambda _, image: Image(255 - image.pixels, image.tick)),
+    "gps": lambda seen: replace(seen, gps=replace(seen.gps, x_m=seen.gps.x_m + 30.0, y_m=seen.gps.y_m - 30.0)),
+    "compass": lambda seen: replace(seen, compass=replace(seen.compass, heading_rad=seen.compass.heading_rad + 1.0)),
+    "imu": lambda seen: replace(seen, imu=replace(seen.imu, forward_mps2=4.0, right_mps2=-4.0, yaw_rate_radps=1.0)),
+    "speed": lambda seen: replace(seen, speed=replace(seen.speed, mps=seen.speed.mps + 10.0)),
+}

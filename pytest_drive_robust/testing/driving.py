@@ -1,0 +1,62 @@
+"""How the contract checks drive: whole episodes, recorded observations fed again, and digests to compare them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import Observation
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.runner.contract import agent_act, agent_reset
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.simulators.base import Simulator
+from pytest_drive_robust.testing.agents import RecordingAgent
+
+__all__ = ["drive", "feed", "first_difference", "observation_digest"]
+
+
+def drive(
+    agent: Agent, simulator: Simulator, *, route: Route, seed: int, setting: Setting | None = None
+) -> tuple[RecordingAgent, EpisodeResult]:
+    """One whole episode, recorded."""
+    recorder = RecordingAgent(agent)
+    result = drive_episode(
+        simulator, recorder, route=route, setting=setting or Setting.CLEAN, seed=seed, agent_name="under test"
+    )
+    return recorder, result
+
+
+def feed(
+    agent: Agent,
+    observations: Iterable[Observation],
+    *,
+    plan: GlobalPlan,
+    seed: int,
+    change: Callable[[Observation], Observation] = lambda observation: observation,
+) -> list[Control]:
+    """The controls of `agent` for observations of another episode, each changed by `change`. Raises `AgentError`."""
+    agent_reset(agent, plan, seed)
+    return [agent_act(agent, change(observation.private())) for observation in observations]
+
+
+def first_difference(one: Sequence[object], other: Sequence[object]) -> int | None:
+    """The first index at which two sequences differ, or None when they are equal."""
+    for index, (left, right) in enumerate(zip(one, other, strict=False)):
+        if left != right:
+            return index
+    return None if len(one) == len(other) else min(len(one), len(other))
+
+
+def observation_digest(observation: Observation) -> str:
+    """Hex digest of everything in an observation but its truth: equal digests, equal observations."""
+    digest = hashlib.blake2b(digest_size=16)
+    signals = (observation.tick, observation.gps, observation.compass, observation.imu, observation.speed)
+    digest.update(repr(signals).encode())
+    for name, image in sorted(observation.cameras.items()):
+        digest.update(repr((name, image.tick, image.pixels.shape, image.pixels.dtype.str)).encode())
+        digest.update(image.pixels.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,156 @@
+"""Does a simulator keep the contract of `pytest_drive_robust.simulators.base.Simulator`?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.runner.contract import blame
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
+from pytest_drive_robust.testing.driving import drive, first_difference, observation_digest
+from pytest_drive_robust.testing.fake_simulator import fake_route
+from pytest_drive_robust.testing.report import Check, ContractReport
+
+__all__ = ["check_simulator"]
+
+_TICKS = 60
+_CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
+_SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 10 + [Control(brake=0.2)] * 20
+
+
+def check_simulator(
+    factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
+) -> ContractReport:
+    """Drive three episodes of 60 ticks and tell which promises of the protocol hold. Raises nothing."""
+    name = getattr(factory, "__name__", type(factory).__name__)
+    return ContractReport(name, tuple(_checks(factory, route or fake_route(), seed)))
+
+
+def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed: int) -> Iterator[Check]:
+    try:
+        simulator = factory(SimulatorOptions(tick_cap=_TICKS))
+    except Exception as error:
+        yield Check("members", False, f"the factory raised {type(error).__name__}: {error}.")
+        return
+    yield (members := _members(simulator))
+    if not members.ok:
+        return
+    record, result = drive(ScriptedAgent(_SCRIPT, cameras=_CAMERAS), simulator, route=route, seed=seed)
+    yield _end(result)
+    if result.outcome is Outcome.INFRA_ERROR:
+        return
+    yield _stamps(record.observations, simulator.dt_s)
+    yield _images(record.observations)
+    yield _truth(simulator, route, seed)
+    yield _isolation(simulator, route, seed, record)
+    yield _determinism(factory, route, seed, record, result)
+    yield _close(simulator)
+
+
+def _members(simulator: Simulator) -> Check:
+    names = {*vars(Simulator), *Simulator.__annotations__}
+    missing = sorted(
+        name for name in names if name[0] != "_" and not (hasattr(type(simulator), name) or hasattr(simulator, name))
+    )
+    if missing:
+        return Check("members", False, f"{type(simulator).__name__} lacks {', '.join(missing)}.")
+    return Check("members", True, "every member of the protocol is there.")
+
+
+def _end(result: EpisodeResult) -> Check:
+    if result.outcome is Outcome.INFRA_ERROR:
+        return Check("end", False, f"tick {result.ticks}: {result.end_detail}.")
+    if result.ticks > _TICKS:
+        return Check("end", False, f"the episode took {result.ticks} ticks under a tick_cap of {_TICKS}.")
+    if not 0.0 <= result.route_completion_pct <= 100.0:
+        return Check("end", False, f"route_completion_pct is {result.route_completion_pct!r}, expected 0..100.")
+    return Check("end", True, f"the episode ends after {result.ticks} ticks: {result.end.value}.")
+
+
+def _stamps(observations: list[Observation], dt_s: float) -> Check:
+    for tick, seen in enumerate(observations):
+        ego_ticks = {seen.tick, seen.gps.tick, seen.compass.tick, seen.imu.tick, seen.speed.tick}
+        if ego_ticks != {tick}:
+            return Check("stamps", False, f"in tick {tick}, GPS, compass, IMU and speed are of {sorted(ego_ticks)}.")
+        for camera in _CAMERAS:
+            period = round(1.0 / (dt_s * camera.rate_hz))
+            expected, stamped = tick - tick % period, seen.cameras[camera.name].tick
+            if stamped != expected:
+                told = f"tick {tick}: {camera.name} at {camera.rate_hz:g} Hz is stamped {stamped}"
+                return Check("stamps", False, f"{told}, expected {expected}.")
+    return Check("stamps", True, "every signal carries the tick of its capture, images at their own rate.")
+
+
+def _images(observations: list[Observation]) -> Check:
+    for seen in observations:
+        for camera in _CAMERAS:
+            pixels, expected = seen.cameras[camera.name].pixels, (camera.height_px, camera.width_px, 3)
+            if pixels.shape != expected or str(pixels.dtype) != "uint8":
+                told = f"{camera.name} is {pixels.shape} {pixels.dtype}, expected {expected} uint8"
+                return Check("images", False, f"tick {seen.tick}: {told}.")
+    return Check("images", True, "every image has the size of its camera.")
+
+
+def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
+    try:
+        frame = simulator.reset(route, seed=seed, cameras=_CAMERAS)
+        observation, truth = simulator.observe(), simulator.truth()
+        after = simulator.step(Control.NEUTRAL)
+    except Exception as error:
+        return Check("truth", False, f"{blame('the simulation', error)}.")
+    if observation.truth is not None:
+        return Check("truth", False, "observe gives the ground truth away: leave truth out.")
+    if (frame.tick, truth.frame.tick, after.tick) != (0, 0, 1):
+        told = f"reset, truth and step give frames of ticks {frame.tick}, {truth.frame.tick} and {after.tick}"
+        return Check("truth", False, f"{told}, expected 0, 0 and 1.")
+    return Check("truth", True, "observe leaves the ground truth out, and frames count from 0.")
+
+
+def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingAgent) -> Check:
+    """An agent that paints over its images sees the same world as one that does not."""
+    script = iter(record.controls)
+
+    def scribble(observation: Observation) -> Control:
+        for image in observation.cameras.values():
+            image.pixels[:] = 255
+        return next(script)
+
+    painted, _ = drive(ScriptedAgent(scribble, cameras=_CAMERAS), simulator, route=route, seed=seed)
+    seen = [observation_digest(observation) for observation in record.observations]
+    tick = first_difference(seen, [observation_digest(observation) for observation in painted.observations])
+    if tick is not None:
+        return Check("isolation", False, f"writing to an image changes what is seen in tick {tick}.")
+    return Check("isolation", True, "writing to an image changes nothing in later ticks.")
+
+
+def _determinism(
+    factory: Callable[[SimulatorOptions], Simulator],
+    route: Route,
+    seed: int,
+    record: RecordingAgent,
+    result: EpisodeResult,
+) -> Check:
+    fresh = factory(SimulatorOptions(tick_cap=_TICKS))
+    again, same = drive(ScriptedAgent(_SCRIPT, cameras=_CAMERAS), fresh, route=route, seed=seed)
+    fresh.close()
+    seen = [observation_digest(observation) for observation in record.observations]
+    tick = first_difference(seen, [observation_digest(observation) for observation in again.observations])
+    if tick is not None:
+        return Check("determinism", False, f"a new world with the same route and seed looks different in tick {tick}.")
+    if result.trace.digest != same.trace.digest:
+        return Check("determinism", False, "a new world with the same route and seed moves the ego differently.")
+    return Check("determinism", True, "a new world with the same route and seed is the same to the bit.")
+
+
+def _close(simulator: Simulator) -> Check:
+    try:
+        simulator.close()
+        simulator.close()
+    except Exception as error:
+        return Check("close", False, f"{blame('close', error)}.")
+    return Check("close", True, "closing twice does no harm.")

@@ -1,0 +1,129 @@
+"""A suite in an empty folder, driven by the fake simulator: what tests of the plugin run pytest on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parent.parent
+PLUGIN = "pytest_drive_robust.plugin"
+
+CONFTEST = '''
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from pytest_drive_robust import Control, Perturbation
+from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
+
+LOG = Path(__file__).parent / "driven.log"
+
+
+@dataclass
+class Throttle(Perturbation):
+    share: float = 1.0
+    phrase = "throttle {share}"
+
+    def actuate(self, tick, control, inference_s):
+        return None if control is None else replace(control, throttle=control.throttle * self.share)
+
+
+class LoggedSimulator(FakeSimulator):
+    def reset(self, route, *, seed, cameras):
+        with LOG.open("a") as log:
+            log.write(f"{route.id} {seed} {os.getpid()}\\n")
+        return super().reset(route, seed=seed, cameras=cameras)
+
+
+def fake(options):
+    return LoggedSimulator(replace(options, tick_cap=60))
+
+
+def broken(options):
+    return FakeSimulator(options, raises=RuntimeError("no map"), raises_in="step", raises_at=3)
+
+
+def steady():
+    return ScriptedAgent([Control(throttle=1.0)])
+
+
+def seer():
+    return ScriptedAgent([Control(throttle=1.0)], privileged=True)
+
+
+def faulty():
+    return ScriptedAgent([Control(throttle=1.0)] * 10 + [Control(throttle=7.0)])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry):
+    registry.register_perturbation(Throttle)
+    registry.register_simulator("fake", fake)
+    registry.register_simulator("broken", broken)
+    for agent in (steady, seer, faulty):
+        registry.register_agent(agent.__name__, agent)
+'''
+
+SUITE = '''
+import pytest
+from pytest_drive_robust import requirements
+
+
+@pytest.mark.parametrize("requirement", requirements("""{sentences}"""))
+def test_requirement(drive, requirement):
+    drive.check(requirement)
+'''
+
+INI = """
+[pytest]
+drive_sim = fake
+drive_agent = steady
+drive_routes = routes.xml
+addopts = {plugin}
+filterwarnings = ignore:Module already imported
+"""
+
+
+@pytest.fixture
+def plugin_args() -> tuple[str, ...]:
+    """What loads our plugin in a new pytest; nothing where it is installed."""
+    installed = any(point.value == PLUGIN for point in metadata.entry_points(group="pytest11"))
+    return () if installed else ("-p", PLUGIN)
+
+
+@pytest.fixture
+def suite(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, plugin_args: tuple[str, ...]
+) -> Callable[..., pytest.Pytester]:
+    """`suite("DS under clean >= 60", ...)` writes conftest, ini, three short routes and one test per sentence."""
+    from pytest_drive_robust.simulators.embedded.routes import save_routes
+    from pytest_drive_robust.testing import fake_route
+
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+
+    def write(*sentences: str, test: str | None = None, conftest: str = "") -> pytest.Pytester:
+        save_routes([fake_route(str(number), length_m=9.0 + number) for number in (1, 2, 3)], pytester.path / "routes.xml")
+        (pytester.path / "tox.ini").write_text(INI.format(plugin=" ".join(plugin_args)))
+        pytester.makeconftest(CONFTEST + conftest)
+        body = SUITE.format(sentences="\n".join(sentences)) if sentences else ""
+        (pytester.path / "test_suite.py").write_text(body + (test or ""))
+        return pytester
+
+    return write
+
+
+@pytest.fixture
+def driven(pytester: pytest.Pytester) -> Callable[[], list[str]]:
+    """The episodes that the fake simulator began: `"route seed"`, sorted."""
+
+    def read() -> list[str]:
+        log = pytester.path / "driven.log"
+        return sorted(" ".join(line.split()[:2]) for line in log.read_text().splitlines()) if log.exists() else []
+
+    return read

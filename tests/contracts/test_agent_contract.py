@@ -1,0 +1,205 @@
+"""check_agent finds each kind of broken promise, and nothing else."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Callable
+
+import pytest
+
+from pytest_drive_robust.domain.agent import PlannedPath
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.testing import ContractReport, FakeSimulator, ScriptedAgent, check_agent
+
+CAMERA = CameraSpec("front", width_px=8, height_px=6)
+
+
+class Good:
+    """Sees everything, draws from its seed, shows a plan."""
+
+    def sensors(self) -> list[CameraSpec]:
+        return [CAMERA]
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        self.random = random.Random(seed)
+
+    def act(self, observation: Observation) -> Control:
+        observation.cameras["front"].pixels[:] = 0
+        return Control(throttle=0.5 + 0.1 * self.random.random(), steer=-0.02 * observation.gps.y_m)
+
+    def plan(self) -> PlannedPath:
+        return PlannedPath(path=((1.0, 0.0), (2.0, 0.0)))
+
+
+def failed(report: ContractReport) -> list[str]:
+    assert not report.ok
+    return [check.name for check in report.checks if not check.ok]
+
+
+def scripted(act: Callable[[Observation], Control], **options: object) -> Callable[[], ScriptedAgent]:
+    return lambda: ScriptedAgent(act, **options)  # type: ignore[arg-type]
+
+
+def test_a_good_agent_keeps_every_promise() -> None:
+    report = check_agent(Good)
+    assert report.ok, str(report)
+    names = [check.name for check in report.checks]
+    assert names == [
+        "methods",
+        "declarations",
+        "controls",
+        "time",
+        "determinism",
+        "reset",
+        "isolation",
+        "consumes",
+        "privileged",
+        "plan",
+    ]
+    assert "Good keeps the contract" in str(report)
+
+
+def test_missing_methods_are_named() -> None:
+    class NoReset(Good):
+        reset = None  # type: ignore[assignment]
+
+    report = check_agent(NoReset)
+    assert failed(report) == ["methods"]
+    assert "lacks reset" in report["methods"].sentence
+
+
+def test_a_factory_that_raises_is_told() -> None:
+    def factory() -> Good:
+        raise OSError("no weights")
+
+    assert "OSError: no weights" in check_agent(factory)["methods"].sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("consumes", {"lidar"}, "names lidar; the signals are cameras, gps"),
+        ("consumes", "gps", "consumes is 'gps'"),
+        ("consumes", 5, "consumes is 5"),
+        ("privileged", "yes", "privileged is 'yes'"),
+    ],
+)
+def test_wrong_declarations_are_told(name: str, value: object, told: str) -> None:
+    report = check_agent(type("Declaring", (Good,), {name: value}))
+    assert failed(report) == ["declarations"]
+    assert told in report["declarations"].sentence
+
+
+@pytest.mark.parametrize(
+    ("act", "told"),
+    [
+        (lambda observation: Control(steer=float("nan")), "tick 0: act returned .* steer is nan"),
+        (lambda observation: Control(throttle=1.5), r"throttle is 1\.5"),
+        (lambda observation: None, "act returned None"),
+        (lambda observation: observation.missing, "AttributeError"),
+    ],
+)
+def test_a_control_that_cannot_be_is_told_with_its_tick(act: Callable[[Observation], Control], told: str) -> None:
+    report = check_agent(scripted(act))
+    assert failed(report) == ["controls"]
+    with pytest.raises(AssertionError, match=told):
+        raise AssertionError(report["controls"].sentence)
+
+
+def test_two_cameras_of_one_name_are_told() -> None:
+    report = check_agent(scripted(lambda observation: Control(), cameras=[CAMERA, CAMERA]))
+    assert "two cameras named 'front'" in report["controls"].sentence
+
+
+def test_randomness_that_does_not_come_from_the_seed_is_found() -> None:
+    source = itertools.count()
+    report = check_agent(scripted(lambda observation: Control(throttle=(next(source) % 997) / 997.0)))
+    assert "determinism" in failed(report)
+    assert "from act 0 on" in report["determinism"].sentence
+
+
+def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
+    class Tired(Good):
+        acts = 0
+
+        def act(self, observation: Observation) -> Control:
+            self.acts += 1
+            return Control(throttle=1.0 / (1.0 + 0.001 * self.acts))
+
+    report = check_agent(Tired)
+    assert failed(report) == ["reset"]
+
+
+def test_a_signal_that_is_used_but_not_declared_is_found() -> None:
+    def act(observation: Observation) -> Control:
+        return Control(throttle=0.6, steer=0.01 * max(-1.0, min(1.0, observation.imu.right_mps2)))
+
+    assert failed(check_agent(scripted(act, consumes={"cameras", "speed"}))) == ["consumes"]
+    honest = check_agent(scripted(act, consumes={"imu"}))
+    assert honest.ok, str(honest)
+    assert "cameras, gps, compass, speed reach no control" in honest["consumes"].sentence
+
+
+@pytest.mark.parametrize(
+    ("signal", "value"),
+    [
+        ("cameras", lambda seen: float(seen.cameras["front"].pixels.mean())),
+        ("gps", lambda seen: seen.gps.x_m),
+        ("compass", lambda seen: seen.compass.heading_rad),
+        ("speed", lambda seen: seen.speed.mps),
+    ],
+)
+def test_each_signal_is_watched(signal: str, value: Callable[[Observation], float]) -> None:
+    def act(observation: Observation) -> Control:
+        return Control(throttle=0.5 + 0.4 * math.tanh(value(observation) / 100.0))
+
+    report = check_agent(scripted(act, cameras=[CAMERA], consumes={"imu"}))
+    assert failed(report) == ["consumes"]
+    assert report["consumes"].sentence.startswith(f"{signal} changes the control of act 0")
+
+
+def test_truth_that_is_read_without_asking_is_found() -> None:
+    def peek(observation: Observation) -> Control:
+        return Control(throttle=0.5 if observation.truth is None else 0.9)
+
+    assert failed(check_agent(scripted(peek))) == ["privileged"]
+    assert check_agent(scripted(peek, privileged=True)).ok
+
+
+def test_truth_that_is_asked_for_in_vain_is_found() -> None:
+    report = check_agent(scripted(lambda observation: Control(throttle=0.7), privileged=True))
+    assert failed(report) == ["privileged"]
+    assert "remove privileged" in report["privileged"].sentence
+
+
+def test_an_agent_that_needs_the_truth_may_fail_without_it() -> None:
+    def act(observation: Observation) -> Control:
+        assert observation.truth is not None
+        return Control(throttle=0.01 * observation.truth.route[0, 3])
+
+    report = check_agent(scripted(act, privileged=True))
+    assert report.ok, str(report)
+
+
+def test_an_agent_that_moves_the_world_by_hand_is_found() -> None:
+    world = FakeSimulator()
+
+    def cheat(observation: Observation) -> Control:
+        world._actors[0, 2] = 11.0
+        return Control(throttle=0.7)
+
+    report = check_agent(scripted(cheat, cameras=[CAMERA]), simulator=world)
+    assert failed(report) == ["isolation"]
+
+
+@pytest.mark.parametrize("planned", [None, PlannedPath(path=((float("nan"), 0.0),))])
+def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
+    class Planner(Good):
+        def plan(self) -> PlannedPath:
+            return planned  # type: ignore[return-value]
+
+    assert failed(check_agent(Planner)) == ["plan"]

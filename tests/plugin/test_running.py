@@ -1,0 +1,242 @@
+"""`pytest --drive-robust` as people use it, in one process and with two workers."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+GREEN = "RD under throttle 0.9 <= 0.30"
+RED = "RD under throttle 0.3 <= 0.30"
+
+processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
+
+
+def run(suite, *args):
+    """In this process where one is enough; xdist's controller does not like to be nested in another pytest."""
+    runner = suite.runpytest_subprocess if "-n2" in args else suite.runpytest_inprocess
+    return runner("--drive-robust", *args)
+
+
+@processes
+def test_a_suite_whose_requirements_hold_is_green(suite, workers):
+    result = run(suite(GREEN, "DS under clean >= 90"), *workers)
+    assert result.ret == 0
+    result.assert_outcomes(passed=2)
+
+
+@processes
+def test_a_broken_requirement_fails_its_test_and_says_why(suite, workers):
+    result = run(suite(GREEN, RED), *workers)
+    assert result.ret == 1
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.re_match_lines(
+        [
+            r".*RD under throttle 0\.3 = 0\.\d\d, limit <= 0\.30   \(95 % interval .* to .*, 3 routes x 1 seed\)",
+            r".*clean   perturbed",
+            r".*DS +100\.00 +\d\d\.\d\d",
+            r".*SR +1\.00 +0\.00",
+            r".*worst routes +clean +perturbed +diverged",
+            r".*3 Straight +100\.0 completed +\d\d\.\d out of time at 3\.0 s +\d\.\d s",
+            r".*replay:  drive-robust replay 3 --agent steady --setting \"throttle 0.3\" --seed 0 --routes .*",
+        ],
+        consecutive=False,
+    )
+    result.stdout.no_fnmatch_line("*Traceback*")
+    result.stdout.no_fnmatch_line("*test_suite.py:*: *Error*")
+
+
+@processes
+def test_every_episode_is_driven_once_though_many_tests_need_it(suite, driven, workers):
+    result = run(suite(GREEN, RED, "SR under throttle 0.9 >= 0.5", "DS under clean >= 90"), *workers)
+    result.assert_outcomes(passed=3, failed=1)
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 3)  # clean, throttle 0.9, throttle 0.3
+
+
+@processes
+def test_two_seeds_make_twice_the_episodes(suite, driven, workers):
+    result = run(suite("DS under clean >= 90"), "--drive-seeds", "0,7", *workers)
+    assert result.ret == 0
+    assert driven() == ["1 0", "1 7", "2 0", "2 7", "3 0", "3 7"]
+
+
+@processes
+def test_the_table_at_the_end_fits_a_hundred_columns(suite, workers):
+    result = run(suite(GREEN, RED), *workers)
+    start = next(number for number, line in enumerate(result.outlines) if "= drive-robust =" in line)
+    table = [line for line in result.outlines[start + 1 :] if line.startswith(("agent", "steady"))]
+    assert table[0].split() == ["agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict"]
+    assert [line.split()[-1] for line in table[1:]] == ["-", "pass", "fail"]
+    assert all(len(line) <= 100 for line in result.outlines[start + 1 : start + 6])
+
+
+@processes
+def test_an_episode_that_broke_in_the_simulator_is_an_error_not_a_failure(suite, workers):
+    result = run(suite(GREEN), "--drive-sim", "broken", *workers)
+    assert result.ret == 1
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*ERROR: not judged: RD under throttle 0.9 <= 0.30*", "*no map*"])
+
+
+def test_an_agent_that_breaks_its_contract_is_scored_and_listed(suite):
+    result = run(suite("DS under clean >= 90"), "--drive-agent", "faulty")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*3 episodes of 3 ended with an agent error*", "*3 x agent error: *throttle is 7.0*"])
+
+
+def test_a_privileged_agent_is_marked(suite):
+    result = run(suite("DS under clean >= 90"), "--drive-agent", "seer")
+    assert result.ret == 0
+    result.stdout.re_match_lines([r"seer\* .*pass", r"\* privileged: this agent sees ground truth"])
+
+
+def test_the_header_shows_the_effective_choices(suite):
+    result = run(suite(GREEN), "--drive-seeds", "0,1", "--drive-metrics", "fixed")
+    result.stdout.fnmatch_lines(["drive-robust: agent=steady sim=fake routes=3 (routes.xml) seeds=0,1 metrics=fixed"])
+
+
+@processes
+def test_collect_only_drives_nothing_and_is_green(suite, driven, workers):
+    result = run(suite(GREEN), "--collect-only", "-q", *workers)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["test_suite.py::test_requirement[[]rd-throttle-0.9-le-0.30[]]"])
+    assert driven() == []
+
+
+def test_requirements_are_selected_by_their_ids(suite):
+    result = run(suite(GREEN, RED), "-k", "throttle-0.9")
+    result.assert_outcomes(passed=1, deselected=1)
+
+
+def test_exitfirst_stops_after_the_first_broken_requirement(suite, driven):
+    result = run(suite(RED, GREEN), "-x")
+    assert result.ret in (1, 2)
+    result.assert_outcomes(failed=1)
+    assert driven() == ["1 0", "1 0", "2 0", "2 0", "3 0", "3 0"]
+
+
+def test_last_failed_drives_only_what_failed(suite, driven):
+    folder = suite(GREEN, RED)
+    run(folder)
+    (folder.path / "driven.log").unlink()
+    result = run(folder, "--lf")
+    result.assert_outcomes(failed=1)
+    assert len(driven()) == 6
+
+
+@processes
+def test_without_a_terminal_the_exit_code_is_still_right(suite, workers):
+    folder = suite(RED)
+    assert run(folder, "-p", "no:terminal", *workers).ret == 1
+
+
+@processes
+@pytest.mark.parametrize("test", ["def test_other(): pass", "import pytest\n@pytest.mark.skip\ndef test_it(drive): pass"])
+def test_a_run_that_drove_nothing_is_not_green(suite, test, workers):
+    result = run(suite(test=test), *workers)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["NOT GREEN: --drive-robust was given but no episode was driven*"])
+
+
+def test_values_with_intervals_can_be_compared_in_plain_asserts(suite):
+    test = """
+import pytest
+from pytest_drive_robust import Setting
+
+def test_measure(drive, drive_agent):
+    weak = Setting.parse("throttle 0.3", drive_setting_classes())
+    assert drive.rd(weak) > 0.30
+    assert drive.ds(Setting.CLEAN) == pytest.approx(100.0)
+    assert drive.sr(weak) == 0.0
+    assert drive.rd(weak).low <= drive.rd(weak) <= drive.rd(weak).high
+    assert [result.episode.route_id for result in drive.episodes(weak)] == ["1", "2", "3"]
+    assert (drive.agent, drive_agent, drive.seeds) == ("steady", "steady", (0,))
+    assert [route.id for route in drive.routes] == ["1", "2", "3"]
+    assert drive.rd(weak) <= 0.30
+
+def drive_setting_classes():
+    from pytest_drive_robust.registry import default_registry
+    return default_registry().perturbations()
+"""
+    result = run(suite(test=test))
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines([r"E +assert 0\.\d\d \(RD under throttle 0\.3, 95 % interval .*, 3 routes x 1 seeds?\) <= 0\.3"])
+
+
+def test_a_marker_pins_agent_seeds_and_routes(suite, driven):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(agent="seer", routes="routes.xml:2", seeds=[4, 5])
+def test_pinned(drive):
+    assert drive.agent == "seer"
+    drive.check(requirement("DS") >= 90)
+"""
+    result = run(suite(test=test), "--drive-agent", "steady")
+    assert result.ret == 0
+    assert driven() == ["2 4", "2 5"]
+
+
+def test_what_a_requirement_measured_reaches_junit(suite):
+    folder = suite(RED)
+    run(folder, "--junitxml", "junit.xml")
+    text = (folder.path / "junit.xml").read_text()
+    assert '<property name="drive_requirement" value="RD under throttle 0.3 &lt;= 0.30" />' in text
+    assert '<property name="drive_verdict" value="fail" />' in text
+
+
+def test_progress_is_a_few_plain_lines_where_there_is_no_terminal(suite):
+    result = run(suite(GREEN, RED))
+    lines = [line for line in result.outlines if line.startswith("drive-robust: steady under")]
+    assert lines
+    assert len(lines) <= 3
+    assert not any("\x1b" in line for line in result.outlines)
+
+
+def test_quiet_runs_write_no_progress(suite):
+    result = run(suite(GREEN), "-q")
+    result.stdout.no_fnmatch_line("drive-robust: steady under*")
+
+
+@processes
+def test_control_c_ends_with_the_table_of_what_is_there(suite, plugin_args, workers):
+    test = """
+from pathlib import Path
+
+def test_slow(drive):
+    from pytest_drive_robust import Setting
+    drive.episodes(Setting.CLEAN)
+    Path("ready").touch()
+    import time
+    for _ in range(400):
+        time.sleep(0.05)
+"""
+    folder = suite(test=test)
+    command = [sys.executable, "-m", "pytest", "--drive-robust", *workers]
+    with subprocess.Popen(command, cwd=folder.path, stdout=subprocess.PIPE, text=True) as process:
+        while not (folder.path / "ready").exists() and process.poll() is None:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=30)
+    assert process.returncode == 2, output
+    assert "steady" in output
+    assert "KeyboardInterrupt" in output
+
+
+def test_a_report_that_cannot_be_written_is_not_green(suite):
+    test = """
+def test_it(drive):
+    import os
+    from pytest_drive_robust import requirement
+    drive.check(requirement("DS") >= 90)
+    os.rmdir("reports")
+"""
+    folder = suite(test=test)
+    (folder.path / "reports").mkdir()
+    result = run(folder, "--drive-json", "reports/run.json")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["ERROR: *run.json was not written: *"])

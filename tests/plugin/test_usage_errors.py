@@ -1,0 +1,144 @@
+"""What cannot be used ends with exit code 4, a sentence, and nothing driven."""
+
+from __future__ import annotations
+
+import pytest
+
+GREEN = "DS under clean >= 90"
+
+processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
+
+
+def refused(suite, *args):
+    result = suite.runpytest_subprocess("--drive-robust", *args)
+    assert result.ret == 4
+    output = "\n".join((*result.outlines, *result.errlines))
+    assert "Traceback" not in output
+    assert "INTERNALERROR" not in output
+    return output
+
+
+@processes
+def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
+    output = refused(suite(GREEN), "--drive-agent", "stedy", *workers)
+    assert "there is no agent named 'stedy'. Did you mean 'steady'?" in output
+    assert driven() == []
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("--drive-sim", "fak"), "there is no simulator named 'fak'. Did you mean 'fake'?"),
+        (("--drive-routes", "bench25"), "Did you mean 'bench24'?"),
+        (("--drive-routes", "routs.xml"), "Did you mean 'routes.xml'?"),
+        (("--drive-seeds", "0,x"), "--drive-seeds is '0,x', expected whole numbers >= 0"),
+        (("--drive-seeds", "1,1"), "holds seed 1 twice"),
+        (("--drive-metrics", "bench2drve"), "Did you mean 'bench2drive'?"),
+        (("--drive-stuck-stop", "-3"), "expected seconds > 0"),
+        (("--drive-json", "missing/run.json"), "there is no directory"),
+        (("--drive-json", "."), "which is a directory"),
+    ],
+    ids=lambda value: value[0][8:] + value[1] if isinstance(value, tuple) else "",
+)
+def test_a_bad_option_is_refused_before_anything_ran(suite, driven, args, message):
+    output = refused(suite(GREEN), *args)
+    assert message in output
+    assert driven() == []
+
+
+def test_an_ini_value_is_checked_like_an_option(suite):
+    folder = suite(GREEN)
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write("drive_seeds = -1\n")
+    assert "--drive-seeds is '-1'" in refused(folder)
+
+
+@processes
+@pytest.mark.parametrize("switch", [True, False], ids=["driving", "inert"])
+def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, driven, workers, switch):
+    folder = suite("RD under 200 ms latencie <= 0.30")
+    result = folder.runpytest_subprocess(*(("--drive-robust",) if switch else ()), *workers)
+    output = "\n".join((*result.outlines, *result.errlines))
+    assert result.ret == 4
+    assert "ERROR: test_suite.py: " in output
+    assert "200 ms latency" in output
+    assert "Traceback" not in output
+    assert driven() == []
+
+
+@processes
+@pytest.mark.parametrize(
+    ("marker", "message"),
+    [
+        ("agnet='steady'", "the marker drive_robust has no option 'agnet'. Did you mean 'agent'?"),
+        ("agent='stedy'", "there is no agent named 'stedy'. Did you mean 'steady'?"),
+        ("'steady'", "Did you mean drive_robust(agent='steady')?"),
+        ("seeds='01'", "expected whole numbers >= 0"),
+        ("routes='nowhere.xml'", "there is no route file named 'nowhere.xml'"),
+    ],
+)
+def test_a_bad_marker_is_refused_at_collection(suite, driven, marker, message, workers):
+    test = f"import pytest\n@pytest.mark.drive_robust({marker})\ndef test_it(drive): pass"
+    output = refused(suite(test=test), *workers)
+    assert message in output
+    assert "test_suite.py::test_it" in output
+    assert driven() == []
+
+
+def test_all_problems_are_named_at_once(suite):
+    test = """
+import pytest
+@pytest.mark.drive_robust(agnet="steady")
+def test_one(drive): pass
+@pytest.mark.drive_robust(sead=1)
+def test_two(drive): pass
+"""
+    output = refused(suite(test=test))
+    assert "'agnet'" in output
+    assert "'sead'. Did you mean 'seeds'?" in output
+
+
+def test_two_hooks_that_claim_one_name_are_both_named(suite):
+    folder = suite(GREEN)
+    other = folder.mkdir("other")
+    (other / "conftest.py").write_text(
+        "def steady2(): pass\ndef pytest_drive_robust_register(registry): registry.register_agent('steady', steady2)"
+    )
+    (other / "test_other.py").write_text("def test_it(drive): pass")
+    output = refused(folder)
+    assert "'steady' of agents is registered twice" in output
+
+
+def test_a_conftest_that_is_loaded_late_counts(suite):
+    folder = suite()
+    late = folder.mkdir("suites").joinpath("late")
+    late.mkdir()
+    (late / "conftest.py").write_text(
+        "from pytest_drive_robust import Control\n"
+        "from pytest_drive_robust.testing import ScriptedAgent\n"
+        "def late(): return ScriptedAgent([Control(throttle=1.0)])\n"
+        "def pytest_drive_robust_register(registry): registry.register_agent('late', late)\n"
+    )
+    (late / "test_late.py").write_text(
+        "from pytest_drive_robust import requirement\n"
+        "def test_it(drive):\n    assert drive.agent == 'late'\n    drive.check(requirement('DS') >= 90)\n"
+    )
+    result = folder.runpytest_inprocess("--drive-robust", "--drive-agent", "late")
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+
+
+def test_a_broken_third_party_agent_is_named_and_stops_nothing_else(suite, monkeypatch):
+    folder = suite(GREEN)
+    site = folder.mkdir("site")
+    info = site / "sad_agents-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: sad-agents\nVersion: 1.2\n")
+    (info / "entry_points.txt").write_text("[pytest_drive_robust.agents]\nsad = sad_agents:Sad\n")
+    (site / "sad_agents.py").write_text("import not_there\n")
+    monkeypatch.syspath_prepend(site)
+    assert folder.runpytest_inprocess("--drive-robust").ret == 0
+    monkeypatch.setenv("PYTHONPATH", str(site), prepend=":")
+    output = refused(folder, "--drive-agent", "sad")
+    assert "sad-agents 1.2" in output
+    assert "not_there" in output

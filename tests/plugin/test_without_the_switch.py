@@ -1,0 +1,52 @@
+"""Without `--drive-robust` the plugin says what is missing and does nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
+def test_tests_that_would_drive_are_skipped_with_a_reason(suite, driven, workers):
+    folder = suite("DS under clean >= 90", test="\ndef test_agent(drive_agent): pass\ndef test_plain(): pass\n")
+    result = folder.runpytest_subprocess("-rs", *workers)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1, skipped=2)
+    result.stdout.fnmatch_lines(["SKIPPED*needs --drive-robust"])
+    assert driven() == []
+
+
+def test_a_fixture_that_is_asked_for_late_skips_too(suite):
+    folder = suite(test="def test_it(request): request.getfixturevalue('drive')")
+    result = folder.runpytest_inprocess("-rs")
+    result.assert_outcomes(skipped=1)
+    result.stdout.fnmatch_lines(["SKIPPED*needs --drive-robust"])
+
+
+def test_nothing_is_written_to_disk(suite):
+    folder = suite("DS under clean >= 90")
+    folder.runpytest_subprocess("-p", "no:cacheprovider", "-B")
+    left = {path.name for path in folder.path.iterdir()} - {"__pycache__"}
+    assert left == {"conftest.py", "routes.xml", "test_suite.py", "tox.ini"}
+
+
+def test_help_lists_every_option_in_a_group_of_its_own(suite):
+    result = suite().runpytest_inprocess("--help")
+    result.stdout.fnmatch_lines(
+        [
+            "drive-robust:",
+            "*--drive-robust *",
+            "*--drive-agent=NAME*",
+            "*--drive-routes=SPEC*",
+            "*--drive-seeds=LIST*",
+            "*--drive-sim=NAME*",
+            "*--drive-metrics=MODE*",
+            "*--drive-stuck-stop=SECONDS*",
+            "*--drive-json=FILE*",
+        ]
+    )
+
+
+def test_the_marker_is_documented(suite):
+    result = suite().runpytest_inprocess("--markers", "--drive-robust")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["@pytest.mark.drive_robust(agent=NAME, routes=SPEC, seeds=*"])

@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+from result_factory import make_result, scored
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.summary import summarize
+from pytest_drive_robust.metrics.table import METRICS, Metric
+
+
+def mean_ticks(results: Sequence[EpisodeResult]) -> float:
+    """How long the episodes were.
+
+    In ticks.
+    """
+    return sum(result.ticks for result in results) / len(results)
+
+
+def test_the_table_agrees_with_the_summary() -> None:
+    results = [scored("1", 40.0), scored("2", 100.0)]
+    summary = summarize(results)
+
+    assert METRICS["DS"].measure(results) == summary.ds
+    assert METRICS["SR"].measure(results) == summary.sr
+    assert METRICS["efficiency"].measure(results) == summary.efficiency
+    assert METRICS["comfort"].measure(results) == summary.comfort
+
+
+def test_the_mode_reaches_the_metrics() -> None:
+    results = [make_result("1", speed_ratios_pct=[]), make_result("2", speed_ratios_pct=[80.0])]
+
+    assert METRICS["efficiency"].measure(results) == 80.0
+    assert METRICS["efficiency"].measure(results, mode="fixed") == 40.0
+
+
+def test_only_rd_needs_the_clean_episodes() -> None:
+    assert [name for name, metric in METRICS.items() if metric.needs_clean] == ["RD"]
+    clean, perturbed = [scored("1", 80.0)], [scored("1", 60.0, setting="occlusion 0.5")]
+    assert METRICS["RD"].measure(perturbed, clean=clean) == 0.25
+    with pytest.raises(ComparisonError, match="clean set holds no episode"):
+        METRICS["RD"].measure(perturbed)
+
+
+def test_a_function_of_a_user_becomes_a_metric() -> None:
+    metric = Metric.from_function("ticks", mean_ticks)
+
+    assert metric.meaning == "How long the episodes were."
+    assert metric.measure([make_result()]) == 40.0
+    assert not metric.needs_clean
+
+
+def test_a_metric_without_data_is_none_and_printed_as_a_dash() -> None:
+    assert METRICS["efficiency"].measure([make_result(speed_ratios_pct=[])]) is None
+    assert METRICS["efficiency"].format(None) == "-"
+    assert METRICS["DS"].format(61.25) == "61.25"
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "text"),
+    [("RD", 0.3, "0.30"), ("SR", 1.0, "1.00"), ("RD", 0.125, "0.125"), ("DS", 40.0, "40"), ("DS", 62.5, "62.5"),
+     ("efficiency", 1234567.0, "1234567.0")],
+)  # fmt: skip
+def test_limits_are_printed_exactly(name: str, limit: float, text: str) -> None:
+    assert METRICS[name].format_limit(limit) == text
+    assert float(text) == limit
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_metrics_of_no_episode_are_refused(name: str) -> None:
+    with pytest.raises(ComparisonError):
+        METRICS[name].measure([])

@@ -1,0 +1,251 @@
+"""The closed loop with a tiny world: what the agent gets, what the vehicle gets, what is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
+
+CAMERA = CameraSpec("front", width_px=16, height_px=9)
+FULL = Control(throttle=1.0)
+
+
+def drive(
+    agent: object,
+    *,
+    simulator: Simulator | None = None,
+    setting: Setting = Setting.CLEAN,
+    seed: int = 3,
+    warmup_ticks: int = 0,
+    **options: object,
+) -> EpisodeResult:
+    return drive_episode(
+        simulator or FakeSimulator(),
+        agent,  # type: ignore[arg-type]
+        route=fake_route(),
+        setting=setting,
+        seed=seed,
+        agent_name="under test",
+        warmup_ticks=warmup_ticks,
+        **options,  # type: ignore[arg-type]
+    )
+
+
+def by_speed(observation: Observation) -> Control:
+    """Depends on what is seen, so that whatever changes the observation changes the drive."""
+    return Control(throttle=0.5 + 0.3 * float(np.sin(observation.gps.x_m)), steer=-0.01 * observation.gps.y_m)
+
+
+def test_a_route_driven_to_its_end_is_completed() -> None:
+    result = drive(ScriptedAgent([FULL]))
+    assert (result.outcome, result.end) == (Outcome.COMPLETED, End.COMPLETED)
+    assert result.route_completion_pct == 100.0
+    assert result.ticks == len(result.trace.rows)
+    assert result.game_s == pytest.approx(0.05 * result.ticks)
+    assert str(result.episode) == "under test on 1 under clean, seed 3"
+    assert result.versions == {"fake": "1"}
+    assert result.wall_s > 0.0
+
+
+@pytest.mark.parametrize("end", [End.DEVIATED, End.BLOCKED, End.TICK_CAP, End.STUCK])
+def test_any_other_end_of_the_world_is_the_failure_of_the_agent(end: End) -> None:
+    result = drive(ScriptedAgent([FULL]), simulator=FakeSimulator(ends=end, ends_at=10))
+    assert (result.outcome, result.end, result.ticks) == (Outcome.FAILED, end, 10)
+
+
+def test_infractions_and_the_share_that_was_driven_come_from_the_world() -> None:
+    hit = Infraction(InfractionKind.COLLISION_VEHICLE, 4, "hit car 7 at 4.2 m/s")
+    result = drive(ScriptedAgent([FULL]), simulator=FakeSimulator(infractions=(hit,), ends=End.BLOCKED, ends_at=40))
+    assert result.infractions == (hit,)
+    assert 0.0 < result.route_completion_pct < 100.0
+    assert result.route_length_m == 60.0
+
+
+def test_the_trace_holds_the_ego_after_each_tick_and_the_control_that_led_there() -> None:
+    controls = [Control(throttle=0.5), Control(throttle=1.0, steer=0.25), Control(brake=0.75)]
+    result = drive(ScriptedAgent(controls), simulator=FakeSimulator(SimulatorOptions(tick_cap=3)))
+    assert result.trace.column("throttle").tolist() == [0.5, 1.0, 0.0]
+    assert result.trace.column("steer").tolist() == [0.0, 0.25, 0.0]
+    assert result.trace.column("brake").tolist() == [0.0, 0.0, 0.75]
+    assert result.trace.column("speed_mps")[0] == pytest.approx(0.05 * 1.5)
+    assert result.trace.column("x_m")[0] > 0.0
+
+
+def test_a_long_trace_outgrows_its_first_memory_without_losing_a_row() -> None:
+    result = drive(ScriptedAgent([Control(throttle=0.02)]), simulator=FakeSimulator(SimulatorOptions(tick_cap=1300)))
+    assert result.trace.rows.shape == (1300, 11)
+    assert np.isfinite(result.trace.rows).all()
+    assert (np.diff(result.trace.column("x_m")) > 0.0).all()
+
+
+def test_the_same_episode_is_the_same_to_the_bit_on_used_and_on_new_objects() -> None:
+    setting = Setting.of(GpsNoise(std_m=5.0), InferenceLatency(ms=100))
+    simulator, agent = FakeSimulator(), ScriptedAgent(by_speed, cameras=[CAMERA])
+    first = drive(agent, simulator=simulator, setting=setting)
+    drive(agent, simulator=simulator, setting=setting, seed=4)
+    again = drive(agent, simulator=simulator, setting=setting)
+    fresh = drive(ScriptedAgent(by_speed, cameras=[CAMERA]), setting=setting)
+    assert first.trace.digest == again.trace.digest == fresh.trace.digest
+    assert first.trace.digest != drive(agent, simulator=simulator, setting=setting, seed=4).trace.digest
+
+
+def test_under_the_clean_setting_the_agent_gets_what_the_sensors_gave_and_the_vehicle_what_the_agent_said() -> None:
+    agent = RecordingAgent(ScriptedAgent(by_speed, cameras=[CAMERA]))
+    result = drive(agent)
+    world = FakeSimulator()
+    world.reset(fake_route(), seed=3, cameras=[CAMERA])
+    for tick, (seen, control) in enumerate(zip(agent.observations, agent.controls, strict=True)):
+        given = world.observe()
+        assert (seen.tick, seen.gps, seen.speed) == (tick, given.gps, given.speed)
+        assert np.array_equal(seen.cameras["front"].pixels, given.cameras["front"].pixels)
+        world.step(control)
+    assert len(agent.controls) == result.ticks
+
+
+def test_the_agent_gets_the_plan_and_the_seed_of_the_episode() -> None:
+    agent = RecordingAgent(ScriptedAgent([FULL]))
+    drive(agent, seed=11)
+    assert agent.seed == 11
+    assert agent.plan is not None
+    assert [point.x_m for point in agent.plan.points] == [0.0, 50.0, 60.0]
+
+
+def test_an_agent_that_scribbles_on_its_image_changes_no_later_tick() -> None:
+    def scribble(observation: Observation) -> Control:
+        control = Control(throttle=float(observation.cameras["front"].pixels[0, 0, 0]) / 512.0 + 0.4)
+        observation.cameras["front"].pixels[:] = 255
+        return control
+
+    def admire(observation: Observation) -> Control:
+        return Control(throttle=float(observation.cameras["front"].pixels[0, 0, 0]) / 512.0 + 0.4)
+
+    slow = CameraSpec("front", width_px=16, height_px=9, rate_hz=5.0)
+    one, other = drive(ScriptedAgent(scribble, cameras=[slow])), drive(ScriptedAgent(admire, cameras=[slow]))
+    assert one.trace.digest == other.trace.digest
+    assert one.outcome is Outcome.COMPLETED
+
+
+def test_an_agent_may_keep_its_observations() -> None:
+    kept: list[Observation] = []
+
+    def keep(observation: Observation) -> Control:
+        kept.append(observation)
+        return FULL
+
+    drive(ScriptedAgent(keep, cameras=[CAMERA]))
+    reds = [int(observation.cameras["front"].pixels[0, 0, 0]) for observation in kept]
+    assert reds == [int(observation.gps.x_m * 4.0) % 256 for observation in kept]
+
+
+def test_the_truth_reaches_only_agents_that_ask_for_it() -> None:
+    blind, seeing = (RecordingAgent(ScriptedAgent([FULL], privileged=asks)) for asks in (False, True))
+    assert drive(blind).privileged is False
+    assert drive(seeing).privileged is True
+    assert all(observation.truth is None for observation in blind.observations)
+    assert all(seen.truth is not None and seen.truth.frame.tick == seen.tick for seen in seeing.observations)
+
+
+def test_a_privileged_agent_cannot_move_the_actors() -> None:
+    def push(observation: Observation) -> Control:
+        assert observation.truth is not None
+        observation.truth.frame.actors[:] = 0.0
+        return FULL
+
+    simulator = FakeSimulator()
+    assert drive(ScriptedAgent(push, privileged=True), simulator=simulator).outcome is Outcome.COMPLETED
+    assert simulator.truth().frame.actors[0, 0] == 7.0
+
+
+def test_a_perturbed_observation_reaches_the_agent() -> None:
+    agent = RecordingAgent(ScriptedAgent([FULL], cameras=[CAMERA]))
+    drive(agent, setting=Setting.of(PartialObservation(ratio=0.5)))
+    assert any((seen.cameras["front"].pixels == 0).all(axis=2).any() for seen in agent.observations)
+
+
+def test_a_fifo_latency_delays_what_the_vehicle_gets() -> None:
+    agent = RecordingAgent(ScriptedAgent(by_speed))
+    result = drive(agent, setting=Setting.of(InferenceLatency(ms=200)))
+    said = [control.throttle for control in agent.controls]
+    assert result.trace.column("throttle").tolist() == [0.0] * 4 + said[:-4]
+
+
+def test_an_agent_whose_computer_is_busy_is_not_asked() -> None:
+    agent = RecordingAgent(ScriptedAgent(by_speed))
+    result = drive(agent, setting=Setting.of(InferenceLatency(ms=200, mode="hold")))
+    assert 0 < len(agent.controls) < result.ticks / 2
+    assert result.ticks == len(result.trace.rows)
+
+
+def test_the_time_of_act_is_kept_when_the_latency_is_measured_and_only_then() -> None:
+    agent = RecordingAgent(ScriptedAgent([FULL]))
+    measured = drive(agent, setting=Setting.of(InferenceLatency(mode="measured")))
+    assert len(measured.inference_s) == len(agent.controls)
+    assert all(seconds > 0.0 for seconds in measured.inference_s)
+    assert drive(agent, setting=Setting.of(InferenceLatency(ms=100))).inference_s == ()
+
+
+def test_the_schedule_of_what_was_injected_is_part_of_the_result() -> None:
+    result = drive(ScriptedAgent([FULL], cameras=[CAMERA]), setting=Setting.of(PartialObservation(ratio=0.5)))
+    assert result.schedule
+    assert drive(ScriptedAgent([FULL], cameras=[CAMERA])).schedule == ()
+
+
+def test_during_the_warm_up_the_vehicle_gets_the_neutral_control() -> None:
+    result = drive(ScriptedAgent([FULL]), warmup_ticks=20)
+    assert result.trace.column("throttle")[:21].tolist() == [0.0] * 20 + [1.0]
+
+
+def test_the_warm_up_of_the_setting_counts_when_it_is_longer() -> None:
+    @dataclass
+    class SlowStart(Perturbation):
+        warmup_ticks: int = 8
+        phrase = "slow start {warmup_ticks}"
+
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(SlowStart()), warmup_ticks=5)
+    assert result.trace.column("throttle")[:9].tolist() == [0.0] * 8 + [1.0]
+
+
+def test_on_tick_is_shown_the_world_of_the_observation_and_the_control_that_the_vehicle_got() -> None:
+    shown: list[tuple[int, int, int, Control]] = []
+    result = drive(
+        ScriptedAgent([FULL]),
+        on_tick=lambda tick, frame, seen, control: shown.append((tick, frame.tick, seen.tick, control)),
+    )
+    assert shown == [(tick, tick, tick, FULL) for tick in range(result.ticks)]
+
+
+def test_a_viewer_that_fails_is_not_mistaken_for_the_agent() -> None:
+    def fail(*moment: object) -> None:
+        raise LookupError("no screen")
+
+    with pytest.raises(LookupError, match="no screen"):
+        drive(ScriptedAgent([FULL]), on_tick=fail)
+
+
+def test_numbers_of_any_kind_become_plain_floats() -> None:
+    agent = ScriptedAgent([Control(throttle=np.float32(0.5), steer=0, brake=np.float64(0.0))])
+    controls: list[Control] = []
+    drive(agent, on_tick=lambda tick, frame, seen, control: controls.append(control))
+    assert {type(value) for control in controls for value in (control.throttle, control.steer, control.brake)} == {
+        float
+    }
+
+
+def test_an_observation_with_truth_from_a_careless_simulator_is_stripped() -> None:
+    class Careless(FakeSimulator):
+        def observe(self) -> Observation:
+            return replace(super().observe(), truth=self.truth())
+
+    agent = RecordingAgent(ScriptedAgent([FULL]))
+    drive(agent, simulator=Careless())
+    assert all(seen.truth is None for seen in agent.observations)

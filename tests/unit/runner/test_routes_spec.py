@@ -1,0 +1,88 @@
+"""What can be typed for the routes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
+from pytest_drive_robust.runner.routes import resolve_routes
+
+ROUTES = """<routes>
+  <route id="7" town="Straight">
+    <waypoints><position x="0.0" y="0.0" z="0.0"/><position x="60.0" y="0.0" z="0.0"/></waypoints>
+    <scenarios>
+      <scenario name="ParkedObstacle_1" type="ParkedObstacle">
+        <trigger_point x="20.0" y="0.0" z="0.0" yaw="0.0"/>
+      </scenario>
+    </scenarios>
+  </route>
+  <route id="12" town="Straight">
+    <waypoints><position x="0.0" y="0.0" z="0.0"/><position x="90.0" y="0.0" z="0.0"/></waypoints>
+    <scenarios>
+      <scenario name="ParkedObstacle_2" type="ParkedObstacle">
+        <trigger_point x="20.0" y="0.0" z="0.0" yaw="0.0"/>
+      </scenario>
+    </scenarios>
+  </route>
+</routes>
+"""
+
+
+@pytest.fixture
+def route_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    (tmp_path / "mine.xml").write_text(ROUTES)
+    monkeypatch.chdir(tmp_path)
+    return "mine.xml"
+
+
+def ids(spec: str) -> list[str]:
+    return [route.id for route in resolve_routes(spec)]
+
+
+def test_a_named_set_gives_its_routes() -> None:
+    routes = resolve_routes("bench24")
+    assert len(routes) == 24
+    assert len({route.id for route in routes}) == 24
+    assert 0 < len(resolve_routes("one-per-scenario")) < 24
+
+
+def test_ids_alone_are_of_the_default_set_and_keep_their_order() -> None:
+    first, second, *_ = ids("bench24")
+    assert ids(f"{second},{first}") == [second, first]
+    assert ids(f" {second} , {first}, {second}") == [second, first]
+    assert ids(f"bench24:{second}") == [second]
+
+
+def test_a_file_gives_all_of_its_routes_or_those_that_are_named(route_file: str) -> None:
+    assert ids(route_file) == ["7", "12"]
+    assert ids(f"{route_file}:12") == ["12"]
+    assert ids(str(Path(route_file).resolve())) == ["7", "12"]
+
+
+def test_an_unknown_id_is_answered_with_those_of_the_file(route_file: str) -> None:
+    with pytest.raises(UnknownNameError, match=r"no route in mine\.xml named '71'.*Known: 12, 7"):
+        resolve_routes(f"{route_file}:71")
+    with pytest.raises(UnknownNameError, match="no route in bench24 named '999999'"):
+        resolve_routes("999999")
+
+
+def test_an_unknown_set_or_file_is_answered_with_the_nearest(route_file: str) -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'bench24'"):
+        resolve_routes("bench42")
+    with pytest.raises(UnknownNameError, match=r"no route file named 'mien\.xml'. Did you mean 'mine\.xml'"):
+        resolve_routes("mien.xml")
+
+
+@pytest.mark.parametrize("spec", ["", "  ", "bench24:", "bench24: ,"])
+def test_nothing_named_is_an_error(spec: str) -> None:
+    with pytest.raises(UsageError, match="no route"):
+        resolve_routes(spec)
+
+
+def test_a_file_that_is_no_route_file_is_a_route_error(tmp_path: Path) -> None:
+    path = tmp_path / "broken.xml"
+    path.write_text("<routes><route")
+    with pytest.raises(RouteError, match=r"broken\.xml"):
+        resolve_routes(str(path))

@@ -1,0 +1,174 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
+
+value_lists = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30)
+score_pairs = st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(0.0, 100.0)), min_size=1, max_size=30).filter(
+    lambda pairs: sum(before for before, _ in pairs) > 1e-3
+)
+
+
+def width(interval: tuple[float, float]) -> float:
+    return interval[1] - interval[0]
+
+
+def test_the_t_interval_of_three_numbers_by_hand() -> None:
+    # mean 4, sd 2, t(2; 0.975) = 4.302653
+    low, high = mean_interval([2.0, 4.0, 6.0])
+
+    assert (low, high) == pytest.approx((4 - 4.302653 * 2 / math.sqrt(3), 4 + 4.302653 * 2 / math.sqrt(3)), abs=1e-5)
+
+
+def test_wilson_of_24_successes_in_24_by_hand() -> None:
+    # n / (n + z^2) = 24 / 27.8415
+    assert share_interval([1.0] * 24) == (pytest.approx(0.862025, abs=1e-5), 1.0)
+    assert share_interval([0.0] * 24) == (0.0, pytest.approx(0.137975, abs=1e-5))
+
+
+def test_fieller_without_spread_in_the_clean_scores_is_the_t_interval() -> None:
+    perturbed = [30.0, 50.0, 70.0]
+    low, high = mean_interval(perturbed)
+
+    assert ratio_interval([100.0] * 3, perturbed) == pytest.approx((1.0 - high / 100.0, 1.0 - low / 100.0))
+
+
+@settings(max_examples=60)
+@given(score_pairs)
+def test_fieller_inverts_the_paired_t_test(pairs: list[tuple[float, float]]) -> None:
+    from scipy.special import stdtrit
+
+    clean, perturbed = np.array(pairs).T
+    low, high = ratio_interval(list(clean), list(perturbed))
+    for threshold in (low, high):
+        if not math.isfinite(threshold) or threshold == 1.0 or len(pairs) < 2:
+            continue
+        difference = perturbed - (1.0 - threshold) * clean
+        allowed = stdtrit(len(pairs) - 1, 0.975) * difference.std(ddof=1) / math.sqrt(len(pairs))
+        assert abs(difference.mean()) == pytest.approx(allowed, rel=1e-6, abs=1e-6)
+
+
+@given(value_lists, st.floats(0.5, 0.999))
+def test_the_interval_of_a_mean_contains_it(values: list[float], confidence: float) -> None:
+    low, high = mean_interval(values, confidence, bounds=(0.0, 100.0))
+
+    assert 0.0 <= low <= math.fsum(values) / len(values) <= high <= 100.0
+
+
+@given(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=30))
+def test_the_interval_of_a_share_contains_it_and_is_never_a_point(values: list[float]) -> None:
+    low, high = share_interval(values)
+
+    assert 0.0 <= low <= sum(values) / len(values) <= high <= 1.0
+    assert low < high
+
+
+@given(score_pairs)
+def test_the_interval_of_rd_contains_it(pairs: list[tuple[float, float]]) -> None:
+    clean, perturbed = zip(*pairs, strict=True)
+    low, high = ratio_interval(clean, perturbed)
+
+    assert low <= 1.0 - (math.fsum(perturbed) / len(pairs)) / (math.fsum(clean) / len(pairs)) <= high <= 1.0
+
+
+@given(score_pairs.filter(lambda pairs: len(pairs) > 1), st.randoms())
+def test_the_interval_of_rd_does_not_depend_on_the_order(pairs: list, random: object) -> None:
+    shuffled = list(pairs)
+    random.shuffle(shuffled)  # type: ignore[attr-defined]
+
+    assert ratio_interval(*zip(*pairs, strict=True)) == ratio_interval(*zip(*shuffled, strict=True))
+
+
+@pytest.mark.parametrize("interval", [mean_interval, share_interval])
+def test_more_routes_and_less_confidence_make_it_narrower(interval: Callable) -> None:
+    values = [0.1, 0.9, 0.4, 1.0, 0.0]
+
+    assert width(interval(values * 4)) < width(interval(values))
+    assert width(interval(values, 0.8)) < width(interval(values, 0.95))
+
+
+def test_more_routes_and_less_confidence_make_the_interval_of_rd_narrower() -> None:
+    clean, perturbed = [90.0, 100.0, 60.0, 80.0], [60.0, 90.0, 10.0, 80.0]
+
+    assert width(ratio_interval(clean * 4, perturbed * 4)) < width(ratio_interval(clean, perturbed))
+    assert width(ratio_interval(clean, perturbed, 0.8)) < width(ratio_interval(clean, perturbed))
+
+
+def test_identical_runs_have_an_rd_of_exactly_0() -> None:
+    clean = [12.3, 100.0, 45.6]
+
+    assert ratio_interval(clean, clean) == (0.0, 0.0)
+
+
+def test_one_route_says_nothing_about_the_spread() -> None:
+    assert mean_interval([5.0]) == (-math.inf, math.inf)
+    assert mean_interval([5.0], bounds=(0.0, 100.0)) == (0.0, 100.0)
+    assert ratio_interval([80.0], [40.0]) == (-math.inf, 1.0)
+    assert jackknife_interval(5.0, [0.0]) == (-math.inf, math.inf)
+
+
+def test_a_clean_mean_that_may_be_0_leaves_rd_open() -> None:
+    assert ratio_interval([0.0, 0.0, 100.0], [0.0, 0.0, 50.0]) == (-math.inf, 1.0)
+
+
+def test_nothing_unpaired_lists_and_a_clean_mean_of_0_are_refused() -> None:
+    for interval in (mean_interval, share_interval):
+        with pytest.raises(ComparisonError, match="no value"):
+            interval([])
+    with pytest.raises(ComparisonError, match="2 clean and 1 perturbed"):
+        ratio_interval([1.0, 2.0], [1.0])
+    with pytest.raises(ComparisonError, match="mean clean score is 0"):
+        ratio_interval([0.0, 0.0], [1.0, 2.0])
+    with pytest.raises(ValueError, match="expected a number between 0 and 1"):
+        mean_interval([1.0, 2.0], 95.0)
+
+
+@given(value_lists.filter(lambda values: len(values) > 1))
+def test_the_jackknife_of_a_mean_is_the_t_interval(values: list[float]) -> None:
+    total = math.fsum(values)
+    without = [(total - value) / (len(values) - 1) for value in values]
+
+    assert jackknife_interval(total / len(values), without) == pytest.approx(mean_interval(values), abs=1e-6)
+
+
+def routes(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Clean and perturbed scores as they look: many at 100, the rest anywhere; a lost route loses a random share."""
+    clean = np.where(rng.random(count) < 0.6, 100.0, rng.uniform(0.0, 80.0, count))
+    lost = np.where(rng.random(count) < 0.5, rng.uniform(0.0, 1.0, count), 0.0)
+    return clean, clean * (1.0 - lost)
+
+
+def test_the_interval_of_rd_is_close_to_a_paired_bootstrap() -> None:
+    rng = np.random.default_rng(5)
+    clean, perturbed = routes(rng, 200)
+    draws = rng.integers(0, 200, (4000, 200))
+    resampled = 1.0 - perturbed[draws].mean(axis=1) / clean[draws].mean(axis=1)
+
+    assert ratio_interval(list(clean), list(perturbed)) == pytest.approx(
+        tuple(np.quantile(resampled, [0.025, 0.975])), abs=0.01
+    )
+
+
+def test_the_interval_of_rd_covers_the_truth_about_95_times_in_100() -> None:
+    rng = np.random.default_rng(11)
+    truth = 0.25  # half of the routes lose half of their score on average, independent of the clean score
+    intervals = [ratio_interval(*map(list, routes(rng, 50))) for _ in range(1000)]
+    covered = sum(low <= truth <= high for low, high in intervals) / len(intervals)
+
+    assert 0.93 <= covered <= 0.97
+
+
+def test_the_interval_of_a_mean_covers_the_truth_about_95_times_in_100() -> None:
+    rng = np.random.default_rng(12)
+    intervals = [mean_interval(list(routes(rng, 50)[0])) for _ in range(1000)]
+    covered = sum(low <= 0.6 * 100.0 + 0.4 * 40.0 <= high for low, high in intervals) / len(intervals)
+
+    assert 0.93 <= covered <= 0.97

@@ -1,0 +1,132 @@
+"""The command line, in the process and once from outside."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.cli import main
+
+FAKE = "pytest_drive_robust.testing:FakeSimulator"
+AGENT = """
+from pytest_drive_robust import Control
+
+class Good:
+    def sensors(self): return []
+    def reset(self, route, seed): pass
+    def act(self, observation): return Control(throttle=1.0, steer=max(-1.0, min(1.0, -0.1 * observation.gps.y_m)))
+
+class Bad(Good):
+    def act(self, observation): return None
+"""
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cli_agents.py").write_text(AGENT)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+def test_list_shows_every_kind_with_its_origin(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    shown = capsys.readouterr().out
+    for word in ("agents", "burst-frame-drop", "embedded", "built in", "metrics", "ParkedObstacle", "bench24"):
+        assert word in shown
+
+
+def test_list_of_one_kind_shows_no_other(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "simulators"]) == 0
+    shown = capsys.readouterr().out
+    assert "embedded" in shown
+    assert "burst-frame-drop" not in shown
+
+
+def test_an_agent_that_keeps_the_contract_exits_with_0(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-agent", "cli_agents:Good", "--sim", FAKE]) == 0
+    shown = capsys.readouterr().out
+    assert "keeps the contract" in shown
+    assert "determinism" in shown
+
+
+def test_an_agent_that_breaks_the_contract_exits_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check-agent", "cli_agents:Bad", "--sim", FAKE]) == 1
+    shown = capsys.readouterr().out
+    assert "breaks the contract" in shown
+    assert "act returned None" in shown
+
+
+def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
+    from pytest_drive_robust.runner.routes import resolve_routes
+
+    ids = [route.id for route in resolve_routes("bench24")[:2]]
+    assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", ",".join(ids)]) == 0
+    assert capsys.readouterr().out.count("keeps the contract") == 2
+
+
+def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFixture[str]) -> None:
+    from pytest_drive_robust.runner.routes import resolve_routes
+
+    route = resolve_routes("bench24")[0]
+    arguments = ["replay", route.id, "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latency"]
+    assert main([*arguments, "--seed", "5"]) == 0
+    shown = capsys.readouterr().out
+    assert f"cli_agents:Good on {route.id} under clean, seed 5 ({route.scenario.type})" in shown
+    assert f"cli_agents:Good on {route.id} under 200 ms latency, seed 5" in shown
+    assert shown.count("completed: DS ") == 2
+    assert "first divergence at " in shown
+
+
+def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[str]) -> None:
+    from pytest_drive_robust.runner.routes import resolve_routes
+
+    route = resolve_routes("bench24")[0]
+    assert main(["replay", route.id, "--agent", "cli_agents:Bad", "--sim", FAKE]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("under clean") == 1
+    assert "agent_error" in shown
+    assert "first divergence" not in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["list", "agnts"], "Did you mean 'agents'"),
+        (["check-agent", "nobody"], "no agent named 'nobody'"),
+        (["check-agent", "cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
+        (["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", "bench42"], "Did you mean 'bench24'"),
+        (["replay", "no-such", "--agent", "cli_agents:Good", "--sim", FAKE], "no route named 'no-such'"),
+        (["replay", "1", "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latncy"], "latency"),
+    ],
+)
+def test_what_cannot_be_used_exits_with_4_and_one_message(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 4
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.err.startswith("drive-robust: ")
+    assert "Traceback" not in captured.err
+
+
+def test_the_version_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out.startswith("drive-robust ")
+
+
+def test_the_module_runs_as_a_program() -> None:
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest_drive_robust.cli", "list", "simulators"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=root,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "embedded" in done.stdout
