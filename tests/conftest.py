@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+
+from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.testing import fake_route
+
+for _part in ("metrics", "perturbations", "report", "requirements", "runner", "store", "stats"):
+    # Imported now, not where they are used: pytester forgets what a nested pytest imported, and then there would be
+    # two classes of one name. (numpy, which they need, refuses to be imported twice into one process.)
+    _package = importlib.import_module(f"pytest_drive_robust.{_part}")
+    for _module in pkgutil.iter_modules(_package.__path__, f"{_package.__name__}."):
+        importlib.import_module(_module.name)
 
 REPOSITORY = Path(__file__).parent.parent
 PLUGIN = "pytest_drive_robust.plugin"
@@ -100,9 +112,6 @@ def suite(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, plugin_args: tuple[str, ...]
 ) -> Callable[..., pytest.Pytester]:
     """`suite("DS under clean >= 60", ...)` writes conftest, ini, three short routes and one test per sentence."""
-    from pytest_drive_robust.simulators.embedded.routes import save_routes
-    from pytest_drive_robust.testing import fake_route
-
     monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)

@@ -22,17 +22,16 @@ def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) 
     """Pair by (route, seed), in the order of `clean`.
 
     Raises `ComparisonError` when a set is empty, holds an `infra_error` or one pair twice, when the sets differ in
-    their (route, seed) pairs, when agents or simulator versions differ, when `clean` is not clean or when `perturbed`
-    mixes settings.
+    their (route, seed) pairs, when agents or simulator versions differ, or when a set mixes settings.
     """
     for name, results in (("clean", clean), ("perturbed", perturbed)):
         if not results:
             raise ComparisonError(f"the {name} set holds no episode. Expected the same routes and seeds in both sets.")
         require_scorable(results)
+        _require_one_setting(name, results)
         _require_no_duplicate(name, results)
     _require_same_pairs(clean, perturbed)
     _require_same_world([*clean, *perturbed])
-    _require_settings(clean, perturbed)
     twins = {_key(result): result for result in perturbed}
     return tuple((result, twins[_key(result)]) for result in clean)
 
@@ -90,10 +89,7 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
             )
 
 
-def _require_settings(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> None:
-    not_clean = [result for result in clean if result.episode.setting != "clean"]
-    if not_clean:
-        raise ComparisonError(f"the clean set holds a perturbed episode: {not_clean[0].episode}.")
-    settings = sorted({result.episode.setting for result in perturbed})
+def _require_one_setting(name: str, results: Sequence[EpisodeResult]) -> None:
+    settings = sorted({result.episode.setting for result in results})
     if len(settings) > 1:
-        raise ComparisonError(f"the perturbed set mixes settings: {'; '.join(settings)}. Expected one.")
+        raise ComparisonError(f"the {name} set mixes settings: {'; '.join(settings)}. Expected one.")

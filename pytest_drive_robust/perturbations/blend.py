@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -73,38 +72,40 @@ class _RunningMean:
     """The weighted mean of the last images in whole numbers: exact, and as cheap for 20 images as for 2.
 
     With `plain` the sum of the images and `ramp` the sum weighted 1, 2, ... from the oldest, a new image changes them
-    by `ramp += n * new - plain` (all weights fall by one) and `plain += new - oldest`.
+    by `ramp += n * new - plain` (all weights fall by one) and `plain += new - oldest`. Unsigned numbers may wrap on
+    the way; the sums themselves always fit. The buffers are kept, because fresh memory costs more than the sums.
     """
 
-    __slots__ = ("_frames", "_images", "_linear", "_plain", "_ramp")
+    __slots__ = ("_buffer", "_images", "_linear", "_next", "_plain", "_pushed", "_ramp")
 
     def __init__(self, frames: int, like: Pixels, *, linear: bool) -> None:
         import numpy as np
 
         weight = frames * (frames + 1) // 2 if linear else frames
-        kind = np.uint16 if weight <= 256 else np.uint64  # the sum of 256 bytes, and half of that, fit into 16 bits
-        self._frames = frames
+        kind = np.dtype(np.uint16 if weight <= 256 else np.uint64)  # 256 bytes and a half fit into 16 bits
         self._linear = linear
-        self._images: deque[Pixels] = deque()
-        self._plain: NDArray[np.uint64 | np.uint16] = np.zeros(like.shape, dtype=kind)
-        self._ramp: NDArray[np.uint64 | np.uint16] = np.zeros(like.shape, dtype=kind)
+        self._pushed = 0
+        self._images: NDArray[np.unsignedinteger] = np.zeros((frames, *like.shape), dtype=kind)
+        self._plain: NDArray[np.unsignedinteger] = np.zeros(like.shape, dtype=kind)
+        self._ramp: NDArray[np.unsignedinteger] = np.zeros(like.shape, dtype=kind)
+        self._buffer: NDArray[np.unsignedinteger] = np.zeros(like.shape, dtype=kind)
 
     def push(self, pixels: Pixels) -> Pixels:
         """Add an image and give the mean, both (height, width, 3) uint8."""
         import numpy as np
 
-        kept = pixels.copy()  # the simulator may reuse its pixels
-        full = len(self._images) == self._frames
-        self._images.append(kept)
-        count = min(len(self._images), self._frames)
+        frames = len(self._images)
+        slot = self._images[self._pushed % frames]  # holds the oldest image, or zeros as long as there is room
+        full = self._pushed >= frames
+        self._pushed += 1
+        count = min(self._pushed, frames)
+        if self._linear and full:
+            self._ramp -= self._plain
+        self._plain -= slot
+        slot[...] = pixels
+        self._plain += slot
         if self._linear:
-            self._ramp += np.multiply(kept, count, dtype=self._ramp.dtype)
-            if full:
-                self._ramp -= self._plain
-        self._plain += kept
-        if full:
-            self._plain -= self._images.popleft()
+            self._ramp += np.multiply(slot, count, out=self._buffer)
         total, weight = (self._ramp, count * (count + 1) // 2) if self._linear else (self._plain, count)
-        divisor = total.dtype.type(weight)
-        blended: Pixels = ((total + divisor // 2) // divisor).astype(pixels.dtype)
-        return blended
+        np.add(total, weight // 2, out=self._buffer)
+        return np.floor_divide(self._buffer, weight, out=self._buffer).astype(np.uint8)

@@ -70,13 +70,15 @@ class InferenceLatency(Perturbation):
             expected = "milliseconds of at least 0 (the paper drives 100, 200 and 500)"
             self.ms = checked_number(self, "ms", expected=expected)
         elif self.ms is not None:
-            raise refusal(self, "ms", "no `ms` with mode='measured', which measures it; for a fixed one use mode='hold'")
+            raise refusal(
+                self, "ms", "none with mode='measured', which measures it: for a fixed latency use mode='hold'"
+            )
         self.warmup_ticks = checked_count(self, "warmup_ticks", expected="a whole number of ticks of at least 0")
         self.replay_s = tuple(float(seconds) for seconds in self.replay_s)
         if not all(0.0 <= seconds < float("inf") for seconds in self.replay_s):
             raise refusal(self, "replay_s", "seconds of at least 0")
         if self.mode != "measured" and self.replay_s:
-            raise refusal(self, "replay_s", "no `replay_s` but with mode='measured'")
+            raise refusal(self, "replay_s", "none: only mode='measured' takes the times of a recording")
 
     @property
     def measures_inference(self) -> bool:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from pytest_drive_robust.errors import PerturbationError, UsageError, nearest
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.blend import FrameBlend
 from pytest_drive_robust.perturbations.camera import BurstFrameDrop, PartialObservation
@@ -12,11 +11,11 @@ from pytest_drive_robust.perturbations.compute import InferenceLatency
 from pytest_drive_robust.perturbations.delay import SensorDelay
 from pytest_drive_robust.perturbations.ego_state import GpsNoise, SpeedNoise
 from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.variables import Variables
 
 __all__ = ["setting_from"]
 
 _GPS_LEVELS_M = {"medium": 5.0, "severe": 15.0}
-_TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 def setting_from(environ: Mapping[str, str]) -> Setting:
@@ -33,7 +32,7 @@ def setting_from(environ: Mapping[str, str]) -> Setting:
     `BLEND_ENABLE`             0        1: each image is the mean of the last few
     `BLEND_NUM`                3        how many images
     `BLEND_MODE`               uniform  `uniform` or `linear` weights
-    `FRAME_DROP_ENABLE`        0        1: bursts of frozen images, 2 to `BURST_MAX_TICKS` ticks long (`length="uniform"`)
+    `FRAME_DROP_ENABLE`        0        1: bursts of frozen images of 2 to `BURST_MAX_TICKS` ticks (`length="uniform"`)
     `BURST_PROBABILITY`        0.01     that a burst starts, per camera and tick
     `BURST_MAX_TICKS`          20       the longest burst in ticks, 2 or more
     `PARTIAL_OBS_ENABLE`       0        1: a rectangle of every image shows nothing
@@ -58,19 +57,62 @@ def setting_from(environ: Mapping[str, str]) -> Setting:
     >>> str(setting_from({"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "200"}))
     '200 ms latency (mode=hold, warmup_ticks=20)'
     """
-    variables = _Variables(environ)
+    variables = Variables(environ)
     for seed in ("ROBUSTNESS_SEED", "GPS_DRIFT_SEED"):
         variables.whole(seed, 0, low=None)
     rate_hz = variables.number("SIM_RATE", 20.0, above=0.0)
     stack: list[Perturbation] = []
     if variables.switch("ROBUSTNESS_ENABLE"):
-        try:
-            stack += [*_timing(variables, rate_hz), *_camera(variables, rate_hz), *_ego_state(variables)]
-        except PerturbationError as error:
-            raise variables.refused(error) from error
+        stack += [*_timing(variables, rate_hz), *_camera(variables, rate_hz), *_ego_state(variables)]
     if variables.switch("INFERENCE_LATENCY_ENABLE"):
-        try:
-            stack.append(_latency(variables))
-        except PerturbationError as error:
-            raise variables.refused(error) from error
+        stack.append(_latency(variables))
     return Setting.of(*stack)
+
+
+def _timing(variables: Variables, rate_hz: float) -> Iterator[Perturbation]:
+    camera_ticks = variables.whole("SENSOR_DELAY_CAM", 0)
+    ego_ticks = variables.whole("SENSOR_DELAY_EGO", 0)
+    if camera_ticks or ego_ticks:
+        yield SensorDelay(camera_ms=1000.0 * camera_ticks / rate_hz, ego_ms=1000.0 * ego_ticks / rate_hz)
+    if variables.switch("BLEND_ENABLE"):
+        frames = variables.whole("BLEND_NUM", 3, low=1)
+        weights = variables.choice("BLEND_MODE", "uniform", ("uniform", "linear"))
+        yield variables.made(FrameBlend, ("BLEND_NUM", "BLEND_MODE"), {"frames": frames, "weights": weights})
+
+
+def _camera(variables: Variables, rate_hz: float) -> Iterator[Perturbation]:
+    if variables.switch("FRAME_DROP_ENABLE"):
+        severities = {
+            "length_s": variables.whole("BURST_MAX_TICKS", 20, low=2) / rate_hz,
+            "probability": variables.number("BURST_PROBABILITY", 0.01),
+            "length": "uniform",
+        }
+        yield variables.made(BurstFrameDrop, ("BURST_MAX_TICKS", "BURST_PROBABILITY"), severities)
+    if variables.switch("PARTIAL_OBS_ENABLE"):
+        fill = variables.choice("PARTIAL_OBS_TYPE", "blur", ("blur", "occlusion"))
+        severities = {
+            "ratio": variables.number("PARTIAL_OBS_RATIO", 0.5),
+            "fill": "black" if fill == "occlusion" else fill,
+        }
+        yield variables.made(PartialObservation, ("PARTIAL_OBS_RATIO",), severities)
+
+
+def _ego_state(variables: Variables) -> Iterator[Perturbation]:
+    if variables.switch("GPS_DRIFT_ENABLE", default=bool(variables.text("GPS_NOISE_STD"))):
+        level_m = _GPS_LEVELS_M[variables.choice("GPS_DRIFT_MODE", "medium", tuple(_GPS_LEVELS_M))]
+        yield variables.made(GpsNoise, ("GPS_NOISE_STD",), {"std_m": variables.number("GPS_NOISE_STD", level_m)})
+    if variables.switch("SPEED_BIAS_ENABLE"):
+        severities = {
+            "mean": variables.number("SPEED_BIAS_MEAN", 0.5),
+            "std": variables.number("SPEED_BIAS_STD", 0.2),
+        }
+        yield variables.made(SpeedNoise, ("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), severities)
+
+
+def _latency(variables: Variables) -> InferenceLatency:
+    warmup_ticks = variables.whole("WARMUP_STEPS", 20)
+    if variables.choice("INFERENCE_LATENCY_MODE", "fixed", ("fixed", "measured")) == "measured":
+        return InferenceLatency(mode="measured", warmup_ticks=warmup_ticks)
+    ms = variables.number("INFERENCE_LATENCY_MS", 100.0)
+    severities = {"ms": ms, "mode": "hold", "warmup_ticks": warmup_ticks}
+    return variables.made(InferenceLatency, ("INFERENCE_LATENCY_MS",), severities)

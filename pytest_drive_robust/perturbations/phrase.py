@@ -5,6 +5,7 @@ Built from the `phrase` of each class, so that a user's own perturbation has a s
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import re
 from collections.abc import Iterable, Mapping
@@ -132,10 +133,8 @@ def _example(form: Template, numbers: list[float]) -> str | None:
     usual = {**getattr(form.cls, "example", {}), **form.fixed}
     given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers, strict=False)}
     for values in ({**usual, **given}, usual):
-        try:
+        with contextlib.suppress(UsageError):  # an impossible severity is no example
             return form.fill(_built(form.cls, values).parameters())
-        except UsageError:
-            continue
     return None
 
 

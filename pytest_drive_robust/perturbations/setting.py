@@ -57,11 +57,11 @@ class Setting:
 
         Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
         """
-        if known is None:
-            from pytest_drive_robust.perturbations import BUILTIN as known  # noqa: N811
+        from pytest_drive_robust.perturbations import BUILTIN
+
         if text.strip().lower() == _CLEAN:
             return cls.CLEAN
-        classes = list(known.values())
+        classes = list((BUILTIN if known is None else known).values())
         return cls(tuple(parse(sentence, classes) for sentence in _sentences(text, classes)))
 
     @classmethod
@@ -138,7 +138,7 @@ def _sentences(text: str, classes: Sequence[type[Perturbation]]) -> list[str]:
             if end == start + 1 or matches(sentence, classes):
                 break
         if len(words) > 1 and sentence.strip().lower() == _CLEAN:
-            raise RequirementError(f"{text.strip()!r} does not parse: 'clean' means no perturbation, so it stands alone.")
+            raise RequirementError(f"{text.strip()!r} does not parse: 'clean' means no perturbation and stands alone.")
         sentences.append(sentence)
         start = end
     return sentences

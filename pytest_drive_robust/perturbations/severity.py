@@ -38,8 +38,10 @@ def checked_number(
 def checked_count(owner: object, name: str, *, expected: str, low: int = 0) -> int:
     """The field `name` of `owner` as an int of at least `low`. Raises `PerturbationError`."""
     value = getattr(owner, name)
-    if isinstance(value, numbers.Real) and not isinstance(value, bool) and float(value).is_integer() and value >= low:
-        return int(value)
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        number = float(value)
+        if number.is_integer() and number >= low:
+            return int(number)
     raise refusal(owner, name, expected)
 
 

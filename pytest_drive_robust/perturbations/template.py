@@ -47,7 +47,7 @@ class Template:
     def pattern(self) -> re.Pattern[str]:
         """Matches the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
         kinds = field_types(self.cls)
-        parts = []
+        parts: list[str] = []
         for literal, name, _, _ in string.Formatter().parse(self.text):
             parts.append(_literal(literal, after_number=bool(parts)))
             if name is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import numbers
@@ -20,7 +21,11 @@ _RESERVED = {*_CONSTANTS, "nan", "inf", "infinity"}
 
 
 def render_value(value: object) -> str:
-    """The text of a severity: shortest exact number, bare word or JSON string; tuples with slashes (`0.12/0.3`, `0.12/`)."""
+    """The text of a severity: shortest exact number, bare word or JSON string, tuples with slashes.
+
+    >>> render_value(200.0), render_value("hold"), render_value((0.12, 0.3)), render_value((0.12,))
+    ('200', 'hold', '0.12/0.3', '0.12/')
+    """
     if value is None or isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, numbers.Integral):
@@ -107,10 +112,8 @@ def _first_that_fits(text: str, kinds: tuple[object, ...]) -> object:
     """The value as one of several types, the narrow ones first: None, bool, int, float, then the others."""
     narrow: list[object] = [type(None), bool, int, float]
     for kind in sorted(kinds, key=lambda kind: narrow.index(kind) if kind in narrow else len(narrow)):
-        try:
+        with contextlib.suppress(ValueError):
             return parse_value(text, kind)
-        except ValueError:
-            continue
     raise ValueError(text)
 
 
@@ -124,8 +127,6 @@ def _guessed(text: str) -> object:
     if text.lower() in _CONSTANTS:
         return _CONSTANTS[text.lower()]
     for number in (int, float):
-        try:
+        with contextlib.suppress(ValueError):
             return number(text)
-        except ValueError:
-            continue
     return text

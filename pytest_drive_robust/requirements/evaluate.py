@@ -13,6 +13,7 @@ from pytest_drive_robust.metrics.degradation import paired_driving_scores
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
+from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.divergence import first_divergence_s
 from pytest_drive_robust.requirements.known import known_metric
 from pytest_drive_robust.requirements.model import Requirement
@@ -54,14 +55,17 @@ def judge(
 ) -> Verdict:
     """The verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
 
-    `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones.
+    `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones. For a
+    relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
+
     Raises `ComparisonError` when there is nothing to judge: no episode or no data for the metric, an `infra_error`,
     episodes of another agent or setting, sets that do not pair.
     """
-    _require_episodes_of(agent, str(requirement.setting), perturbed)
-    if clean:
-        _require_episodes_of(agent, "clean", clean)
     metric = known_metric(requirement.metric)
+    baseline = str(requirement.setting.baseline)
+    _require_episodes_of(agent, [str(requirement.setting)], perturbed)
+    if clean:
+        _require_episodes_of(agent, [baseline] if metric.needs_clean else [baseline, str(Setting.CLEAN)], clean)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     return Verdict(
         requirement=requirement,
@@ -121,12 +125,14 @@ def _interval(
     return jackknife_interval(value, known, bounds=bounds) if len(known) == len(without) else bounds
 
 
-def _require_episodes_of(agent: str, setting: str, results: Sequence[EpisodeResult]) -> None:
+def _require_episodes_of(agent: str, settings: Sequence[str], results: Sequence[EpisodeResult]) -> None:
     if not results:
         raise ComparisonError(
-            f"no episode of agent {agent!r} was driven under {setting!r}, so there is nothing to judge."
+            f"no episode of agent {agent!r} was driven under {settings[0]!r}, so there is nothing to judge."
         )
     require_scorable(results)
     for result in results:
-        if result.episode.agent != agent or result.episode.setting != setting:
-            raise ComparisonError(f"expected episodes of agent {agent!r} under {setting!r}, but got {result.episode}.")
+        if result.episode.agent != agent or result.episode.setting not in settings:
+            raise ComparisonError(
+                f"expected episodes of agent {agent!r} under {settings[0]!r}, but got {result.episode}."
+            )

@@ -37,9 +37,9 @@ class Requirement:
         if self.comparison not in ("<=", ">="):
             raise RequirementError(f"{self.comparison!r} compares nothing. Expected '<=' or '>='.")
         object.__setattr__(self, "limit", _checked_limit(metric, self.comparison, self.limit))
-        if metric.needs_clean and self.setting.is_clean:
+        if metric.needs_clean and self.setting == self.setting.baseline:
             raise RequirementError(
-                f"{self.metric} under clean is always 0, because it compares with clean. "
+                f"{self.metric} under {self.setting} is always 0, because it compares with {self.setting.baseline}. "
                 f"Name a perturbation ('{self.metric} under 200 ms latency {self.comparison} 0.30') or ask for a "
                 "driving score ('DS under clean >= 60')."
             )

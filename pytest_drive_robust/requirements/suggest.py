@@ -10,6 +10,7 @@ from difflib import SequenceMatcher
 from pytest_drive_robust.errors import nearest
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.template import templates_of
 from pytest_drive_robust.requirements.known import metric_names
 
 __all__ = ["nearest_sentence"]
@@ -22,7 +23,10 @@ _COMPARISON = re.compile(r"[<>=!≤≥]+|\b(?:is|below|above|at most|at least|le
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _FIELD = re.compile(r"\{(\w+)\}")
 _UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
+_QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
 _ALIKE = 0.5
+_LONG_S = 10.0
+"""Nobody means a delay of so many seconds: then the unit was wrong and not the number."""
 
 
 def nearest_sentence(sentence: str, known: Known, reads: Callable[[str, Known], bool]) -> str | None:
@@ -75,13 +79,28 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
 def _nearest_phrase(text: str, known: Known) -> str:
     """The phrase whose words are most like those of `text`, with the numbers of `text`; `text` when none is alike."""
     words = _words(text)
-    scored = [(SequenceMatcher(None, words, _words(cls.phrase)).ratio(), name) for name, cls in sorted(known.items())]
-    likeness, name = max(scored, default=(0.0, ""))
-    if likeness < _ALIKE:
+    forms = [form for _, cls in sorted(known.items()) for form in templates_of(cls)]
+    likeness = [SequenceMatcher(None, words, _words(form.text)).ratio() for form in forms]
+    if max(likeness, default=0.0) < _ALIKE:
         return text
-    numbers = iter(_NUMBER.findall(text))
-    examples = _examples(known[name])
-    return _FIELD.sub(lambda field: next(numbers, None) or examples.get(field.group(1), "1"), known[name].phrase)
+    form = forms[likeness.index(max(likeness))]
+    numbers = iter(_QUANTITY.findall(text))
+    examples = _examples(form.cls)
+    return _FIELD.sub(
+        lambda field: _in_unit_of(field.group(1), next(numbers, None)) or examples.get(field.group(1), "1"), form.text
+    )
+
+
+def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
+    """The number of `("0.2", "s")` in the unit that the field's name ends with."""
+    if quantity is None:
+        return None
+    number, unit = quantity
+    if unit == "s" and field.split("_")[-1] == "ms" and float(number) < _LONG_S:
+        return f"{1000.0 * float(number):g}"
+    if unit == "ms" and field.endswith("_s"):
+        return f"{float(number) / 1000.0:g}"
+    return number
 
 
 def _examples(cls: type[Perturbation]) -> dict[str, str]:
@@ -93,5 +112,5 @@ def _examples(cls: type[Perturbation]) -> dict[str, str]:
 
 def _words(phrase: str) -> str:
     """The words of a phrase without its numbers and units, in lower case."""
-    text = _NUMBER.sub(" ", _FIELD.sub(" ", phrase.lower()))
+    text = _QUANTITY.sub(" ", _FIELD.sub(" ", phrase.lower()))
     return " ".join(word for word in text.split() if word not in _UNITS)

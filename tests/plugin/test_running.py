@@ -16,9 +16,7 @@ processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process
 
 
 def run(suite, *args):
-    """In this process where one is enough; xdist's controller does not like to be nested in another pytest."""
-    runner = suite.runpytest_subprocess if "-n2" in args else suite.runpytest_inprocess
-    return runner("--drive-robust", *args)
+    return suite.runpytest_inprocess("--drive-robust", *args)
 
 
 @processes

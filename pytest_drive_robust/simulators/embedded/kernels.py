@@ -203,18 +203,26 @@ def _run_script(statics: Statics, state: State, i: int) -> None:
 
 @_jit
 def _wanted_speed(state: State, i: int) -> float:
-    """The target speed after leash (traffic stays near the ego), sync (abreast of the ego) and chase (faster than it)."""
+    """The target speed after leash (traffic stays near the ego) and chase (faster than the ego)."""
     actor, whole, ego = state.actors[i], state.actor_ints[i], state.ego
     target = actor[c.A_TARGET_V]
     dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
     ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
     if whole[c.I_LEASH] == 1 and ahead > LEASH_FREE_M:
         target *= max(0.0, 1.0 - (ahead - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M))
-    if actor[c.A_SYNC_M] > 0.0:
-        target = max(2.0, ego[c.EGO_V] + 0.6 * (actor[c.A_SYNC_M] - ahead))
     if whole[c.I_RELATIVE] == 2 and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
         target = ego[c.EGO_V] + actor[c.A_SCRIPT_V]
     return target
+
+
+@_jit
+def _abreast(state: State, i: int) -> float:
+    """Acceleration that keeps actor i `A_SYNC_M` metres ahead of the ego [m/s2]."""
+    actor, ego = state.actors[i], state.ego
+    dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
+    ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
+    wanted = ego[c.EGO_FORWARD] + 1.2 * (ego[c.EGO_V] - actor[c.A_V]) + 0.4 * (actor[c.A_SYNC_M] - ahead)
+    return min(max(wanted, -actor[c.A_BRAKE_MAX]), actor[c.A_ACCEL_MAX])
 
 
 @_jit
@@ -235,6 +243,8 @@ def _move_actor(statics: Statics, state: State, i: int) -> None:
         accel = idm(
             actor[c.A_V], _wanted_speed(state, i), gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX]
         )
+        if actor[c.A_SYNC_M] > 0.0:
+            accel = _abreast(state, i)
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
     actor[c.A_ACCEL] = accel
     actor[c.A_S] += actor[c.A_V] * dt

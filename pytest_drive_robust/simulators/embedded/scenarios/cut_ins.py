@@ -45,7 +45,7 @@ def highway_cut_in(stage: Stage) -> None:
     width = stage.lane_width_m
     cutter = stage.drive(
         ActorKind.CAR, stage.ego_path, stage.on_ego_path(24.0), 8.0, right_m=width, lateral_mps=width / 2.0,
-        sync_m=10.0 + 4.8, accel_mps2=3.5, background=True,
+        sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
     )  # fmt: skip
     stage.cast.script(
         cutter,

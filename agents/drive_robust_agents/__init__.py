@@ -1,0 +1,1 @@
+"""Reference agents for pytest-drive-robust: one agent, one file. They get no private access."""

@@ -1,0 +1,29 @@
+"""`constant`: a little throttle, straight on. The lower end of every table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+
+__all__ = ["Constant"]
+
+
+class Constant:
+    """Drives straight on with a fixed throttle and looks at nothing."""
+
+    consumes: frozenset[str] = frozenset()
+
+    def __init__(self, throttle: float = 0.3) -> None:
+        self.throttle = throttle
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        """No cameras."""
+        return ()
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: Observation) -> Control:
+        """The same control in every tick."""
+        return Control(throttle=self.throttle)
