@@ -122,8 +122,6 @@ def _replay(options: argparse.Namespace) -> int:
     if options.route not in routes:
         raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
     agent, simulator = registry.agent(options.agent), registry.simulator(options.sim)
-    # The clean twin starts as slowly as the perturbed episode, or the comparison would measure the warm-up.
-    warmup_ticks = max((getattr(part, "warmup_ticks", 0) for part in setting.perturbations), default=0)
     results = []
     try:
         for each in (setting,) if setting.is_clean else (Setting.CLEAN, setting):
@@ -134,7 +132,7 @@ def _replay(options: argparse.Namespace) -> int:
                 setting=each,
                 seed=options.seed,
                 agent_name=options.agent,
-                warmup_ticks=warmup_ticks,
+                warmup_ticks=setting.warmup_ticks,  # the twin too, or the comparison would measure the warm-up
             )
             _print_result(result)
             results.append(result)

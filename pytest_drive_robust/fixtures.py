@@ -25,7 +25,17 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.scopes import Scopes
     from pytest_drive_robust.settings import Settings
 
-__all__ = ["DRIVER", "NEEDS_FLAG", "Drive", "Driver", "Estimate", "NotJudgedError", "drive", "drive_agent"]
+__all__ = [
+    "DRIVER",
+    "NEEDS_FLAG",
+    "BrokenRequirementError",
+    "Drive",
+    "Driver",
+    "Estimate",
+    "NotJudgedError",
+    "drive",
+    "drive_agent",
+]
 
 NEEDS_FLAG = "needs --drive-robust"
 

@@ -16,9 +16,10 @@ __all__ = ["pytest_drive_robust_register"]
 def pytest_drive_robust_register(registry: Registry) -> None:
     """Add your own agents, perturbations, simulators and metrics.
 
-    **Who calls it, when:** pytest-drive-robust itself, once per session, when pytest is configured and
-    `--drive-robust` was given. The hook is historic: a `conftest.py` that is loaded later, while tests are collected,
-    is called at that moment, so a registration always comes before the requirements of its folder are read.
+    **Who calls it, when:** pytest-drive-robust itself, once per session, when pytest is configured; also without
+    `--drive-robust`, because requirements are read in every collection. Import heavy libraries inside your factories.
+    The hook is historic: a `conftest.py` that is loaded later, while tests are collected, is called at that moment,
+    so a registration always comes before the requirements of its folder are read.
 
     **In which process:** in every process that collects tests: the main one and, under `pytest -n`, each worker.
     Register the same names everywhere, and register factories rather than objects: agents are made where they drive.

@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from pytest_drive_robust import distributed, errors
-from pytest_drive_robust.fixtures import DRIVER, NEEDS_FLAG, Driver, NotJudgedError, drive, drive_agent
+from pytest_drive_robust.fixtures import (
+    DRIVER,
+    NEEDS_FLAG,
+    BrokenRequirementError,
+    Driver,
+    NotJudgedError,
+    drive,
+    drive_agent,
+)
 from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
 from pytest_drive_robust.settings import OPTIONS, Settings
 
@@ -48,7 +56,7 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
     pluginmanager.add_hookspecs(hookspecs)
 
 
-@pytest.hookimpl(tryfirst=True)
+@pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
     from pytest_drive_robust.registry import default_registry
@@ -127,10 +135,15 @@ class DrivingPlugin:
     def pytest_runtest_makereport(
         self, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Mark reports of tests that could not be judged. A plain attribute travels from workers."""
+        """Our message in one line for the short summary, and a mark on what could not be judged."""
         report = yield
-        if report.failed and call.excinfo is not None and isinstance(call.excinfo.value, NotJudgedError):
-            vars(report)[_NOT_JUDGED] = True
+        error = call.excinfo.value if call.excinfo is not None else None
+        if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
+            crash = getattr(report.longrepr, "reprcrash", None)
+            if crash is not None:
+                crash.message = str(error).partition("   (")[0].partition("\n")[0]
+            if isinstance(error, NotJudgedError):
+                vars(report)[_NOT_JUDGED] = True  # a plain attribute: it travels from workers
         return report
 
     def pytest_unconfigure(self) -> None:

@@ -11,25 +11,23 @@ Three ways lead in, all open to everybody:
 from __future__ import annotations
 
 import functools
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.template import kebab_name
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["KINDS", "AgentFactory", "Metric", "Registry", "SimulatorFactory", "default_registry", "kebab_case"]
+__all__ = ["KINDS", "AgentFactory", "Registry", "SimulatorFactory", "default_registry"]
 
 AgentFactory = Callable[[], Agent]
 """A class or function that makes a new agent, called without arguments."""
 SimulatorFactory = Callable[[SimulatorOptions], Simulator]
 """A class or function that makes a new world."""
-Metric = Callable[[Sequence[EpisodeResult]], float]
-"""A function that computes one number from the results of one setting."""
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 
@@ -48,6 +46,7 @@ class Registry:
     def __init__(self) -> None:
         self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
         self._problems: dict[tuple[str, str], DriveRobustError] = {}
+        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points by kind: finding them reads disk
 
     def register_agent(self, name: str, factory: AgentFactory) -> None:
         """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook."""
@@ -56,14 +55,19 @@ class Registry:
     def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
         """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default."""
         _check_perturbation(cls, definition_of(cls))
-        self._register("perturbations", name or kebab_case(cls.__name__), cls)
+        self._register("perturbations", name or kebab_name(cls), cls)
 
     def register_simulator(self, name: str, factory: SimulatorFactory) -> None:
         """Make `--drive-sim name` call `factory(options)`."""
         self._register("simulators", name, factory)
 
-    def register_metric(self, name: str, function: Metric) -> None:
-        """Add a number to every setting's summary: `function(results of the setting) -> float`."""
+    def register_metric(self, name: str, function: MetricFunction) -> None:
+        """Let requirements name a number of your own: `function(results of one setting)`, None for no data.
+
+        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere.
+        """
+        if name in METRICS:
+            raise UsageError(f"{name!r} is a built-in metric and keeps its meaning: give yours another name.")
         self._register("metrics", name, function)
 
     def agent(self, name: str) -> Agent:
@@ -94,13 +98,13 @@ class Registry:
                 self._problems["perturbations", name] = error
         return classes
 
-    def metric(self, name: str) -> Metric:
+    def metric(self, name: str) -> MetricFunction:
         """The function of that name. Raises `UnknownNameError` or `PluginError`."""
         entry = self._find("metrics", name)
         function = entry.load()
         if not callable(function):
             raise PluginError(f"the metric {name!r} from {entry.origin} is {function!r}, expected a function.")
-        return cast("Metric", function)
+        return cast("MetricFunction", function)
 
     def names(self, kind: str) -> list[tuple[str, str]]:
         """(name, origin) of every entry of a kind, sorted, nothing loaded."""
@@ -130,8 +134,10 @@ class Registry:
     def _all(self, kind: str) -> dict[str, list[Entry]]:
         if kind not in KINDS:
             raise UnknownNameError.of("kind of entry", kind, KINDS)
+        if kind not in self._declared:
+            self._declared[kind] = (*_builtins(kind), *from_entry_points(kind))
         found: dict[str, list[Entry]] = {}
-        for entry in (*_builtins(kind), *from_entry_points(kind)):
+        for entry in self._declared[kind]:
             found.setdefault(entry.name, []).append(entry)
         for (registered_kind, name), (entry, _) in self._registered.items():
             if registered_kind == kind:
@@ -159,15 +165,12 @@ def default_registry() -> Registry:
     return Registry()
 
 
-def kebab_case(name: str) -> str:
-    """`"BurstFrameDrop"` to `"burst-frame-drop"`."""
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", name).lower()
-
-
 def _builtins(kind: str) -> list[Entry]:
     if kind == "simulators":
         reference = from_reference(kind, "pytest_drive_robust.simulators.embedded:EmbeddedSimulator")
         return [Entry(kind, "embedded", "built in", reference.loader)]
+    if kind == "metrics":
+        return [Entry(kind, name, "built in", functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
     if kind == "perturbations":
         from pytest_drive_robust.perturbations import BUILTIN
 

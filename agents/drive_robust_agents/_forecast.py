@@ -100,13 +100,14 @@ def _leaders(route: Floats, plan: Floats, s0: float, actors: Floats) -> NDArray[
 @_jit
 def rollouts(
     route: Floats, plan: Floats, s0: float, v0: float, size: Floats, actors: Floats, accelerations: Floats,
-    limits: Floats, box: Floats, stop_s: float, horizon_s: float, brake_after_s: float,
+    limits: Floats, box: Floats, stop_s: float, margins: Floats, pushy: bool, horizon_s: float, brake_after_s: float,
 ) -> Floats:  # fmt: skip
     """Seconds until trouble for each acceleration, braking again after `brake_after_s` (`horizon_s`: no trouble).
 
     `actors` is (k, 6): x, y, yaw, speed, length, width. `limits` is the speed limit of each row. Trouble is a box overlap
-    (margins: 0.6 m ahead and behind, 0.35 m beside), the front bumper beyond row `stop_s`, or a stop within the junction
-    `box` (first row, last row) that could have been made before it.
+    (`margins`: metres added to the ego's length and width), the front bumper beyond row `stop_s`, or a stop within the
+    junction `box` (first row, last row) that could have been made before it. Who follows is expected to brake for the ego;
+    who crosses only when `pushy`.
     """
     found = np.full(len(accelerations), horizon_s)
     steps = int(horizon_s / STEP_S)
@@ -135,7 +136,7 @@ def rollouts(
                 co, so = math.cos(other[2]), math.sin(other[2])
                 in_front = rx * co + ry * so
                 beside = abs(-rx * so + ry * co)
-                aligned = math.cos(yaw - other[2]) > -0.5
+                aligned = math.cos(yaw - other[2]) > (-0.5 if pushy else 0.6)
                 if aligned and 0.0 < in_front < 30.0 and beside < 0.5 * (size[1] + other[5]) and step > 2:
                     gap = in_front - 0.5 * (size[0] + other[4])
                     if gap < 4.0 + 0.8 * max(other[3] - v, 0.0) + other[3] * 0.6:
@@ -144,7 +145,7 @@ def rollouts(
                     other[3] = max(0.0, other[3] - LEADER_BRAKE_MPS2 * STEP_S)
                 other[0] += other[3] * co * STEP_S
                 other[1] += other[3] * so * STEP_S
-                if _touch(x, y, yaw, size[0] + 1.2, size[1] + 0.7, other[0], other[1], other[2], other[4], other[5]):
+                if _touch(x, y, yaw, size[0] + margins[0], size[1] + margins[1], other[0], other[1], other[2], other[4], other[5]):
                     trouble = True
             if trouble:
                 found[a] = (step - 1) * STEP_S

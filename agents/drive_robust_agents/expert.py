@@ -22,11 +22,15 @@ __all__ = ["Expert"]
 Floats = NDArray[np.float64]
 
 _WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
-_ACCEL_MAX_MPS2, _BRAKE_MAX_MPS2 = 3.6, 8.0
+_ACCEL_MAX_MPS2, _BRAKE_MAX_MPS2 = 5.0, 8.0
 _COMFORT_LATERAL_MPS2 = 2.8
-_ACCELERATIONS = np.array([2.8, 1.5, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0, -8.0])
+_ACCELERATIONS = np.array([4.5, 2.3, 1.2, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0, -8.0])
 _HORIZON_S = 5.0
 _REACT_S = 0.4
+_COMFORT_ACCEL_MPS2 = 2.3
+_GAP_MPS = 7.0
+_PATIENCE_S = 5.0
+_MARGINS_M, _TIGHT_MARGINS_M = np.array([1.2, 0.7]), np.array([0.5, 0.3])
 _PASS_HORIZON_S = 7.0
 _LOOK_M = 45.0
 
@@ -57,6 +61,8 @@ class Expert:
         self._stopped_at: set[int] = set()
         self._pass: _Pass | None = None
         self._yielding = False
+        self._waited_s = 0.0
+        self._pushing = False
         self._limits: Floats | None = None
         self._box = np.array([math.inf, math.inf])
         self._path: tuple[tuple[float, float], ...] = ()
@@ -89,15 +95,27 @@ class Expert:
         assert self._limits is not None
         ego = truth.frame.ego
         size = np.array([ego.length_m, ego.width_m])
-        state = (truth.route, plan, row, ego.speed_mps, size, actors, _ACCELERATIONS, self._limits, self._box, stop, _HORIZON_S)
-        # going through must be safe to the end, or going on for a moment must leave the way to stop
-        free = np.maximum(rollouts(*state, math.inf), rollouts(*state, _REACT_S))
+        self._waited_s = self._waited_s + 0.05 if ego.speed_mps < 0.5 else 0.0
+        pushy = self._waited_s > _PATIENCE_S or (self._pushing and ego.speed_mps < _GAP_MPS)
+        self._pushing = pushy
+        for margins in (_MARGINS_M, _TIGHT_MARGINS_M):
+            state = (
+                truth.route, plan, row, ego.speed_mps, size, actors, _ACCELERATIONS, self._limits, self._box, stop,
+                margins, pushy, _HORIZON_S,
+            )  # fmt: skip
+            # going through must be safe to the end, or going on for a moment must leave the way to stop
+            free = np.maximum(rollouts(*state, math.inf), rollouts(*state, _REACT_S))
+            if free.max() >= _HORIZON_S - 1e-9:
+                break
         limit = self._limits[int(np.clip(row + 0.3 * ego.speed_mps, 0, len(self._limits) - 1))]
-        wanted = min(2.8, 1.2 * (limit - ego.speed_mps))
+        wanted = min(_COMFORT_ACCEL_MPS2, 1.2 * (limit - ego.speed_mps))
         safe = _ACCELERATIONS[free >= _HORIZON_S - 1e-9]
         if len(safe) == 0:
-            return float(_ACCELERATIONS[int(np.argmax(free))]) if free.max() > 1.0 else -8.0
-        return float(min(safe[0], wanted))
+            return float(_ACCELERATIONS[int(np.argmax(free))]) if free.max() > 0.5 else -8.0
+        gentle = safe[safe <= _COMFORT_ACCEL_MPS2]
+        if ego.speed_mps < _GAP_MPS and safe[0] > _COMFORT_ACCEL_MPS2 and (len(gentle) == 0 or gentle[0] < 0.5):
+            return float(safe[0])  # a gap that only a quick start can use
+        return float(min(gentle[0], wanted)) if len(gentle) else float(safe[0])
 
     def _stop_row(self, truth: GroundTruth, row: float, speed_mps: float) -> float:
         """The route row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
@@ -137,10 +155,10 @@ class Expert:
         assert self._limits is not None
         ego = truth.frame.ego
         size = np.array([ego.length_m, ego.width_m])
-        forward = np.array([2.5, 1.2, 0.0]) if ego.speed_mps > 4.0 else np.array([2.5])
+        forward = np.array([2.3, 1.2, 0.0]) if ego.speed_mps > 4.0 else np.array([2.3])
         free = rollouts(
             truth.route, candidate.plan, row, ego.speed_mps, size, actors, forward, self._limits, self._box, stop,
-            _PASS_HORIZON_S, math.inf,
+            _MARGINS_M, False, _PASS_HORIZON_S, math.inf,
         )  # fmt: skip
         return bool((free >= _PASS_HORIZON_S - 1e-9).any())
 
@@ -174,7 +192,7 @@ class Expert:
         steer = math.atan(_WHEELBASE_M * curvature) / _STEER_MAX_RAD
         drag = 0.12 + 0.018 * ego.speed_mps + 0.0006 * ego.speed_mps**2
         push = acceleration + drag
-        engine = min(_ACCEL_MAX_MPS2, 45.0 / max(ego.speed_mps, 1.0))
+        engine = min(_ACCEL_MAX_MPS2, 55.0 / max(ego.speed_mps, 1.0))
         standing = acceleration < -0.1 and ego.speed_mps < 0.3
         return Control(
             throttle=float(np.clip(push / engine, 0.0, 1.0)) if not standing else 0.0,

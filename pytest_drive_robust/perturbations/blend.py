@@ -108,4 +108,5 @@ class _RunningMean:
             self._ramp += np.multiply(slot, count, out=self._buffer)
         total, weight = (self._ramp, count * (count + 1) // 2) if self._linear else (self._plain, count)
         np.add(total, weight // 2, out=self._buffer)
-        return np.floor_divide(self._buffer, weight, out=self._buffer).astype(np.uint8)
+        np.floor_divide(self._buffer, weight, out=self._buffer)
+        return self._buffer.astype(np.uint8)

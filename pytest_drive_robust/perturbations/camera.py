@@ -129,7 +129,6 @@ class PartialObservation(Perturbation):
     hold_s: float = 0.0
 
     phrase: ClassVar[str] = "occlusion {ratio}"
-    memoryless: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self.ratio = checked_number(self, "ratio", expected="a share in 0..1 (the paper drives 0.5 and 0.8)", high=1.0)

@@ -33,7 +33,6 @@ class GpsNoise(Perturbation):
     std_m: float = 5.0
 
     phrase: ClassVar[str] = "GPS noise {std_m} m"
-    memoryless: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self.std_m = checked_number(self, "std_m", expected="metres of at least 0 (the paper drives 5 and 15)")
@@ -76,7 +75,6 @@ class SpeedNoise(Perturbation):
     clip: bool = False
 
     phrase: ClassVar[str] = "speed noise {mean}"
-    memoryless: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         self.mean = checked_number(self, "mean", expected="a factor of at least 0 (the paper drives 0.5 and 0.2)")

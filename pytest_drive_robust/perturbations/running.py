@@ -43,16 +43,6 @@ class RunningStack:
         times = (tuple(getattr(item, "inference_s", ())) for item in self._perturbations)
         return next(filter(None, times), ())
 
-    @property
-    def observes_every_tick(self) -> bool:
-        """True when `observe` must be called in every tick, also where no inference is wanted.
-
-        So it is when a perturbation of the stack keeps earlier observations (a frozen camera, a delay, a blend). One
-        that does not says `memoryless = True`.
-        """
-        keeps = [not getattr(item, "memoryless", False) for item in self._perturbations if _overrides(item, "observe")]
-        return any(keeps)
-
     def observe(self, observation: Observation) -> Observation:
         """The observation that the agent gets. The arrays of the argument are not written to."""
         for change in self._observe:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from textwrap import indent
 
 from pytest_drive_robust.errors import RequirementError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation
@@ -42,7 +43,7 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
         try:
             parsed = parse_requirement(sentence, known=known)
         except UsageError as error:
-            problems.append(f"line {number}: {sentence}\n  {error}".replace("\n", "\n  "))
+            problems.append(f"line {number}: {sentence}\n{indent(str(error), '    ')}")
             continue
         first, _ = found.setdefault(str(parsed), (number, parsed))
         if first != number:
@@ -65,17 +66,16 @@ def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
     try:
         return _parse(sentence, known)
     except UsageError as error:
-        suggestion = nearest_sentence(sentence, known, _reads)
+        suggestion = nearest_sentence(sentence, known, _canonical)
         hint = f"\nNearest valid sentence: {suggestion}" if suggestion else ""
         raise RequirementError(f"{error}{hint}") from None
 
 
-def _reads(sentence: str, known: Known) -> bool:
+def _canonical(sentence: str, known: Known) -> str | None:
     try:
-        _parse(sentence, known)
+        return str(_parse(sentence, known))
     except UsageError:
-        return False
-    return True
+        return None
 
 
 def _parse(sentence: str, known: Known) -> Requirement:

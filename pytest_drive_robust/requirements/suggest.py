@@ -18,32 +18,43 @@ __all__ = ["nearest_sentence"]
 Known = Mapping[str, type[Perturbation]]
 
 _LIMITS = {"RD": "0.30", "SR": "0.50", "DS": "40", "efficiency": "80", "comfort": "20"}
+_AT_MOST = re.compile(r"<|≤|\b(?:below|at most|less than)\b")
 _AT_LEAST = re.compile(r">|≥|\b(?:above|at least|more than|over)\b")
 _COMPARISON = re.compile(r"[<>=!≤≥]+|\b(?:is|below|above|at most|at least|less than|more than|over)\b")
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _FIELD = re.compile(r"\{(\w+)\}")
 _UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
 _QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
-_ALIKE = 0.5
+_ALIKE = 0.6
 _LONG_S = 10.0
 """Nobody means a delay of so many seconds: then the unit was wrong and not the number."""
 
 
-def nearest_sentence(sentence: str, known: Known, reads: Callable[[str, Known], bool]) -> str | None:
+def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], str | None]) -> str | None:
     """`sentence` with as few parts replaced as make it valid, or None when no repair is.
 
-    `reads` tells whether a sentence is valid.
+    `read` gives the canonical form of a valid sentence and None for any other.
     """
     left, comparison, limit = _split(sentence)
     metric, setting = _metric_and_setting(left)
-    sign = ">=" if _AT_LEAST.search(comparison) or (not comparison and metric != "RD") else "<="
-    settings = [setting, " and ".join(_nearest_phrase(part, known) for part in setting.split(" and "))]
+    at_most, at_least = _AT_MOST.search(comparison), _AT_LEAST.search(comparison)
+    sign = ">=" if at_least or (not at_most and metric != "RD") else "<="
+    parts = setting.split(" and ")
+    valid = [read(f"DS under {part} >= {_LIMITS['DS']}", known) is not None for part in parts]
+    repaired = [
+        [
+            part if keep else _nearest_phrase(part, known, numbers=numbers)
+            for part, keep in zip(parts, kept, strict=True)
+        ]
+        for kept, numbers in ((valid, True), (valid, False), ([False] * len(parts), False))
+    ]
+    settings = [setting, *map(" and ".join, repaired)]
     limits = [*_limit_candidates(metric, limit), _LIMITS.get(metric, "0")]
     for phrase in [*settings, "200 ms latency" if metric == "RD" else "clean"]:
         for number in limits:
-            candidate = f"{metric} under {phrase} {sign} {number}"
-            if reads(candidate, known):
-                return candidate
+            found = read(f"{metric} under {phrase} {sign} {number}", known)
+            if found is not None:
+                return found
     return None
 
 
@@ -76,18 +87,22 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
     return [plain]
 
 
-def _nearest_phrase(text: str, known: Known) -> str:
-    """The phrase whose words are most like those of `text`, with the numbers of `text`; `text` when none is alike."""
+def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
+    """The phrase whose words are most like those of `text`; `text` when none is alike.
+
+    `numbers`: with the numbers of `text`, else with usual ones.
+    """
     words = _words(text)
     forms = [form for _, cls in sorted(known.items()) for form in templates_of(cls)]
     likeness = [SequenceMatcher(None, words, _words(form.text)).ratio() for form in forms]
     if max(likeness, default=0.0) < _ALIKE:
         return text
     form = forms[likeness.index(max(likeness))]
-    numbers = iter(_QUANTITY.findall(text))
+    quantities = iter(_QUANTITY.findall(text) if numbers else ())
     examples = _examples(form.cls)
     return _FIELD.sub(
-        lambda field: _in_unit_of(field.group(1), next(numbers, None)) or examples.get(field.group(1), "1"), form.text
+        lambda field: _in_unit_of(field.group(1), next(quantities, None)) or examples.get(field.group(1), "1"),
+        form.text,
     )
 
 

@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["agent_act", "agent_cameras", "agent_reset", "blame"]
 
 _LARGEST_SIDE_PX = 4096
-_CALLERS = ("pytest_drive_robust.runner.", "pytest_drive_robust.testing.", "pytest_drive_robust.perturbations.setting")
+_CALLERS = (
+    "pytest_drive_robust.runner.",
+    "pytest_drive_robust.testing.",
+    "pytest_drive_robust.perturbations.running",
+    "pytest_drive_robust.perturbations.setting",
+)
 """Modules that only pass calls on to agents, simulators and perturbations, which are never what broke."""
 
 

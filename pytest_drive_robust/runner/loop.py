@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import Injection
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.domain.truth import Frame, GroundTruth
-    from pytest_drive_robust.perturbations.setting import RunningStack, Setting
+    from pytest_drive_robust.perturbations.running import RunningStack
+    from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.simulators.base import Score, Simulator
 
     OnTick = Callable[[int, Frame, Observation, Control], object]

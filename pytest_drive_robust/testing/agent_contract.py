@@ -114,7 +114,7 @@ class _Trial:
     def time(self) -> Check:
         """How long `act` takes: told, and judged only where no run could end."""
         mean_s, worst_s = sum(self.acts_s) / len(self.acts_s), max(self.acts_s)
-        sentence = f"act takes {1000.0 * mean_s:.2f} ms on average, {1000.0 * worst_s:.2f} ms at most."
+        sentence = f"act takes {1000.0 * mean_s:.3f} ms on average, {1000.0 * worst_s:.3f} ms at most."
         if mean_s > _SLOWEST_ACT_S:
             return Check("time", False, f"{sentence} More than {_SLOWEST_ACT_S:g} s: an episode would take hours.")
         return Check("time", True, sentence)

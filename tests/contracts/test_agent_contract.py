@@ -67,7 +67,7 @@ def test_missing_methods_are_named() -> None:
     class NoReset(Good):
         reset = None  # type: ignore[assignment]
 
-    report = check_agent(NoReset)
+    report = check_agent(NoReset)  # type: ignore[arg-type]
     assert failed(report) == ["methods"]
     assert "lacks reset" in report["methods"].sentence
 

@@ -20,55 +20,46 @@ def run(suite, *args):
 
 
 @processes
-def test_a_suite_whose_requirements_hold_is_green(suite, workers):
-    result = run(suite(GREEN, "DS under clean >= 90"), *workers)
+def test_a_suite_whose_requirements_hold_is_green(suite, driven, workers):
+    result = run(suite(GREEN, "DS under clean >= 90"), "--drive-seeds", "0,7", *workers)
     assert result.ret == 0
     result.assert_outcomes(passed=2)
+    assert driven() == sorted(["1 0", "2 0", "3 0", "1 7", "2 7", "3 7"] * 2)
 
 
 @processes
-def test_a_broken_requirement_fails_its_test_and_says_why(suite, workers):
-    result = run(suite(GREEN, RED), *workers)
+def test_a_broken_requirement_fails_its_test_and_says_why(suite, driven, workers):
+    result = run(suite(GREEN, RED, "SR under throttle 0.9 >= 0.5", "DS under clean >= 90"), *workers)
     assert result.ret == 1
-    result.assert_outcomes(passed=1, failed=1)
+    result.assert_outcomes(passed=3, failed=1)
     result.stdout.re_match_lines(
         [
-            r".*RD under throttle 0\.3 = 0\.\d\d, limit <= 0\.30   \(95 % interval .* to .*, 3 routes x 1 seed\)",
-            r".*clean   perturbed",
-            r".*DS +100\.00 +\d\d\.\d\d",
-            r".*SR +1\.00 +0\.00",
-            r".*worst routes +clean +perturbed +diverged",
-            r".*3 Straight +100\.0 completed +\d\d\.\d out of time at 3\.0 s +\d\.\d s",
-            r".*replay:  drive-robust replay 3 --agent steady --setting \"throttle 0.3\" --seed 0 --routes .*",
+            r"RD under throttle 0\.3 = 0\.\d\d, limit <= 0\.30   \(95 % interval .* to .*, 3 routes x 1 seed\)",
+            r" +clean   perturbed",
+            r"  DS +100\.00 +\d\d\.\d\d",
+            r"  SR +1\.00 +0\.00",
+            r"  worst routes +clean +perturbed +diverged",
+            r"  3 Straight +100\.0 completed +\d\d\.\d out of time at 3\.0 s +\d\.\d s",
         ],
-        consecutive=False,
+    )
+    result.stdout.fnmatch_lines(
+        ["  replay:  drive-robust replay 3 --agent steady --setting \"throttle 0.3\" --seed 0 --routes *"]
+    )
+    result.stdout.fnmatch_lines(
+        ["FAILED test_suite.py::test_requirement[[]rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"]
     )
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*test_suite.py:*: *Error*")
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 3), "clean, throttle 0.9 and throttle 0.3, each once"
+    assert_table(result.outlines, verdicts=["pass", "pass", "fail"])
 
 
-@processes
-def test_every_episode_is_driven_once_though_many_tests_need_it(suite, driven, workers):
-    result = run(suite(GREEN, RED, "SR under throttle 0.9 >= 0.5", "DS under clean >= 90"), *workers)
-    result.assert_outcomes(passed=3, failed=1)
-    assert driven() == sorted(["1 0", "2 0", "3 0"] * 3)  # clean, throttle 0.9, throttle 0.3
-
-
-@processes
-def test_two_seeds_make_twice_the_episodes(suite, driven, workers):
-    result = run(suite("DS under clean >= 90"), "--drive-seeds", "0,7", *workers)
-    assert result.ret == 0
-    assert driven() == ["1 0", "1 7", "2 0", "2 7", "3 0", "3 7"]
-
-
-@processes
-def test_the_table_at_the_end_fits_a_hundred_columns(suite, workers):
-    result = run(suite(GREEN, RED), *workers)
-    start = next(number for number, line in enumerate(result.outlines) if "= drive-robust =" in line)
-    table = [line for line in result.outlines[start + 1 :] if line.startswith(("agent", "steady"))]
+def assert_table(lines, *, verdicts):
+    start = next(number for number, line in enumerate(lines) if "= drive-robust =" in line)
+    table = lines[start + 1 : start + 5]
     assert table[0].split() == ["agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict"]
-    assert [line.split()[-1] for line in table[1:]] == ["-", "pass", "fail"]
-    assert all(len(line) <= 100 for line in result.outlines[start + 1 : start + 6])
+    assert [line.split()[-1] for line in table[1:]] == verdicts
+    assert all(len(line) <= 100 for line in table)
 
 
 @processes
@@ -125,14 +116,20 @@ def test_last_failed_drives_only_what_failed(suite, driven):
     assert len(driven()) == 6
 
 
-@processes
-def test_without_a_terminal_the_exit_code_is_still_right(suite, workers):
+def test_without_a_terminal_the_exit_code_is_still_right(suite):
     folder = suite(RED)
-    assert run(folder, "-p", "no:terminal", *workers).ret == 1
+    assert run(folder, "-p", "no:terminal").ret == 1
 
 
-@processes
-@pytest.mark.parametrize("test", ["def test_other(): pass", "import pytest\n@pytest.mark.skip\ndef test_it(drive): pass"])
+@pytest.mark.parametrize(
+    ("test", "workers"),
+    [
+        ("def test_other(): pass", ()),
+        ("import pytest\n@pytest.mark.skip\ndef test_it(drive): pass", ()),
+        ("def test_other(): pass", ("-n2",)),
+    ],
+    ids=["nothing-that-drives", "all-skipped", "two-workers"],
+)
 def test_a_run_that_drove_nothing_is_not_green(suite, test, workers):
     result = run(suite(test=test), *workers)
     assert result.ret == 1

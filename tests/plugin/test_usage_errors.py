@@ -10,7 +10,7 @@ processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process
 
 
 def refused(suite, *args):
-    result = suite.runpytest_subprocess("--drive-robust", *args)
+    result = suite.runpytest_inprocess("--drive-robust", *args)
     assert result.ret == 4
     output = "\n".join((*result.outlines, *result.errlines))
     assert "Traceback" not in output
@@ -53,11 +53,12 @@ def test_an_ini_value_is_checked_like_an_option(suite):
     assert "--drive-seeds is '-1'" in refused(folder)
 
 
-@processes
-@pytest.mark.parametrize("switch", [True, False], ids=["driving", "inert"])
-def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, driven, workers, switch):
+@pytest.mark.parametrize(
+    "args", [("--drive-robust",), (), ("-n2",)], ids=["driving", "inert", "inert-two-workers"]
+)
+def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, driven, args):
     folder = suite("RD under 200 ms latencie <= 0.30")
-    result = folder.runpytest_subprocess(*(("--drive-robust",) if switch else ()), *workers)
+    result = folder.runpytest_inprocess(*args)
     output = "\n".join((*result.outlines, *result.errlines))
     assert result.ret == 4
     assert "ERROR: test_suite.py: " in output
@@ -66,7 +67,6 @@ def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, dr
     assert driven() == []
 
 
-@processes
 @pytest.mark.parametrize(
     ("marker", "message"),
     [
@@ -77,9 +77,9 @@ def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, dr
         ("routes='nowhere.xml'", "there is no route file named 'nowhere.xml'"),
     ],
 )
-def test_a_bad_marker_is_refused_at_collection(suite, driven, marker, message, workers):
+def test_a_bad_marker_is_refused_at_collection(suite, driven, marker, message):
     test = f"import pytest\n@pytest.mark.drive_robust({marker})\ndef test_it(drive): pass"
-    output = refused(suite(test=test), *workers)
+    output = refused(suite(test=test))
     assert message in output
     assert "test_suite.py::test_it" in output
     assert driven() == []
@@ -138,7 +138,6 @@ def test_a_broken_third_party_agent_is_named_and_stops_nothing_else(suite, monke
     (site / "sad_agents.py").write_text("import not_there\n")
     monkeypatch.syspath_prepend(site)
     assert folder.runpytest_inprocess("--drive-robust").ret == 0
-    monkeypatch.setenv("PYTHONPATH", str(site), prepend=":")
     output = refused(folder, "--drive-agent", "sad")
     assert "sad-agents 1.2" in output
     assert "not_there" in output

@@ -34,7 +34,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_list_shows_every_kind_with_its_origin(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    for word in ("agents", "burst-frame-drop", "embedded", "built in", "metrics", "ParkedObstacle", "bench24"):
+    for word in ("agents", "burst-frame-drop", "embedded", "built in", "comfort", "ParkedObstacle", "bench24"):
         assert word in shown
 
 

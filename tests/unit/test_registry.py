@@ -13,7 +13,7 @@ import pytest
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.registry import Registry, default_registry, kebab_case
+from pytest_drive_robust.registry import Registry, default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
@@ -211,7 +211,26 @@ def test_a_metric_is_registered_and_found() -> None:
     registry = Registry()
     registry.register_metric("episodes", len)
     assert registry.metric("episodes")([]) == 0
+    assert dict(registry.names("metrics"))["DS"] == "built in"
     assert "episodes" in dict(registry.names("metrics"))
+
+
+def test_a_built_in_metric_keeps_its_meaning() -> None:
+    with pytest.raises(UsageError, match="'DS' is a built-in metric"):
+        Registry().register_metric("DS", len)
+
+
+def test_a_required_name_is_loaded_but_nothing_is_made_of_it(install: Install) -> None:
+    install("unread-agents", "1.0", group="agents", entry="unread", source="raise RuntimeError('imported')")
+    registry = Registry()
+    registry.register_agent("unmade", lambda: 1 / 0)  # type: ignore[arg-type, return-value]
+    registry.require("agents", "unmade")
+    with pytest.raises(PluginError, match=r"unread-agents 1\.0 does not load"):
+        registry.require("agents", "unread")
+    with pytest.raises(UnknownNameError, match="Did you mean 'unread'"):
+        registry.require("agents", "unreed")
+    with pytest.raises(UnknownNameError, match="no metric named 'some_module:function'"):
+        registry.require("metrics", "some_module:function")
 
 
 @pytest.mark.parametrize("name", ["", "a:b", " padded"])
@@ -242,19 +261,6 @@ def test_the_builtins_are_there() -> None:
 
 def test_the_registry_of_the_process_is_one() -> None:
     assert default_registry() is default_registry()
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("BurstFrameDrop", "burst-frame-drop"),
-        ("GPSNoise", "gps-noise"),
-        ("Dimmed", "dimmed"),
-        ("Cam2Drop", "cam2-drop"),
-    ],
-)
-def test_a_class_name_becomes_kebab_case(name: str, expected: str) -> None:
-    assert kebab_case(name) == expected
 
 
 def _scripted() -> ScriptedAgent:

@@ -29,8 +29,8 @@ STEER_RATE_RADPS = 0.9
 STEER_LAG_S = 0.10
 DRIVE_LAG_S = 0.20
 BRAKE_LAG_S = 0.10
-ACCEL_MAX_MPS2 = 3.6
-POWER_WPKG = 45.0  # the engine's power per kilogram caps acceleration at speed
+ACCEL_MAX_MPS2 = 5.0
+POWER_WPKG = 55.0  # the engine's power per kilogram caps acceleration at speed
 BRAKE_MAX_MPS2 = 8.0
 GRIP_MPS2 = 7.5  # lateral acceleration beyond this is understeer
 

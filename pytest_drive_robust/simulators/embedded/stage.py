@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.domain.truth import ActorKind, Lane, LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import Cast, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, Cast, Script
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.map import follow, join
@@ -182,10 +182,15 @@ class Stage:
         sink_m: float | None = None,
         background: bool = False,
     ) -> None:
-        """Cars one after the other along a path, gaps drawn from `gap_m` (front to front)."""
+        """Cars one after the other along a path, gaps drawn from `gap_m` (front of one car to rear of the next).
+
+        Our flows never end, so every third gap is twice as long: somebody who waits patiently gets through.
+        """
         name = f"flow{len(self.cast.flow_rows)}"
         sink = self.length_m(path) if sink_m is None else sink_m
-        gaps = self.draws(name).uniform(max(gap_m[0], 9.0), max(gap_m[1], 9.5), size=64)
+        gaps = self.draws(name).uniform(max(gap_m[0], 4.0), max(gap_m[1], 4.5), size=63)
+        gaps[2::3] *= 2.0
+        gaps += SIZES_M[ActorKind.VAN][0]
         self.cast.flow(path, source_m=source_m, sink_m=sink, speed_mps=speed_mps, gaps_m=gaps, background=background)
 
     def passing(self, ahead_m: float) -> Trigger:
