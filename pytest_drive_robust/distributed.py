@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.store.events import Event
     from pytest_drive_robust.store.journal import JournalWriter
 
-__all__ = ["ControllerPlugin", "ProblemCourier", "is_controller", "is_worker", "join_run", "start_run"]
+__all__ = ["ControllerPlugin", "ProblemCourier", "is_controller", "is_worker", "join_run", "sentences", "start_run"]
 
 _INPUT = "drive_robust_folder"
 _OUTPUT = "drive_robust_problems"
@@ -160,24 +160,29 @@ class ControllerPlugin:
 class ProblemCourier:
     """Carries usage errors from the workers, which collect, to the controller, which decides the exit code."""
 
-    def __init__(self, problems: dict[str, None]) -> None:
+    def __init__(self, problems: dict[str, str]) -> None:
         self._problems = problems
 
     def pytest_testnodedown(self, node: Any) -> None:
         """A worker has ended (a hook of pytest-xdist). One that crashed brings nothing."""
-        for problem in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, ()):
-            self._problems[problem] = None
+        for problem, place in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, {}).items():
+            self._problems.setdefault(problem, place)
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """In a worker: hand the problems over. On the controller: exit code 4."""
         if is_worker(session.config):
-            session.config.workeroutput[_OUTPUT] = list(self._problems)  # type: ignore[attr-defined]
+            session.config.workeroutput[_OUTPUT] = self._problems  # type: ignore[attr-defined]
         elif self._problems and is_controller(session.config):
             session.exitstatus = pytest.ExitCode.USAGE_ERROR
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Say what pytest itself would have said without workers."""
         if is_controller(terminalreporter.config):
-            for problem in self._problems:
-                terminalreporter.write_line(f"ERROR: {problem}", red=True)
+            for sentence in sentences(self._problems):
+                terminalreporter.write_line(f"ERROR: {sentence}", red=True)
+
+
+def sentences(problems: Mapping[str, str]) -> list[str]:
+    """`"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
+    return [f"{place}: {problem}" if place else problem for problem, place in problems.items()]

@@ -35,13 +35,13 @@ __all__ = ["drive", "drive_agent"]
 
 _NOT_JUDGED = "drive_robust_not_judged"
 _FIXTURES = frozenset({"drive", "drive_agent"})
-_PROBLEMS = pytest.StashKey["dict[str, None]"]()
-"""Usage errors found while collecting, each once, in order."""
+_PROBLEMS = pytest.StashKey["dict[str, str]"]()
+"""Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
-    group = parser.getgroup("drive-robust", "closed-loop robustness requirements of driving agents")
+    group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
     group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
     for option in OPTIONS:
         default = f" (default: {option.default})" if option.default else ""
@@ -62,14 +62,15 @@ def pytest_configure(config: pytest.Config) -> None:
     from pytest_drive_robust.registry import default_registry
 
     config.addinivalue_line("markers", MARKER_LINE)
-    config.stash[_PROBLEMS] = {}
+    problems: dict[str, str] = {}
+    config.stash[_PROBLEMS] = problems
     with _as_usage_error():
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": default_registry()})
         if config.getoption("drive_robust"):
             _activate(config)
     if config.pluginmanager.hasplugin("xdist"):
-        config.pluginmanager.register(distributed.ProblemCourier(config.stash[_PROBLEMS]), "drive_robust_problems")
+        config.pluginmanager.register(distributed.ProblemCourier(problems), "drive_robust_problems")
 
 
 def pytest_unconfigure() -> None:
@@ -96,7 +97,7 @@ def pytest_make_collect_report(
     error = _usage_error_in(report)
     if error is None:
         return report
-    collector.config.stash[_PROBLEMS][f"{collector.nodeid or collector.name}: {error}"] = None
+    collector.config.stash[_PROBLEMS].setdefault(str(error), collector.nodeid or collector.name)
     return pytest.CollectReport(collector.nodeid, "passed", None, [])
 
 
@@ -122,7 +123,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     if problems and distributed.is_worker(config):
         session.items.clear()  # the controller reports the problems, see distributed.ProblemCourier
     elif problems:
-        raise pytest.UsageError("\n".join(problems))
+        raise pytest.UsageError("\n".join(distributed.sentences(problems)))
 
 
 class DrivingPlugin:
@@ -182,7 +183,7 @@ class ReportingPlugin:
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Close the books. A run that drove no episode, or whose file was not written, is not green."""
-        if self._ran:
+        if self._ran and not self._config.stash[_PROBLEMS]:
             problem = self._owner.finish()
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -238,7 +239,7 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
     """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
     from pytest_drive_robust.requirements.model import Requirement
 
-    _check(session.config, "drive-robust", driver.scopes.check)
+    _check(session.config, "", driver.scopes.check)
     tasks: dict[str, Any] = {}
 
     def add(item: pytest.Item) -> None:
@@ -253,11 +254,11 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
 
 
 def _check(config: pytest.Config, where: str, attempt: Any) -> None:
-    """Call `attempt`; what is wrong in it becomes one of the session's problems. The run's own come without a place."""
+    """Call `attempt`; what is wrong in it becomes one of the session's problems."""
     try:
         attempt()
     except errors.UsageError as error:
-        config.stash[_PROBLEMS][str(error) if where == "drive-robust" else f"{where}: {error}"] = None
+        config.stash[_PROBLEMS].setdefault(str(error), where)
 
 
 def _driving(items: list[pytest.Item]) -> Iterator[pytest.Item]:

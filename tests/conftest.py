@@ -13,8 +13,8 @@ import pytest
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import fake_route
 
-# Imported now, not where they are used: pytester forgets what a nested pytest imported, but numpy and scipy refuse to be
-# imported twice into one process, and of our own classes there must not be two.
+# Imported now, not where they are used: pytester forgets what a nested pytest imported, but numpy and scipy refuse to
+# be imported twice into one process, and of our own classes there must not be two.
 for _name in ("filelock", "rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
     importlib.import_module(_name)
 for _part in ("metrics", "perturbations", "report", "requirements", "runner", "store", "stats"):
@@ -25,7 +25,7 @@ for _part in ("metrics", "perturbations", "report", "requirements", "runner", "s
 REPOSITORY = Path(__file__).parent.parent
 PLUGIN = "pytest_drive_robust.plugin"
 
-CONFTEST = '''
+CONFTEST = """
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,14 +73,17 @@ def faulty():
     return ScriptedAgent([Control(throttle=1.0)] * 10 + [Control(throttle=7.0)])
 
 
+AGENTS = [steady, seer, faulty]
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_drive_robust_register(registry):
     registry.register_perturbation(Throttle)
     registry.register_simulator("fake", fake)
     registry.register_simulator("broken", broken)
-    for agent in (steady, seer, faulty):
+    for agent in AGENTS:
         registry.register_agent(agent.__name__, agent)
-'''
+"""
 
 SUITE = '''
 import pytest
@@ -119,7 +122,9 @@ def suite(
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
 
     def write(*sentences: str, test: str | None = None, conftest: str = "") -> pytest.Pytester:
-        save_routes([fake_route(str(number), length_m=9.0 + number) for number in (1, 2, 3)], pytester.path / "routes.xml")
+        save_routes(
+            [fake_route(str(number), length_m=9.0 + number) for number in (1, 2, 3)], pytester.path / "routes.xml"
+        )
         (pytester.path / "tox.ini").write_text(INI.format(plugin=" ".join(plugin_args)))
         pytester.makeconftest(CONFTEST + conftest)
         body = SUITE.format(sentences="\n".join(sentences)) if sentences else ""

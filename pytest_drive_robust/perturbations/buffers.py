@@ -45,10 +45,14 @@ class Hold:
         return tick >= self._due
 
     def exchange(self, tick: int, control: Control | None, delay: int) -> Control:
-        """Release the command that is due, start on the new one, and give the command that holds in this tick."""
+        """Release the command that is due, start on the new one, and give the command that holds in this tick.
+
+        A command that comes while the computer is busy is not a new one: in a stack, an earlier latency repeats its
+        command in every tick.
+        """
         if self._pending is not None and tick >= self._due:
             self._current, self._pending = self._pending, None
-        if control is not None:
+        if control is not None and tick >= self._due:
             self._due = tick + delay
             if delay == 0:
                 self._current = control

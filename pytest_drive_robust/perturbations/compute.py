@@ -15,6 +15,7 @@ from pytest_drive_robust.perturbations.severity import (
     checked_choice,
     checked_count,
     checked_number,
+    checked_numbers,
     delay_ticks,
     refusal,
     whole_ticks,
@@ -74,11 +75,10 @@ class InferenceLatency(Perturbation):
                 self, "ms", "none with mode='measured', which measures it: for a fixed latency use mode='hold'"
             )
         self.warmup_ticks = checked_count(self, "warmup_ticks", expected="a whole number of ticks of at least 0")
-        self.replay_s = tuple(float(seconds) for seconds in self.replay_s)
-        if not all(0.0 <= seconds < float("inf") for seconds in self.replay_s):
-            raise refusal(self, "replay_s", "seconds of at least 0")
+        self.replay_s = checked_numbers(self, "replay_s", expected="a tuple of seconds of at least 0")
         if self.mode != "measured" and self.replay_s:
             raise refusal(self, "replay_s", "none: only mode='measured' takes the times of a recording")
+        self._times_s: list[float] = []
 
     @property
     def measures_inference(self) -> bool:
@@ -96,7 +96,7 @@ class InferenceLatency(Perturbation):
         self._dt_s = context.dt_s
         self._ticks = delay_ticks(self, "ms", (self.ms or 0.0) / 1000.0, context.dt_s)
         self._buffer: Fifo | Hold = Fifo(self._ticks) if self.mode == "fifo" else Hold()
-        self._times_s: list[float] = []
+        self._times_s = []
         self._spans = Spans()
 
     def wants_inference(self, tick: int) -> bool:
@@ -106,7 +106,7 @@ class InferenceLatency(Perturbation):
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
         """The command that is due in `tick`."""
         delay = self._ticks
-        if self.mode == "measured" and control is not None:
+        if self.mode == "measured" and control is not None and self._buffer.is_free(tick):
             delay = whole_ticks(self._time_s(inference_s), self._dt_s)
         due = self._buffer.exchange(tick, control, delay)
         if self.mode == "measured" or self._ticks or tick < self.warmup_ticks:

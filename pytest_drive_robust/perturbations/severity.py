@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Iterable
 
 from pytest_drive_robust.errors import PerturbationError, nearest
 
@@ -12,6 +13,7 @@ __all__ = [
     "checked_count",
     "checked_flag",
     "checked_number",
+    "checked_numbers",
     "delay_ticks",
     "refusal",
     "whole_ticks",
@@ -28,7 +30,7 @@ def checked_number(
     Raises `PerturbationError` with the value and `expected`, which names the unit and the range for people.
     """
     value = getattr(owner, name)
-    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+    if _is_number(value):
         number = float(value)
         if math.isfinite(number) and low <= number <= high and not (above_low and number == low):
             return number
@@ -38,10 +40,20 @@ def checked_number(
 def checked_count(owner: object, name: str, *, expected: str, low: int = 0) -> int:
     """The field `name` of `owner` as an int of at least `low`. Raises `PerturbationError`."""
     value = getattr(owner, name)
-    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+    if _is_number(value):
         number = float(value)
         if number.is_integer() and number >= low:
             return int(number)
+    raise refusal(owner, name, expected)
+
+
+def checked_numbers(owner: object, name: str, *, expected: str) -> tuple[float, ...]:
+    """The field `name` of `owner` as a tuple of finite floats of at least 0. Raises `PerturbationError`."""
+    values = getattr(owner, name)
+    if isinstance(values, Iterable):
+        values = tuple(values)
+        if all(_is_number(value) and math.isfinite(value) and value >= 0.0 for value in values):
+            return tuple(map(float, values))
     raise refusal(owner, name, expected)
 
 
@@ -84,3 +96,7 @@ def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int
 def refusal(owner: object, name: str, expected: str) -> PerturbationError:
     """The error to raise when the field `name` of `owner` is not what was `expected`."""
     return PerturbationError(f"{type(owner).__name__}: {name} is {getattr(owner, name)!r}, expected {expected}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)

@@ -29,8 +29,9 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     from rich.console import Console
 
     stream = StringIO()
-    look = {"force_terminal": colour, "no_color": not colour}
-    console = Console(file=stream, width=WIDTH, highlight=False, markup=False, **look)
+    console = Console(
+        file=stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
+    )
     console.print(_table(run, colour=colour))
     for line in _footnotes(run):
         console.print(line, soft_wrap=False)

@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import nearest
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.template import templates_of
+from pytest_drive_robust.perturbations.values import render_value
 from pytest_drive_robust.requirements.known import metric_names
 
 __all__ = ["nearest_sentence"]
@@ -120,9 +121,10 @@ def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
 
 def _examples(cls: type[Perturbation]) -> dict[str, str]:
     """A usual value of each severity: the class's `example`, else the default."""
-    values = {field.name: field.default for field in dataclasses.fields(cls) if isinstance(field.default, (int, float))}
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
+    values = {name: value for name, value in defaults.items() if isinstance(value, (int, float, str))}
     values.update(getattr(cls, "example", {}))
-    return {name: f"{value:g}" for name, value in values.items()}
+    return {name: render_value(value) for name, value in values.items()}
 
 
 def _words(phrase: str) -> str:

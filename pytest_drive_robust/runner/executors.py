@@ -95,4 +95,3 @@ class InlineExecutor:
             self._agents.pop(task.episode.agent, None)
         if result.outcome is Outcome.INFRA_ERROR:
             self.close()
-

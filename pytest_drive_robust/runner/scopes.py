@@ -19,9 +19,7 @@ __all__ = ["Scopes"]
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes."""
 
-    def __init__(
-        self, settings: Settings, registry: Registry, load_routes: Callable[[str], tuple[Route, ...]]
-    ) -> None:
+    def __init__(self, settings: Settings, registry: Registry, load_routes: Callable[[str], tuple[Route, ...]]) -> None:
         self._settings = settings
         self._registry = registry
         self._load_routes = load_routes

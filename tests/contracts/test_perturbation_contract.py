@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
+    EpisodeContext,
     FrameBlend,
     GpsNoise,
     InferenceLatency,
@@ -132,6 +133,22 @@ def test_randomness_from_elsewhere_is_found() -> None:
             return replace(observation, gps=replace(observation.gps, x_m=float(next(source))))
 
     assert failed(check_perturbation(Jitter())) == ["determinism"]
+
+
+def test_what_an_earlier_episode_left_behind_is_found() -> None:
+    seeds: list[int] = []
+
+    @dataclass
+    class Ageing(Perturbation):
+        phrase = "ageing"
+
+        def reset(self, context: EpisodeContext) -> None:
+            seeds.append(context.seed)
+
+        def observe(self, observation: Observation) -> Observation:
+            return replace(observation, gps=replace(observation.gps, x_m=float(len(set(seeds)))))
+
+    assert failed(check_perturbation(Ageing())) == ["determinism"]
 
 
 def test_an_impossible_control_is_found() -> None:

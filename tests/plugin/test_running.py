@@ -43,10 +43,12 @@ def test_a_broken_requirement_fails_its_test_and_says_why(suite, driven, workers
         ],
     )
     result.stdout.fnmatch_lines(
-        ["  replay:  drive-robust replay 3 --agent steady --setting \"throttle 0.3\" --seed 0 --routes *"]
+        ['  replay:  drive-robust replay 3 --agent steady --setting "throttle 0.3" --seed 0 --routes *']
     )
     result.stdout.fnmatch_lines(
-        ["FAILED test_suite.py::test_requirement[[]rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"]
+        [
+            "FAILED test_suite.py::test_requirement[[]rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"
+        ]
     )
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*test_suite.py:*: *Error*")
@@ -158,7 +160,9 @@ def drive_setting_classes():
 """
     result = run(suite(test=test))
     result.assert_outcomes(failed=1)
-    result.stdout.re_match_lines([r"E +assert 0\.\d\d \(RD under throttle 0\.3, 95 % interval .*, 3 routes x 1 seeds?\) <= 0\.3"])
+    result.stdout.re_match_lines(
+        [r"E +assert 0\.\d\d \(RD under throttle 0\.3, 95 % interval .*, 3 routes x 1 seeds?\) <= 0\.3"]
+    )
 
 
 def test_a_marker_pins_agent_seeds_and_routes(suite, driven):

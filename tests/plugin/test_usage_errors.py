@@ -53,9 +53,7 @@ def test_an_ini_value_is_checked_like_an_option(suite):
     assert "--drive-seeds is '-1'" in refused(folder)
 
 
-@pytest.mark.parametrize(
-    "args", [("--drive-robust",), (), ("-n2",)], ids=["driving", "inert", "inert-two-workers"]
-)
+@pytest.mark.parametrize("args", [("--drive-robust",), (), ("-n2",)], ids=["driving", "inert", "inert-two-workers"])
 def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, driven, args):
     folder = suite("RD under 200 ms latencie <= 0.30")
     result = folder.runpytest_inprocess(*args)

@@ -89,7 +89,7 @@ def _progress(statics: Statics, state: State) -> float:
         if dx * math.cos(yaw) + dy * math.sin(yaw) > 0.0:
             reached = k
     ints[c.CI_PROGRESS] = reached
-    return statics.route_s[reached] - statics.route_s[before]
+    return float(statics.route_s[reached] - statics.route_s[before])
 
 
 @_jit
@@ -103,7 +103,7 @@ def _wake_scenario(statics: Statics, state: State) -> None:
 
 @_jit
 def _scenario_runs(state: State) -> bool:
-    return state.clock[1] >= 0 and state.criteria_ints[c.CI_SCENARIO_OVER] == 0
+    return bool(state.clock[1] >= 0 and state.criteria_ints[c.CI_SCENARIO_OVER] == 0)
 
 
 @_jit

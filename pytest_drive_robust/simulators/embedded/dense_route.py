@@ -115,7 +115,7 @@ def _match(lane_map: LaneMap, line: Floats, route: Route) -> NDArray[np.int64]:
 def _clean_forks(lane_map: LaneMap, found: NDArray[np.int64]) -> NDArray[np.int64]:
     """Within a junction keep the connector that the route uses longest; its siblings share only the first metres."""
     junction = np.array([lane_map.lanes[k].junction for k in found])
-    cleaned = found.copy()
+    cleaned: NDArray[np.int64] = found.copy()
     start = 0
     for k in range(1, len(found) + 1):
         if k == len(found) or junction[k] != junction[start]:

@@ -39,7 +39,7 @@ def offset(line: Floats, right_m: float) -> Floats:
 
 def reverse(line: Floats) -> Floats:
     """The same line driven the other way."""
-    turned = line[::-1].copy()
+    turned: Floats = line[::-1].copy()
     turned[:, 2] += np.pi
     return turned
 

@@ -101,7 +101,7 @@ def gap_along_path(
     ahead = (at - first) * step + dx * math.cos(yaw) + dy * math.sin(yaw) - s
     if ahead <= 0.0:
         return math.inf
-    return ahead - (length + other_length) / 2.0
+    return float(ahead - (length + other_length) / 2.0)
 
 
 @_jit
@@ -167,11 +167,11 @@ def _fires(statics: Statics, state: State, i: int) -> bool:
     actor = state.actors[i]
     kind = state.actor_ints[i, c.I_TRIGGER]
     if kind == c.TRIGGER_PROGRESS:
-        return statics.route_s[state.criteria_ints[c.CI_PROGRESS]] >= actor[c.A_TRIGGER_PROGRESS_M]
+        return bool(statics.route_s[state.criteria_ints[c.CI_PROGRESS]] >= actor[c.A_TRIGGER_PROGRESS_M])
     if kind == c.TRIGGER_ARRIVAL:
         away = math.hypot(state.ego[c.EGO_X] - actor[c.A_TRIGGER_X], state.ego[c.EGO_Y] - actor[c.A_TRIGGER_Y])
         v = state.ego[c.EGO_V]
-        return away < actor[c.A_TRIGGER_M] or (v > 0.5 and away / v < actor[c.A_TRIGGER_TTA_S])
+        return bool(away < actor[c.A_TRIGGER_M] or (v > 0.5 and away / v < actor[c.A_TRIGGER_TTA_S]))
     return True
 
 
@@ -212,7 +212,7 @@ def _wanted_speed(state: State, i: int) -> float:
         target *= max(0.0, 1.0 - (ahead - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M))
     if whole[c.I_RELATIVE] == 2 and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
         target = ego[c.EGO_V] + actor[c.A_SCRIPT_V]
-    return target
+    return float(target)
 
 
 @_jit
@@ -222,7 +222,7 @@ def _abreast(state: State, i: int) -> float:
     dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
     ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
     wanted = ego[c.EGO_FORWARD] + 1.2 * (ego[c.EGO_V] - actor[c.A_V]) + 0.4 * (actor[c.A_SYNC_M] - ahead)
-    return min(max(wanted, -actor[c.A_BRAKE_MAX]), actor[c.A_ACCEL_MAX])
+    return float(min(max(wanted, -actor[c.A_BRAKE_MAX]), actor[c.A_ACCEL_MAX]))
 
 
 @_jit

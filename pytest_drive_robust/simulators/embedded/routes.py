@@ -81,7 +81,7 @@ def save_routes(routes: Iterable[Route], path: Path) -> None:
         weathers = ElementTree.SubElement(element, "weathers")
         values = {field.name: repr(getattr(route.weather, field.name)) for field in fields(Weather)}
         for share in ("0", "100"):
-            ElementTree.SubElement(weathers, "weather", route_percentage=share, **values)
+            ElementTree.SubElement(weathers, "weather", {"route_percentage": share, **values})
     ElementTree.indent(root)
     path.write_text(ElementTree.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
 

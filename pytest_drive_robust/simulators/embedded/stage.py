@@ -137,7 +137,7 @@ class Stage:
     def _lane_at(self, ahead_m: float) -> Lane:
         s = self.trigger_m + ahead_m
         row = int(np.clip(np.searchsorted(self.dense.s, s), 0, len(self.dense.s) - 1))
-        return self.dense.lane_map.lanes[self.dense.lanes[row]]
+        return self.dense.lane_map.lanes[int(self.dense.lanes[row])]
 
     # --- actors ---------------------------------------------------------------------------------------------------------
 

@@ -84,6 +84,7 @@ def test_the_trace_holds_the_ego_after_each_tick_and_the_control_that_led_there(
 def test_a_long_trace_outgrows_its_first_memory_without_losing_a_row() -> None:
     result = drive(ScriptedAgent([Control(throttle=0.02)]), simulator=FakeSimulator(SimulatorOptions(tick_cap=1300)))
     assert result.trace.rows.shape == (1300, 11)
+    assert result.trace.rows.base is None  # a stored trace must not hold the recorder's spare memory
     assert np.isfinite(result.trace.rows).all()
     assert (np.diff(result.trace.column("x_m")) > 0.0).all()
 

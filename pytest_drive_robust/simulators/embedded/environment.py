@@ -1,0 +1,141 @@
+"""The embedded world as a gymnasium environment: `gymnasium.make("drive_robust/World-v0")`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
+from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator
+
+__all__ = ["WorldEnv"]
+
+Observed = dict[str, NDArray[Any]]
+_TARGET_AHEAD_M = 5.0
+_INFRACTION_COST = 10.0
+
+
+class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+    """One route per episode, 20 Hz.
+
+    * action: Box (3,): throttle 0..1, steer -1..1 (right), brake 0..1
+    * observation: Dict of `speed` (1,) m/s, `imu` (3,) forward and right acceleration m/s2 and yaw rate rad/s, `target`
+      (2, 2) the next two plan points in metres forward and right of the ego, and one (height, width, 3) uint8 image for
+      each camera
+    * reward: metres of route gained in this tick, minus 10 for each infraction event
+    * terminated: the route ended (completed, off the route, blocked); truncated: the tick cap
+    * info: `end`, `route`, `progress_m`
+
+    `routes` are drawn from by the environment's seeded generator; `reset(options={"route": "101"})` picks one.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
+
+    def __init__(
+        self,
+        routes: Sequence[Route] | None = None,
+        *,
+        cameras: Sequence[CameraSpec] = (),
+        options: SimulatorOptions | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self.render_mode = render_mode
+        self._routes = tuple(routes) if routes is not None else named_routes(default_set)
+        self._cameras = tuple(cameras)
+        self._simulator = EmbeddedSimulator(options)
+        self._plan = GlobalPlan(())
+        self._next = 0
+        self._seen = (0.0, 0)
+        self._limits = spaces.Box(np.array([0, -1, 0], np.float32), np.ones(3, np.float32))
+        self.action_space = self._limits
+        unbounded = {"speed": (1,), "imu": (3,), "target": (2, 2)}
+        self.observation_space = spaces.Dict(
+            {name: spaces.Box(-np.inf, np.inf, shape, np.float32) for name, shape in unbounded.items()}
+            | {
+                camera.name: spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
+                for camera in self._cameras
+            }
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observed, dict[str, Any]]:
+        """Start a route. Raises `KeyError` when `options["route"]` is none of the environment's route ids."""
+        super().reset(seed=seed)
+        wanted = (options or {}).get("route")
+        if wanted is None:
+            route = self._routes[int(self.np_random.integers(len(self._routes)))]
+        else:
+            route = {route.id: route for route in self._routes}[str(wanted)]
+        self._route_id = route.id
+        self._simulator.reset(route, seed=int(self.np_random.integers(2**31)), cameras=self._cameras)
+        self._plan = self._simulator.plan()
+        self._next = 0
+        self._seen = (0.0, 0)
+        return self._observed(self._simulator.observe()), self._info(None)
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
+        """Advance by 50 ms."""
+        throttle, steer, brake = (float(v) for v in np.clip(action, self._limits.low, self._limits.high))
+        self._simulator.step(Control(throttle, steer, brake))
+        end = self._simulator.done
+        reward = self._reward()
+        truncated = end is End.TICK_CAP
+        info = self._info(end)
+        return self._observed(self._simulator.observe()), reward, end is not None and not truncated, truncated, info
+
+    def render(self) -> NDArray[np.uint8]:
+        """A bird's-eye view, (512, 512, 3) uint8 RGB."""
+        from pytest_drive_robust.simulators.embedded.bev import draw_bev
+
+        world = self._simulator.world
+        return draw_bev(world.lane_map, self._simulator.frame, world.dense.rows)
+
+    def close(self) -> None:
+        """Free the world."""
+        self._simulator.close()
+
+    def _reward(self) -> float:
+        events = self._simulator.world.state.events[: self._simulator.world.state.criteria_ints[c.CI_EVENTS]]
+        infractions = int(np.sum(events[:, c.EV_KIND] != c.EVENT_SPEED))
+        progress_m = self._simulator.progress_m
+        gained = progress_m - self._seen[0] - _INFRACTION_COST * (infractions - self._seen[1])
+        self._seen = (progress_m, infractions)
+        return float(gained)
+
+    def _info(self, end: End | None) -> dict[str, Any]:
+        return {
+            "end": None if end is None else end.value,
+            "route": self._route_id,
+            "progress_m": self._simulator.progress_m,
+        }
+
+    def _observed(self, observation: Observation) -> Observed:
+        points = self._plan.points
+        while self._next < len(points) - 2 and self._local(observation, self._next)[0] < _TARGET_AHEAD_M:
+            self._next += 1
+        target = [self._local(observation, min(self._next + k, len(points) - 1)) for k in range(2)]
+        imu = observation.imu
+        seen: Observed = {
+            "speed": np.array([observation.speed.mps], np.float32),
+            "imu": np.array([imu.forward_mps2, imu.right_mps2, imu.yaw_rate_radps], np.float32),
+            "target": np.array(target, np.float32),
+        }
+        return seen | {name: image.pixels.copy() for name, image in observation.cameras.items()}
+
+    def _local(self, observation: Observation, index: int) -> tuple[float, float]:
+        point, yaw = self._plan.points[index], observation.compass.yaw_rad
+        dx, dy = point.x_m - observation.gps.x_m, point.y_m - observation.gps.y_m
+        return dx * math.cos(yaw) + dy * math.sin(yaw), -dx * math.sin(yaw) + dy * math.cos(yaw)

@@ -1,0 +1,111 @@
+"""Route files: the leaderboard's schema in and out, and our generator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pytest_drive_robust.domain.route import RoadOption, Route
+from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.simulators.embedded.dense_route import lay_route
+from pytest_drive_robust.simulators.embedded.generate import draw_routes, main
+from pytest_drive_robust.simulators.embedded.routes import load_routes, named_routes, save_routes, set_names
+
+ROUTES = named_routes("bench24")
+GOOD = """<routes><route id="7" town="Street1"><waypoints>
+<position x="0" y="1.7" z="0"/><position x="50" y="1.7" z="0"/></waypoints>
+<scenarios><scenario name="HardBreakRoute_1" type="HardBreakRoute"><trigger_point x="5" y="1.7" z="0" yaw="0"/>
+<distance value="40"/><direction value="right"/><source_dist_interval from="15" to="28"/></scenario></scenarios>
+<weathers><weather route_percentage="0" fog_density="12"/></weathers></route></routes>"""
+
+
+def test_two_routes_for_each_of_twelve_scenario_types() -> None:
+    types = [route.scenario.type for route in ROUTES]
+    assert len(ROUTES) == 24
+    assert len(set(types)) == 12
+    assert all(types.count(name) == 2 for name in types)
+    assert [route.scenario.type for route in named_routes("one-per-scenario")] == sorted(set(types))
+
+
+def test_a_saved_file_reads_back_to_equal_routes(tmp_path: Path) -> None:
+    save_routes(ROUTES, tmp_path / "again.xml")
+    assert load_routes(tmp_path / "again.xml") == ROUTES
+
+
+def test_the_shipped_file_is_what_the_generator_draws(tmp_path: Path) -> None:
+    assert main([str(tmp_path / "drawn.xml"), "--seed", "0", "--per-type", "2"]) == 0
+    assert load_routes(tmp_path / "drawn.xml") == ROUTES
+
+
+def test_another_seed_draws_other_routes() -> None:
+    def places(routes: tuple[Route, ...] | list[Route]) -> set[tuple[str, float]]:
+        return {(route.town, route.waypoints[0].x_m) for route in routes}
+
+    assert not places(draw_routes(seed=1, per_type=2)) & places(ROUTES)
+
+
+def test_parameters_texts_and_weather_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "one.xml"
+    path.write_text(GOOD, encoding="utf-8")
+    (route,) = load_routes(path)
+    assert route.scenario.number("distance", 0.0) == 40.0
+    assert route.scenario.number("source_dist_interval", 0.0, attribute="to") == 28.0
+    assert route.scenario.number("speed", 13.0) == 13.0
+    assert route.scenario.texts == {"direction": "right"}
+    assert route.weather.fog_density == 12.0
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (("<routes>", "<router>"), "not a route XML file"),
+        (('id="7"', ""), "has no id"),
+        (('town="Street1"', ""), "has no town"),
+        (('x="50"', 'x="fifty"'), "x='fifty', expected a finite number"),
+        (('x="50"', 'x="nan"'), "expected a finite number"),
+        (('type="HardBreakRoute"', ""), "has no type"),
+        (('<trigger_point x="5" y="1.7" z="0" yaw="0"/>', ""), "has no <trigger_point>"),
+        (('<position x="50" y="1.7" z="0"/>', ""), "1 waypoint(s), expected at least 2"),
+        (("<routes>", '<!DOCTYPE r [<!ENTITY a "b">]><routes>'), "not a route XML file"),
+    ],
+)
+def test_a_broken_file_is_one_clear_error(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
+    path = tmp_path / "broken.xml"
+    path.write_text(GOOD.replace(*change), encoding="utf-8")
+    with pytest.raises(RouteError, match="broken.xml") as caught:
+        load_routes(path)
+    assert expected in str(caught.value)
+
+
+def test_unknown_names_come_with_the_nearest_one() -> None:
+    with pytest.raises(UnknownNameError, match="Did you mean 'bench24'"):
+        named_routes("bench42")
+    assert "bench24" in set_names()
+
+
+@pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.id)
+def test_every_route_lies_on_its_lanes_and_has_a_sparse_plan(route: Route) -> None:
+    dense = lay_route(route)
+    assert 49.0 <= dense.length_m <= 222.0
+    assert 0.0 <= dense.trigger_m <= 31.0
+    points = dense.plan().points
+    gaps = [np.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in zip(points, points[1:], strict=False)]
+    assert max(gaps) <= 51.0
+    assert len(points) < dense.length_m / 8.0
+    assert np.hypot(points[0].x_m - dense.rows[0, 0], points[0].y_m - dense.rows[0, 1]) < 1e-9
+    turns = {point.command for point in points} & {RoadOption.LEFT, RoadOption.RIGHT}
+    turned = abs(dense.rows[-1, 2] - dense.rows[0, 2]) > 1.2
+    assert bool(turns) == turned
+
+
+def test_a_route_off_its_town_is_refused() -> None:
+    route = ROUTES[0]
+    moved = Route(route.id, "Street999", route.waypoints[:1] * 1 + route.waypoints[5:6], route.scenario)
+    lay_route(moved)  # a street begins like any other street
+    aside = tuple(type(p)(p.x_m, p.y_m + 40.0) for p in route.waypoints)
+    with pytest.raises(RouteError, match="from the nearest lane of town"):
+        lay_route(Route(route.id, route.town, aside, route.scenario))
+    with pytest.raises(UnknownNameError, match="Street"):
+        lay_route(Route(route.id, "Streat1", route.waypoints, route.scenario))

@@ -1,0 +1,247 @@
+"""The world's own semantics: what moves, how, and what it never does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels import idm, overlap
+from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.world import World
+
+ROUTES = {route.id: route for route in named_routes("bench24")}
+BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("bench24"))}
+FULL_BRAKE = Control(brake=1.0)
+
+
+def driven(route: Route, control: Control, ticks: int, *, seed: int = 0) -> World:
+    world = World(route, seed=seed)
+    for _ in range(ticks):
+        world.tick(control)
+    return world
+
+
+def test_full_brake_never_becomes_reverse() -> None:
+    world = driven(ROUTES["101"], Control(throttle=1.0), 60)
+    assert world.state.ego[c.EGO_V] > 5.0
+    speeds = []
+    for _ in range(200):
+        world.tick(FULL_BRAKE)
+        speeds.append(float(world.state.ego[c.EGO_V]))
+    assert min(speeds) == 0.0
+    assert speeds[-1] == 0.0
+
+
+def test_a_standing_ego_stays_where_it_is() -> None:
+    world = World(BY_TYPE["VanillaSignalizedTurnEncounterRedLight"], seed=0)
+    before = world.state.ego[:3].copy()
+    for _ in range(100):
+        world.tick(FULL_BRAKE)
+    assert np.array_equal(world.state.ego[:3], before)
+
+
+def test_steering_to_the_right_turns_clockwise() -> None:
+    world = driven(ROUTES["101"], Control(throttle=0.5), 40)
+    yaw = float(world.state.ego[c.EGO_YAW])
+    for _ in range(20):
+        world.tick(Control(throttle=0.2, steer=0.5))
+    assert math.sin(world.state.ego[c.EGO_YAW] - yaw) > 0.05
+    assert world.state.ego[c.EGO_RIGHT] > 0.0
+
+
+def test_steering_lags_behind_the_command() -> None:
+    world = driven(ROUTES["101"], Control(throttle=0.5), 20)
+    world.tick(Control(throttle=0.5, steer=1.0))
+    assert 0.0 < world.state.ego[c.EGO_STEER] < 0.1
+
+
+def test_the_ego_turns_on_the_radius_of_its_wheelbase() -> None:
+    world = driven(ROUTES["101"], Control(throttle=0.2), 30)
+    for _ in range(60):
+        world.tick(Control(throttle=0.15, steer=0.3))
+    ego = world.state.ego
+    expected = math.tan(0.3 * 0.61) * math.cos(math.atan(0.5 * math.tan(0.3 * 0.61))) / 2.85
+    assert ego[c.EGO_YAW_RATE] / ego[c.EGO_V] == pytest.approx(expected, rel=0.05)
+
+
+def test_lateral_acceleration_has_a_limit() -> None:
+    world = driven(ROUTES["101"], Control(throttle=1.0), 120)
+    felt = []
+    for _ in range(60):
+        world.tick(Control(throttle=1.0, steer=1.0))
+        felt.append(abs(float(world.state.ego[c.EGO_RIGHT])))
+    assert 7.0 < max(felt) <= 7.5 + 1e-9
+
+
+@given(
+    gap=st.floats(-2.0, 200.0),
+    v=st.floats(0.0, 40.0),
+    leader=st.floats(0.0, 40.0),
+    target=st.floats(0.0, 40.0),
+)
+def test_the_driver_model_stays_within_what_a_car_can_do(gap: float, v: float, leader: float, target: float) -> None:
+    accel = idm(v, target, gap, leader, 2.0, 6.0)
+    assert -6.0 <= accel <= 2.0
+
+
+def test_the_driver_model_brakes_for_what_it_would_hit_and_only_then() -> None:
+    assert idm(10.0, 12.0, 5.0, 0.0, 2.0, 6.0) < -3.0
+    assert idm(10.0, 12.0, math.inf, 0.0, 2.0, 6.0) > 0.5
+
+
+BOX = st.tuples(
+    st.floats(-6, 6), st.floats(-6, 6), st.floats(-math.pi, math.pi), st.floats(0.3, 6.0), st.floats(0.3, 6.0)
+)
+
+
+@settings(max_examples=300)
+@given(one=BOX, other=BOX)
+def test_contact_is_the_overlap_of_two_boxes(one: tuple[float, ...], other: tuple[float, ...]) -> None:
+    depth, nx, ny = overlap(*one, *other)
+    inside = _grid_overlap(one, other)
+    if inside:
+        assert depth > 0.0
+    if depth > 0.0:
+        assert math.hypot(nx, ny) == pytest.approx(1.0)
+        moved = (one[0] + nx * (depth + 1e-6), one[1] + ny * (depth + 1e-6), *one[2:])
+        assert overlap(*moved, *other)[0] == 0.0
+
+
+def _grid_overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+    """Some point of a grid in the first box lies within the second: an independent, one-sided check."""
+    u, v = np.meshgrid(np.linspace(-0.499, 0.499, 25), np.linspace(-0.499, 0.499, 25))
+    x = one[0] + u * one[3] * math.cos(one[2]) - v * one[4] * math.sin(one[2])
+    y = one[1] + u * one[3] * math.sin(one[2]) + v * one[4] * math.cos(one[2])
+    dx, dy = x - other[0], y - other[1]
+    along = dx * math.cos(other[2]) + dy * math.sin(other[2])
+    beside = -dx * math.sin(other[2]) + dy * math.cos(other[2])
+    return bool(((np.abs(along) < other[3] / 2) & (np.abs(beside) < other[4] / 2)).any())
+
+
+@pytest.mark.parametrize("route", ROUTES.values(), ids=lambda route: route.label.replace(" ", "-"))
+def test_nobody_stands_in_the_ego_at_the_start(route: Route) -> None:
+    for seed in range(3):
+        frame = World(route, seed=seed).frame()
+        for actor in frame.actors:
+            depth, _, _ = overlap(
+                frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, frame.ego.length_m, frame.ego.width_m,
+                actor[Frame.X], actor[Frame.Y], actor[Frame.YAW], actor[Frame.LENGTH], actor[Frame.WIDTH],
+            )  # fmt: skip
+            assert depth == 0.0, ActorKind(int(actor[Frame.KIND]))
+
+
+@pytest.mark.parametrize("route", ROUTES.values(), ids=lambda route: route.label.replace(" ", "-"))
+def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> None:
+    world = World(route, seed=1)
+    world.state.ego[[c.EGO_X, c.EGO_Y]] += 1e4  # far away
+    for _ in range(600):
+        world.tick(FULL_BRAKE)
+        cars = world.frame().actors
+        cars = cars[(cars[:, Frame.KIND] <= ActorKind.BICYCLE) & (cars[:, Frame.SPEED] > 0.1)]
+        for i in range(len(cars)):
+            for j in range(i):
+                a, b = cars[i], cars[j]
+                assert overlap(a[2], a[3], a[4], a[6], a[7], b[2], b[3], b[4], b[6], b[7])[0] == 0.0, (a, b)
+
+
+def test_driving_into_a_parked_car_stops_the_ego_and_counts_once() -> None:
+    world = driven(BY_TYPE["ParkedObstacle"], Control(throttle=0.5), 400)
+    events = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
+    hits = events[events[:, c.EV_KIND] == c.EVENT_COLLISION]
+    assert len(hits) == 1
+    assert hits[0, c.EV_VALUE] > 5.0
+    assert world.state.ego[c.EGO_V] < 1.0
+
+
+def test_a_pedestrian_is_hit_once_and_does_not_stop_the_car() -> None:
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE["DynamicObjectCrossing"], seed=0, cameras=())
+    while simulator.done is None:
+        simulator.step(Control(throttle=0.4))
+    score = simulator.score()
+    assert [i.kind.value for i in score.infractions] == ["collisions_pedestrian"]
+    assert score.route_completion_pct == 100.0
+
+
+def test_lights_follow_their_program() -> None:
+    route = BY_TYPE["VanillaSignalizedTurnEncounterRedLight"]
+    world = World(route, seed=0)
+    ego_line = next(
+        line.index
+        for line in world.lane_map.stop_lines
+        if np.hypot(world.dense.rows[:, 0] - line.x_m, world.dense.rows[:, 1] - line.y_m).min() < 1.0
+        and math.cos(line.heading_rad - world.dense.rows[0, 2]) > 0.9
+    )
+    seen = []
+    while world.state.clock[1] < 0:
+        world.tick(Control(throttle=0.6))
+    for _ in range(160):
+        world.tick(FULL_BRAKE)
+        seen.append(LightState(int(world.state.lights[ego_line])))
+    assert seen[0] is LightState.RED
+    # 5 s of red after the scenario woke up
+    assert seen.index(LightState.GREEN) == pytest.approx(100, abs=2)
+
+
+def test_a_snapshot_brings_everything_back() -> None:
+    world = driven(BY_TYPE["NonSignalizedJunctionRightTurn"], Control(throttle=0.5), 50)
+    snapshot = world.snapshot()
+    first = [driven_on(world, 100)]
+    world.restore(snapshot)
+    assert [driven_on(world, 100)] == first
+
+
+def driven_on(world: World, ticks: int) -> bytes:
+    for k in range(ticks):
+        world.tick(Control(throttle=0.4, steer=0.1 * math.sin(k / 5.0)))
+    return b"".join(array.tobytes() for array in world.state)
+
+
+def test_seeds_change_the_traffic_and_nothing_else_does() -> None:
+    route = BY_TYPE["NonSignalizedJunctionRightTurn"]
+    same = [World(route, seed=3).frame().actors.tobytes() for _ in range(2)]
+    assert same[0] == same[1]
+    assert World(route, seed=4).frame().actors.tobytes() != same[0]
+
+
+def test_the_tick_cap_ends_an_episode_and_names_itself() -> None:
+    simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=50))
+    simulator.reset(ROUTES["101"], seed=0, cameras=())
+    while simulator.done is None:
+        simulator.step(FULL_BRAKE)
+    score = simulator.score()
+    assert score.end.value == "Failed - TickRuntime"
+    assert "50 ticks" in score.end_detail
+
+
+def test_an_early_stop_is_an_option_and_names_itself() -> None:
+    simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=10.0))
+    simulator.reset(ROUTES["101"], seed=0, cameras=())
+    ticks = 0
+    while simulator.done is None:
+        simulator.step(FULL_BRAKE)
+        ticks += 1
+    assert ticks == pytest.approx(200, abs=2)
+    assert "stopped early" in simulator.score().end_detail
+
+
+def test_standing_for_a_minute_is_blocked_unless_the_scenario_switches_the_test_off() -> None:
+    ends = {}
+    for name in ("DynamicObjectCrossing", "ParkedObstacle"):
+        simulator = EmbeddedSimulator()
+        simulator.reset(BY_TYPE[name], seed=0, cameras=())
+        while simulator.done is None:
+            awake = simulator.world.state.clock[1] >= 0
+            simulator.step(FULL_BRAKE if awake else Control(throttle=0.5))
+        ends[name] = simulator.score().end.value
+    assert ends == {"DynamicObjectCrossing": "Failed - Agent got blocked", "ParkedObstacle": "Failed - TickRuntime"}
