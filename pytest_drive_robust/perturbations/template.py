@@ -14,6 +14,7 @@ from pytest_drive_robust.perturbations.values import field_types, is_number_type
 __all__ = ["Template", "kebab_name", "templates_of"]
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
+_BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
 _VALUE = r'"(?:[^"\\]|\\.)*"|[^\s()",=]+'
 
 
@@ -52,7 +53,7 @@ class Template:
             parts.append(_literal(literal, after_number=bool(parts)))
             if name is not None:
                 parts.append(f"(?P<{name}>{_NUMBER if is_number_type(kinds.get(name, object)) else _VALUE})")
-        return re.compile(rf"\s*{''.join(parts)}\s*(?:\((?P<_brackets>.*)\))?\s*", re.IGNORECASE | re.DOTALL)
+        return re.compile(rf"\s*{''.join(parts)}\s*(?:\((?P<_brackets>{_BRACKETS})\))?\s*", re.IGNORECASE)
 
 
 def templates_of(cls: type[Perturbation]) -> list[Template]:

@@ -19,7 +19,7 @@ def shown(metric: str, value: float | None) -> str:
 
 
 def interval_text(metric: str, low: float, high: float) -> str:
-    """`"95 % interval 0.33 to 0.53"`; one route says nothing about others, then both ends are infinite."""
-    if not (math.isfinite(low) or math.isfinite(high)):
+    """`"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
+    if not (math.isfinite(low) and math.isfinite(high)):
         return "95 % interval unknown"
     return f"95 % interval {shown(metric, low)} to {shown(metric, high)}"

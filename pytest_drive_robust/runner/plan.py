@@ -52,11 +52,10 @@ class Scope:
         The twins get the warm-up of `setting`: a baseline that may drive off earlier would make the setting look
         worse than it is.
         """
-        warmup_ticks = max((getattr(item, "warmup_ticks", 0) for item in setting.perturbations), default=0)
-        perturbed = self._tasks(setting, warmup_ticks)
+        perturbed = self._tasks(setting, setting.warmup_ticks)
         if setting.is_clean:
             return Need(setting, perturbed if clean else (), perturbed)
-        return Need(setting, self._tasks(Setting.CLEAN, warmup_ticks) if clean else (), perturbed)
+        return Need(setting, self._tasks(Setting.CLEAN, setting.warmup_ticks) if clean else (), perturbed)
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, Task]:
         """Every episode that judging `requirements` takes, by key, each once, in the order of need."""

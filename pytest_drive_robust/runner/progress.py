@@ -73,6 +73,11 @@ class ProgressState:
             return None
         return (self._clock() - self._began_s) / self.done * (self.total - self.done)
 
+    @property
+    def active(self) -> bool:
+        """True while something is left to be driven."""
+        return self.done < self.total
+
     def counts(self) -> str:
         """`"37/264 episodes, about 3 min left"`."""
         left = "" if self.left_s is None or self.done == self.total else f", about {_duration(self.left_s)} left"
@@ -133,7 +138,7 @@ class PlainProgress:
 
     def refresh(self) -> None:
         """Write a sign of life when the last line is old."""
-        if self._clock() - self._written_s >= _HEARTBEAT_S:
+        if self._state.active and self._clock() - self._written_s >= _HEARTBEAT_S:
             self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
     def pause(self) -> None:
@@ -162,7 +167,7 @@ class LiveProgress:
 
     def refresh(self) -> None:
         """Draw, five times a second at most."""
-        if self._clock() - self._drawn_s < _REDRAW_S:
+        if not self._state.active or self._clock() - self._drawn_s < _REDRAW_S:
             return
         self._drawn_s = self._clock()
         with self._screen.exclusive() as stream:

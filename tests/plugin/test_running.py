@@ -45,11 +45,7 @@ def test_a_broken_requirement_fails_its_test_and_says_why(suite, driven, workers
     result.stdout.fnmatch_lines(
         ['  replay:  drive-robust replay 3 --agent steady --setting "throttle 0.3" --seed 0 --routes *']
     )
-    result.stdout.fnmatch_lines(
-        [
-            "FAILED test_suite.py::test_requirement[[]rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"
-        ]
-    )
+    result.stdout.fnmatch_lines(["FAILED *rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"])
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*test_suite.py:*: *Error*")
     assert driven() == sorted(["1 0", "2 0", "3 0"] * 3), "clean, throttle 0.9 and throttle 0.3, each once"

@@ -72,7 +72,7 @@ def test_held_places_stay_for_their_time() -> None:
 
 def test_a_held_place_does_not_depend_on_when_it_was_first_seen() -> None:
     perturbation = PartialObservation(0.5, hold_s=1.0)
-    assert np.array_equal(masks(perturbation, range(0, 30))[27], masks(perturbation, range(27, 28))[0])
+    assert np.array_equal(masks(perturbation, range(30))[27], masks(perturbation, range(27, 28))[0])
 
 
 @pytest.mark.parametrize(("fill", "value"), [("black", 0), ("gray", 128)])

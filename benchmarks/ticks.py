@@ -1,0 +1,157 @@
+"""Ticks per second of the embedded world, bare, with a camera, with perturbations, and as the whole loop.
+
+The reference is `highway-v0`'s own `env.step` at 20 Hz with as many vehicles, in rounds that alternate with ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import gymnasium
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Setting
+from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.routes import named_routes
+
+CAMERA = CameraSpec("front")
+STACK = "3 s burst frame drop and occlusion 0.5 and GPS noise 5 m and speed noise 0.5 and 200 ms latency"
+CONTROL = Control(throttle=0.3)
+
+
+class Idle:
+    """An agent that costs nothing."""
+
+    def __init__(self, cameras: tuple[CameraSpec, ...]) -> None:
+        self.cameras = cameras
+
+    def sensors(self) -> tuple[CameraSpec, ...]:
+        return self.cameras
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        pass
+
+    def act(self, observation: Observation) -> Control:
+        return CONTROL
+
+
+def timed(work: Callable[[], int]) -> float:
+    """Ticks per second of one round of process time."""
+    start = time.process_time()
+    ticks = work()
+    return ticks / (time.process_time() - start)
+
+
+def world(ticks: int) -> Callable[[], int]:
+    simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=10**9))
+
+    def work() -> int:
+        simulator.reset(ROUTE, seed=0, cameras=())
+        tick = simulator.world.tick
+        for _ in range(ticks):
+            tick(CONTROL)
+        return ticks
+
+    return work
+
+
+def world_and_camera(ticks: int) -> Callable[[], int]:
+    simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=10**9))
+
+    def work() -> int:
+        simulator.reset(ROUTE, seed=0, cameras=(CAMERA,))
+        for _ in range(ticks):
+            simulator.observe()
+            simulator.step(CONTROL)
+        return ticks
+
+    return work
+
+
+def loop(ticks: int, *, cameras: tuple[CameraSpec, ...], setting: str) -> Callable[[], int]:
+    simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=ticks))
+
+    def work() -> int:
+        result = drive_episode(
+            simulator, Idle(cameras), route=ROUTE, setting=Setting.parse(setting), seed=0, agent_name="idle"
+        )
+        return result.ticks
+
+    return work
+
+
+def highway(vehicles: int, ticks: int) -> Callable[[], int]:
+    env = gymnasium.make(
+        "highway-v0",
+        config={
+            "simulation_frequency": 20,
+            "policy_frequency": 20,
+            "vehicles_count": vehicles - 1,
+            "duration": 10**6,
+            "action": {"type": "ContinuousAction"},
+        },
+    ).unwrapped
+    action = np.zeros(2)
+
+    def work() -> int:
+        env.reset(seed=0)
+        for _ in range(ticks):
+            env.step(action)
+        return ticks
+
+    return work
+
+
+def vehicles_on_route() -> int:
+    """The ego and the cars that are on the road, on average over ten seconds."""
+    simulator = EmbeddedSimulator()
+    frame = simulator.reset(ROUTE, seed=0, cameras=())
+    counts = []
+    for _ in range(200):
+        counts.append(1 + int(np.sum(frame.actors[:, Frame.KIND] <= ActorKind.BICYCLE)))
+        frame = simulator.step(CONTROL)
+    return round(statistics.mean(counts))
+
+
+ROUTE = next(route for route in named_routes("bench24") if route.scenario.type == "ParkedObstacle")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--ticks", type=int, default=400)
+    given = parser.parse_args()
+    vehicles = vehicles_on_route()
+    subjects = {
+        "highway-v0 env.step": highway(vehicles, 40),
+        "world": world(given.ticks * 10),
+        "world, one 256x144 camera": world_and_camera(given.ticks),
+        "loop around an idle agent": loop(given.ticks, cameras=(), setting="clean"),
+        "loop, one 256x144 camera": loop(given.ticks, cameras=(CAMERA,), setting="clean"),
+        "loop, camera, five perturbations": loop(given.ticks, cameras=(CAMERA,), setting=STACK),
+    }
+    for work in subjects.values():
+        work()  # compile, fill caches
+    rates: dict[str, list[float]] = {name: [] for name in subjects}
+    for _ in range(given.rounds):
+        for name, work in subjects.items():
+            rates[name].append(timed(work))
+    table = Table("", "ticks/s", "ms/tick", "× highway-env", title=f"route {ROUTE.label}, {vehicles} vehicles, CPU time")
+    reference = rates["highway-v0 env.step"]
+    for name, measured in rates.items():
+        ratio = statistics.median(mine / theirs for mine, theirs in zip(measured, reference, strict=True))
+        rate = statistics.median(measured)
+        table.add_row(name, f"{rate:,.0f}", f"{1e3 / rate:.3f}", f"{ratio:.0f}")
+    Console(width=100).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""The README's snippets run as written, from an empty folder, in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+
+
+def block(mark: str) -> str:
+    """The code block that follows `<!-- mark -->`."""
+    match = re.search(rf"<!-- {re.escape(mark)} -->\n```\w*\n(.*?)```", README, re.DOTALL)
+    assert match is not None, mark
+    return match[1]
+
+
+def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environ = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "COV_"))}
+    return subprocess.run(
+        ["bash", "-c", command], cwd=folder, capture_output=True, text=True, check=False, env={**environ, "PATH": path}
+    )
+
+
+@pytest.mark.slow
+def test_your_own_agent_runs_from_an_empty_folder(tmp_path: Path) -> None:
+    for name in ("my_agent.py", "test_mine.py"):
+        (tmp_path / name).write_text(block(name), encoding="utf-8")
+    check, drive = block("my_agent commands").splitlines()
+    checked = shell(check, tmp_path)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    driven = shell(drive, tmp_path)
+    assert driven.returncode == 0, driven.stdout + driven.stderr
+    assert "my_agent:MyAgent" in driven.stdout
+    assert "2 passed" in driven.stdout
+
+
+@pytest.mark.slow
+def test_your_own_perturbation_runs_from_an_empty_folder(tmp_path: Path) -> None:
+    for name in ("conftest.py", "test_dimmed.py", "my_agent.py"):
+        (tmp_path / name).write_text(block(name), encoding="utf-8")
+    command = "pytest --drive-robust test_dimmed.py --drive-agent my_agent:MyAgent --drive-routes 101,601"
+    driven = shell(command, tmp_path)
+    assert driven.returncode == 0, driven.stdout + driven.stderr
+    assert "under dimmed camera 0.3 and 100 ms latency done" in driven.stdout
+
+
+def test_the_agent_is_twenty_lines_and_the_perturbation_ten() -> None:
+    def lines(text: str) -> int:
+        body = text.split("class ", 1)[1]
+        return sum(bool(line.strip()) for line in body.splitlines())
+
+    assert lines(block("my_agent.py")) <= 22
+    assert lines(block("conftest.py").split("@pytest.hookimpl")[0]) <= 10

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Setting
+
+ON = {"ROBUSTNESS_ENABLE": "1"}
+LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
+
+
+@pytest.mark.parametrize(
+    ("environ", "sentence"),
+    [
+        ({}, "clean"),
+        (ON, "clean"),
+        ({"GPS_DRIFT_ENABLE": "1", "FRAME_DROP_ENABLE": "1", "SENSOR_DELAY_CAM": "2"}, "clean"),
+        ({"ROBUSTNESS_ENABLE": "off", "GPS_DRIFT_ENABLE": "1"}, "clean"),
+        ({**ON, "FRAME_DROP_ENABLE": "1"}, "1 s burst frame drop (length=uniform)"),
+        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "60"}, "3 s burst frame drop (length=uniform)"),
+        (
+            {**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "60", "SIM_RATE": "10"},
+            "6 s burst frame drop (length=uniform)",
+        ),
+        (
+            {**ON, "FRAME_DROP_ENABLE": "1", "BURST_PROBABILITY": "0.1"},
+            "1 s burst frame drop (probability=0.1, length=uniform)",
+        ),
+        ({**ON, "PARTIAL_OBS_ENABLE": "1"}, "occlusion 0.5 (fill=blur)"),
+        ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_TYPE": "occlusion"}, "occlusion 0.5"),
+        (
+            {**ON, "PARTIAL_OBS_ENABLE": "true", "PARTIAL_OBS_TYPE": "OCCLUSION", "PARTIAL_OBS_RATIO": "0.8"},
+            "occlusion 0.8",
+        ),
+        ({**ON, "GPS_DRIFT_ENABLE": "1"}, "GPS noise 5 m"),
+        ({**ON, "GPS_DRIFT_ENABLE": "1", "GPS_DRIFT_MODE": "severe", "GPS_DRIFT_SEED": "42"}, "GPS noise 15 m"),
+        ({**ON, "GPS_NOISE_STD": "7.5"}, "GPS noise 7.5 m"),
+        ({**ON, "GPS_NOISE_STD": "7.5", "GPS_DRIFT_MODE": "severe"}, "GPS noise 7.5 m"),
+        ({**ON, "GPS_NOISE_STD": "7.5", "GPS_DRIFT_ENABLE": "0"}, "clean"),
+        ({**ON, "SPEED_BIAS_ENABLE": "1"}, "speed noise 0.5"),
+        (
+            {**ON, "SPEED_BIAS_ENABLE": "1", "SPEED_BIAS_MEAN": "0.2", "SPEED_BIAS_STD": "0.1"},
+            "speed noise 0.2 (std=0.1)",
+        ),
+        ({**ON, "SENSOR_DELAY_CAM": "2"}, "100 ms sensor delay (ego_ms=0)"),
+        ({**ON, "SENSOR_DELAY_EGO": "4"}, "0 ms sensor delay (ego_ms=200)"),
+        ({**ON, "SENSOR_DELAY_EGO": "4", "SENSOR_DELAY_CAM": "4"}, "200 ms sensor delay"),
+        ({**ON, "BLEND_ENABLE": "1"}, "3 frame blend"),
+        ({**ON, "BLEND_ENABLE": "1", "BLEND_NUM": "5", "BLEND_MODE": "linear"}, "5 frame blend (weights=linear)"),
+        (LATE, "100 ms latency (mode=hold, warmup_ticks=20)"),
+        ({**LATE, "INFERENCE_LATENCY_MS": "200", "WARMUP_STEPS": "0"}, "200 ms latency (mode=hold)"),
+        ({**LATE, "INFERENCE_LATENCY_MODE": "measured"}, "measured latency (warmup_ticks=20)"),
+        ({**LATE, "INFERENCE_LATENCY_MS": "", "ROBUSTNESS_SEED": "7"}, "100 ms latency (mode=hold, warmup_ticks=20)"),
+        (
+            {
+                **ON,
+                **LATE,
+                "SENSOR_DELAY_CAM": "1",
+                "SENSOR_DELAY_EGO": "1",
+                "BLEND_ENABLE": "1",
+                "FRAME_DROP_ENABLE": "1",
+                "PARTIAL_OBS_ENABLE": "1",
+                "GPS_DRIFT_ENABLE": "1",
+                "SPEED_BIAS_ENABLE": "1",
+                "WARMUP_STEPS": "0",
+            },
+            "50 ms sensor delay and 3 frame blend and 1 s burst frame drop (length=uniform) and "
+            "occlusion 0.5 (fill=blur) and GPS noise 5 m and speed noise 0.5 and 100 ms latency (mode=hold)",
+        ),
+    ],
+)
+def test_the_released_variables_ask_for_this_setting(environ: dict[str, str], sentence: str) -> None:
+    setting = Setting.from_env(environ)
+    assert str(setting) == sentence
+    assert Setting.parse(sentence) == setting
+
+
+@pytest.mark.parametrize(
+    ("environ", "words"),
+    [
+        ({"ROBUSTNESS_ENABLE": "maybe"}, ["ROBUSTNESS_ENABLE is 'maybe'", "expected one of 1, true"]),
+        ({"SIM_RATE": "0"}, ["SIM_RATE is '0'", "a number above 0"]),
+        ({"SIM_RATE": "fast"}, ["SIM_RATE is 'fast'"]),
+        ({"ROBUSTNESS_SEED": "x"}, ["ROBUSTNESS_SEED is 'x'", "a whole number"]),
+        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "1"}, ["BURST_MAX_TICKS is '1'", "of at least 2"]),
+        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_PROBABILITY": "1.5"}, ["BURST_PROBABILITY='1.5'", "in 0..1"]),
+        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_PROBABILITY": "nan"}, ["BURST_PROBABILITY is 'nan'"]),
+        ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_TYPE": "blurr"}, ["PARTIAL_OBS_TYPE", "Did you mean 'blur'?"]),
+        ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_RATIO": "5"}, ["PARTIAL_OBS_RATIO='5'", "a share in 0..1"]),
+        ({**ON, "GPS_DRIFT_ENABLE": "1", "GPS_DRIFT_MODE": "sever"}, ["GPS_DRIFT_MODE", "Did you mean 'severe'?"]),
+        ({**ON, "GPS_NOISE_STD": "-3"}, ["GPS_NOISE_STD='-3'", "metres of at least 0"]),
+        ({**ON, "SPEED_BIAS_ENABLE": "1", "SPEED_BIAS_STD": "-1"}, ["SPEED_BIAS_STD='-1'"]),
+        ({**ON, "SENSOR_DELAY_CAM": "-1"}, ["SENSOR_DELAY_CAM is '-1'"]),
+        ({**ON, "SENSOR_DELAY_EGO": "1.5"}, ["SENSOR_DELAY_EGO is '1.5'"]),
+        ({**ON, "BLEND_ENABLE": "1", "BLEND_NUM": "0"}, ["BLEND_NUM is '0'"]),
+        ({**LATE, "INFERENCE_LATENCY_MS": "-100"}, ["INFERENCE_LATENCY_MS='-100'", "milliseconds of at least 0"]),
+        ({**LATE, "INFERENCE_LATENCY_MODE": "fifo"}, ["INFERENCE_LATENCY_MODE is 'fifo'", "one of fixed, measured"]),
+        ({**LATE, "WARMUP_STEPS": "ten"}, ["WARMUP_STEPS is 'ten'"]),
+    ],
+)
+def test_a_bad_value_is_named_with_its_variable(environ: dict[str, str], words: list[str]) -> None:
+    with pytest.raises(UsageError) as caught:
+        Setting.from_env(environ)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_the_environment_of_the_process_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBUSTNESS_ENABLE", "1")
+    monkeypatch.setenv("GPS_DRIFT_ENABLE", "1")
+    assert str(Setting.from_env()) == "GPS noise 5 m"
+
+
+def test_the_docstring_lists_every_variable_that_is_read() -> None:
+    from pytest_drive_robust.perturbations import environment
+
+    class Spy(dict[str, str]):
+        asked: set[str] = set()  # noqa: RUF012
+
+        def get(self, name: str, default: str | None = None) -> str:  # type: ignore[override]
+            self.asked.add(name)
+            return super().get(name, default or "")
+
+    switches = ("FRAME_DROP", "PARTIAL_OBS", "GPS_DRIFT", "SPEED_BIAS", "BLEND")
+    Setting.from_env(Spy({**ON, **LATE, **{f"{name}_ENABLE": "1" for name in switches}}))
+    documented = {
+        line.split("`")[1] for line in (environment.setting_from.__doc__ or "").splitlines() if line.startswith("    `")
+    }
+    assert Spy.asked == documented

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+from result_factory import crashed_simulation, make_result, scored
+
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.terminal import run_summary
+from pytest_drive_robust.runner.run_result import RunResult
+from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.store.events import Asked, Judged
+
+
+def run_of(*groups, judged=()):
+    """A run in which each group is (setting, results); clean groups are the twins of the others."""
+    asked, found, clean = [], {}, ()
+    for setting, results in groups:
+        keys = tuple(f"{setting} {result.episode.route_id}" for result in results)
+        found.update(zip(keys, results, strict=True))
+        asked.append(Asked("driver", "bench24", setting, (0,), 0, keys, clean if setting != "clean" else ()))
+        clean = keys if setting == "clean" else clean
+    return RunResult.of(Settings(), [*asked, *judged], found.get, versions={})
+
+
+def verdict(setting, word):
+    return Judged("test_x.py::t", "...", "driver", "bench24", (0,), "RD", setting, "<=", 0.3, word)
+
+
+def test_rows_have_numbers_and_the_worst_verdict():
+    run = run_of(
+        ("clean", [scored("1", 100.0), scored("2", 50.0)]),
+        ("200 ms latency", [scored("1", 50.0, setting="200 ms latency"), scored("2", 25.0, setting="200 ms latency")]),
+        judged=[verdict("200 ms latency", "pass"), verdict("200 ms latency", "fail")],
+    )
+    lines = run_summary(run, colour=False).splitlines()
+    assert lines[1].split() == ["driver", "clean", "75.00", "0.50", "-", "100.00", "100.00", "2", "-"]
+    assert lines[2].split() == [
+        "driver",
+        "200",
+        "ms",
+        "latency",
+        "37.50",
+        "0.00",
+        "0.50",
+        "100.00",
+        "100.00",
+        "2",
+        "fail",
+    ]
+
+
+def test_a_long_agent_and_a_long_setting_stay_within_a_hundred_columns():
+    setting = "occlusion 0.5 and 3.0 s burst frame drop and 200 ms latency (mode=hold) and GPS noise 15 m"
+    results = [make_result(str(number), setting=setting) for number in range(24)]
+    run = run_of((setting, results), judged=[verdict(setting, "error")])
+    lines = run_summary(run, colour=False).splitlines()
+    assert max(map(len, lines)) <= 100
+    assert "error" in lines[1]
+    width = lines[0].index("DS") - 8
+    assert setting.replace(" ", "") in "".join("".join(line[8 : 4 + width].split()) for line in lines[1:4])
+
+
+def test_agent_errors_are_listed_once_per_reason():
+    broken = [make_result(str(number), end=End.AGENT_CRASHED, end_detail="ValueError: no") for number in range(5)]
+    text = run_summary(run_of(("clean", broken)), colour=False)
+    assert "5 x agent error: ValueError: no (first driver on 0 under clean, seed 0)" in text.replace("\n", " ")
+
+
+def test_a_simulation_error_has_no_numbers():
+    run = run_of(("clean", [crashed_simulation("1")]), judged=[verdict("clean", "error")])
+    text = run_summary(run, colour=False)
+    assert text.splitlines()[1].split() == ["driver", "clean", "-", "-", "-", "-", "-", "1", "error"]
+    assert "1 x simulation error, never scored: the server went away" in text
+    (row,) = run_as_json(run)["summaries"]
+    assert row["summary"] is None
+    assert row["problem"]
+
+
+def test_early_stops_are_mentioned():
+    stuck = [make_result("1", end=End.STUCK, completion_pct=10.0), make_result("2")]
+    assert "1 of 2 episodes were stopped early" in run_summary(run_of(("clean", stuck)), colour=False)
+
+
+def test_an_interrupted_setting_says_how_much_is_there():
+    asked = Asked("driver", "bench24", "clean", (0,), 0, ("a", "b"), ())
+    run = RunResult.of(Settings(), [asked], {"a": make_result("1")}.get, versions={})
+    text = run_summary(run, colour=False)
+    assert "1 of 2" in text.splitlines()[1]
+    assert "before all episodes of this setting were driven" in text
+
+
+def test_a_run_that_asked_for_nothing_has_no_table():
+    assert run_summary(run_of(), colour=False) == ""

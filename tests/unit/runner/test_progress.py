@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import io
+from contextlib import contextmanager
+
+from pytest_drive_robust.runner.progress import PlainProgress, ProgressState
+from pytest_drive_robust.store.events import Asked, Finished, Planned, Started
+
+
+class Clock:
+    now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class FakeScreen:
+    def __init__(self) -> None:
+        self.stream = io.StringIO()
+
+    @contextmanager
+    def exclusive(self):
+        yield self.stream
+
+
+def asked(setting: str, *keys: str) -> Asked:
+    return Asked("driver", "two", setting, (0,), 0, keys)
+
+
+def started(key: str) -> Started:
+    return Started(key, "driver", "clean", f"{key} Straight")
+
+
+def test_planned_episodes_count_once_and_the_total_grows_when_tests_ask_for_more():
+    state = ProgressState(Clock())
+    for event in (Planned(("a", "b")), Planned(("a", "b")), asked("clean", "b", "c"), Finished("a", 1.0)):
+        state.see(event)
+    assert (state.done, state.total) == (1, 3)
+
+
+def test_the_time_left_follows_from_the_time_that_passed():
+    clock = Clock()
+    state = ProgressState(clock)
+    state.see(Planned(("a", "b", "c", "d")))
+    state.see(started("a"))
+    assert state.left_s is None
+    clock.now_s += 30.0
+    state.see(Finished("a", 30.0))
+    assert state.left_s == 90.0
+    assert state.counts() == "1/4 episodes, about 2 min left"
+
+
+def test_it_says_what_is_under_way():
+    state = ProgressState(Clock())
+    state.see(started("a"))
+    state.see(started("b"))
+    assert state.now() == "driver, clean, b Straight (and 1 more)"
+    state.see(Finished("b", 1.0))
+    assert state.now() == "driver, clean, a Straight"
+
+
+def test_a_setting_is_complete_when_its_last_episode_is():
+    state = ProgressState(Clock())
+    clean = asked("clean", "a", "b")
+    assert state.see(clean) == []
+    assert state.see(Finished("a", 1.0)) == []
+    assert state.see(Finished("b", 1.0)) == [clean]
+    assert state.see(clean) == [], "a second test that asks has nothing to wait for"
+
+
+def test_plain_lines_are_few():
+    clock, screen = Clock(), FakeScreen()
+    progress = PlainProgress(screen, clock)
+    for number in range(20):
+        progress.see(asked(f"setting {number}", f"key {number}"))
+        progress.see(Finished(f"key {number}", 0.1))
+        clock.now_s += 1.0
+    lines = screen.stream.getvalue().splitlines()
+    assert lines[0] == "drive-robust: driver under setting 0 done, 1/1 episodes"
+    assert len(lines) == 7
+
+
+def test_a_long_setting_gives_a_sign_of_life():
+    clock, screen = Clock(), FakeScreen()
+    progress = PlainProgress(screen, clock)
+    progress.see(asked("clean", "a"))
+    progress.see(started("a"))
+    for _ in range(600):
+        clock.now_s += 0.1
+        progress.refresh()
+    assert screen.stream.getvalue().count("0/1 episodes, now driver, clean, a Straight") == 2
