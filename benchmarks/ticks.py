@@ -144,7 +144,9 @@ def main() -> None:
     for _ in range(given.rounds):
         for name, work in subjects.items():
             rates[name].append(timed(work))
-    table = Table("", "ticks/s", "ms/tick", "× highway-env", title=f"route {ROUTE.label}, {vehicles} vehicles, CPU time")
+    table = Table(
+        "", "ticks/s", "ms/tick", "× highway-env", title=f"route {ROUTE.label}, {vehicles} vehicles, CPU time"
+    )
     reference = rates["highway-v0 env.step"]
     for name, measured in rates.items():
         ratio = statistics.median(mine / theirs for mine, theirs in zip(measured, reference, strict=True))

@@ -37,18 +37,16 @@ def project(route: Floats, first: int, x: float, y: float) -> tuple[float, float
 
 @_jit
 def lateral_target(plan: Floats, s: float) -> float:
-    """Metres to the right of the route at row `s`: plan is (from row, from m, at row, hold m, until row, back at row, m)."""
-    if s <= plan[0]:
-        return plan[1]
-    if s < plan[2]:
-        t = (s - plan[0]) / max(plan[2] - plan[0], 1e-6)
-        return plan[1] + (plan[3] - plan[1]) * t * t * (3.0 - 2.0 * t)
+    """Metres to the right of the route at row `s`.
+
+    `plan` is (from row, from m, at row, hold m, until row, back at row, back to m).
+    """
     if s < plan[4]:
-        return plan[3]
-    if s < plan[5]:
-        t = (s - plan[4]) / max(plan[5] - plan[4], 1e-6)
-        return plan[3] + (plan[6] - plan[3]) * t * t * (3.0 - 2.0 * t)
-    return plan[6]
+        start, end, before, after = plan[0], plan[2], plan[1], plan[3]
+    else:
+        start, end, before, after = plan[4], plan[5], plan[3], plan[6]
+    t = min(max((s - start) / max(end - start, 1e-6), 0.0), 1.0)
+    return float(before + (after - before) * t * t * (3.0 - 2.0 * t))
 
 
 @_jit
@@ -104,10 +102,10 @@ def rollouts(
 ) -> Floats:  # fmt: skip
     """Seconds until trouble for each acceleration, braking again after `brake_after_s` (`horizon_s`: no trouble).
 
-    `actors` is (k, 6): x, y, yaw, speed, length, width. `limits` is the speed limit of each row. Trouble is a box overlap
-    (`margins`: metres added to the ego's length and width), the front bumper beyond row `stop_s`, or a stop within the
-    junction `box` (first row, last row) that could have been made before it. Who follows is expected to brake for the ego;
-    who crosses only when `pushy`.
+    `actors` is (k, 6): x, y, yaw, speed, length, width. `limits` is the speed limit of each row. Trouble is a box
+    overlap (`margins`: metres added to the ego's length and width), the front bumper beyond row `stop_s`, or a stop
+    within the junction `box` (first row, last row) that could have been made before it. Who follows is expected to
+    brake for the ego; who crosses only when `pushy`.
     """
     found = np.full(len(accelerations), horizon_s)
     steps = int(horizon_s / STEP_S)
@@ -145,7 +143,18 @@ def rollouts(
                     other[3] = max(0.0, other[3] - LEADER_BRAKE_MPS2 * STEP_S)
                 other[0] += other[3] * co * STEP_S
                 other[1] += other[3] * so * STEP_S
-                if _touch(x, y, yaw, size[0] + margins[0], size[1] + margins[1], other[0], other[1], other[2], other[4], other[5]):
+                if _touch(
+                    x,
+                    y,
+                    yaw,
+                    size[0] + margins[0],
+                    size[1] + margins[1],
+                    other[0],
+                    other[1],
+                    other[2],
+                    other[4],
+                    other[5],
+                ):
                     trouble = True
             if trouble:
                 found[a] = (step - 1) * STEP_S

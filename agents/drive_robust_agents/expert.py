@@ -88,7 +88,7 @@ class Expert:
         acceleration = self._acceleration(truth, plan, row, actors, stop)
         return self._control(truth, plan, row, acceleration)
 
-    # --- speed ------------------------------------------------------------------------------------------------------------
+    # --- speed ---
 
     def _acceleration(self, truth: GroundTruth, plan: Floats, row: float, actors: Floats, stop: float) -> float:
         """The strongest acceleration that stays out of trouble; the one that keeps out longest when none does."""
@@ -136,7 +136,7 @@ class Expert:
                 nearest = min(nearest, at - 0.6)
         return nearest
 
-    # --- ways around ----------------------------------------------------------------------------------------------------
+    # --- ways around ---
 
     def _update_pass(self, truth: GroundTruth, actors: Floats, row: float, right: float, stop: float) -> None:
         if self._pass is not None and row > self._pass.ends_row:
@@ -180,7 +180,7 @@ class Expert:
             self._pass = _Pass(np.array([row, right, row + 1.0, right, row + 2.0, row + 26.0, 0.0]), row + 30.0)
         return self._yielding
 
-    # --- control --------------------------------------------------------------------------------------------------------
+    # --- control ---
 
     def _control(self, truth: GroundTruth, plan: Floats, row: float, acceleration: float) -> Control:
         ego = truth.frame.ego
@@ -261,7 +261,7 @@ def _in_the_way(truth: GroundTruth, row: float) -> _Obstacle | None:
         at, right = project(truth.route, int(max(row, 0.0)), float(actor[Frame.X]), float(actor[Frame.Y]))
         half_length, half_width = 0.5 * float(actor[Frame.LENGTH]), 0.5 * float(actor[Frame.WIDTH])
         left_edge = right - half_width
-        in_lane = 0.4 < right and left_edge < frame.ego.width_m / 2.0 + 0.35
+        in_lane = right > 0.4 and left_edge < frame.ego.width_m / 2.0 + 0.35
         ahead = at + half_length - row > -3.0 and at - half_length - row < _LOOK_M
         if not (in_lane and ahead):
             continue

@@ -30,7 +30,11 @@ class Control:
 
     def problem(self) -> str | None:
         """What is wrong with this control (`"steer is nan, expected a number in -1..1"`), or None."""
-        for name, value, low in (("throttle", self.throttle, 0.0), ("steer", self.steer, -1.0), ("brake", self.brake, 0.0)):
+        for name, value, low in (
+            ("throttle", self.throttle, 0.0),
+            ("steer", self.steer, -1.0),
+            ("brake", self.brake, 0.0),
+        ):
             try:
                 number = float(value)
             except (TypeError, ValueError):

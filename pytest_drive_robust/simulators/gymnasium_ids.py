@@ -10,5 +10,7 @@ def register_envs() -> None:
     import gymnasium
 
     gymnasium.register(
-        id="World-v0", entry_point="pytest_drive_robust.simulators.embedded.environment:WorldEnv", nondeterministic=False
+        id="World-v0",
+        entry_point="pytest_drive_robust.simulators.embedded.environment:WorldEnv",
+        nondeterministic=False,
     )

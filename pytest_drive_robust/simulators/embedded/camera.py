@@ -104,7 +104,9 @@ def _check(cameras: Sequence[CameraSpec]) -> None:
     names = [camera.name for camera in cameras]
     for camera in cameras:
         if names.count(camera.name) > 1:
-            raise SimulationError(f"{names.count(camera.name)} cameras are named {camera.name!r}; expected one name each")
+            raise SimulationError(
+                f"{names.count(camera.name)} cameras are named {camera.name!r}; expected one name each"
+            )
         if camera.width_px < 1 or camera.height_px < 1:
             raise SimulationError(
                 f"camera {camera.name!r} is {camera.width_px} x {camera.height_px} pixels; expected at least 1 x 1"

@@ -1,7 +1,8 @@
 """One tick of the world, compiled: lights, flows, actors, ego, contact.
 
-Semantics are our own (highway-env's are not those of a judge): speed never becomes negative, gaps run from bumper to bumper
-with real lengths, contact is the overlap of two boxes at the end of the tick, and it stops bodies instead of moving them.
+Semantics are our own (highway-env's are not those of a judge): speed never becomes negative, gaps run from bumper to
+bumper with real lengths, contact is the overlap of two boxes at the end of the tick, and it stops bodies instead of
+moving them.
 Everything is a plain loop over `state.State`; the same inputs give the same bits.
 """
 
@@ -22,7 +23,7 @@ __all__ = ["actor_rows", "advance", "fill_flows", "pose_actors"]
 Floats = NDArray[np.float64]
 _jit = numba.njit(cache=True)
 
-# --- ego: a Lincoln MKZ sized car; kinematic bicycle, reference point in the middle of the wheelbase -------------------
+# --- ego: a Lincoln MKZ sized car; kinematic bicycle, reference point in the middle of the wheelbase ---
 WHEELBASE_M = 2.85
 STEER_MAX_RAD = 0.61
 STEER_RATE_RADPS = 0.9
@@ -34,7 +35,7 @@ POWER_WPKG = 55.0  # the engine's power per kilogram caps acceleration at speed
 BRAKE_MAX_MPS2 = 8.0
 GRIP_MPS2 = 7.5  # lateral acceleration beyond this is understeer
 
-# --- IDM (Treiber, Hennecke, Helbing 2000) for the traffic ---------------------------------------------------------------
+# --- IDM (Treiber, Hennecke, Helbing 2000) for the traffic ---
 IDM_GAP_M = 2.0
 IDM_HEADWAY_S = 1.1
 IDM_COMFORT_MPS2 = 2.5
@@ -77,8 +78,8 @@ def path_pose(statics: Statics, path: int, s: float, lat: float) -> tuple[float,
 
 @_jit
 def gap_along_path(
-    statics: Statics, path: int, s: float, lat: float, length: float, width: float, x: float, y: float, other_length: float,
-    other_width: float,
+    statics: Statics, path: int, s: float, lat: float, length: float, width: float, x: float, y: float, other_length:
+    float, other_width: float,
 ) -> float:  # fmt: skip
     """Bumper-to-bumper distance along the path to the body at (x, y), or infinity when it is not in the way."""
     first, last = statics.path_start[path], statics.path_start[path + 1]
@@ -154,7 +155,7 @@ def _nearest_leader(statics: Statics, state: State, i: int) -> tuple[float, floa
     if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1:
         ahead = statics.path_stop_s[path] - actor[c.A_S] - actor[c.A_LENGTH] / 2.0
         light = state.lights[line]
-        if (light == _RED or light == _YELLOW) and -0.5 < ahead < gap:
+        if light in (_RED, _YELLOW) and -0.5 < ahead < gap:
             gap, speed = max(ahead + IDM_GAP_M, 0.1), 0.0
     return gap, speed
 
@@ -240,9 +241,7 @@ def _move_actor(statics: Statics, state: State, i: int) -> None:
         accel = 0.0
     else:
         gap, leader_v = _nearest_leader(statics, state, i)
-        accel = idm(
-            actor[c.A_V], _wanted_speed(state, i), gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX]
-        )
+        accel = idm(actor[c.A_V], _wanted_speed(state, i), gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
         if actor[c.A_SYNC_M] > 0.0:
             accel = _abreast(state, i)
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
@@ -284,9 +283,9 @@ def _run_flows(statics: Statics, state: State) -> None:
     for f in range(len(state.flows)):
         flow, whole = state.flows[f], state.flow_ints[f]
         latest = whole[c.FI_LATEST]
-        if latest >= 0 and state.actor_ints[latest, c.I_ACTIVE] == 1:
-            if state.actors[latest, c.A_S] - flow[c.F_SOURCE_S] < flow[c.F_NEXT_GAP_M]:
-                continue
+        on_road = latest >= 0 and state.actor_ints[latest, c.I_ACTIVE] == 1
+        if on_road and state.actors[latest, c.A_S] - flow[c.F_SOURCE_S] < flow[c.F_NEXT_GAP_M]:
+            continue
         slot = -1
         for k in range(whole[c.FI_FIRST_SLOT], whole[c.FI_LAST_SLOT]):
             if state.actor_ints[k, c.I_ACTIVE] == 0:
@@ -418,7 +417,7 @@ def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i
     if i >= 0:
         kind = state.actor_ints[i, c.I_KIND]
         state.actor_ints[i, c.I_STUN] = STUN_TICKS
-        if kind == _PEDESTRIAN or kind == _CONE or kind == _SIGN:
+        if kind in (_PEDESTRIAN, _CONE, _SIGN):
             state.actor_ints[i, c.I_SOLID] = 0
             state.actor_ints[i, c.I_MODE] = c.MODE_STATIC
             state.actors[i, c.A_HEIGHT] = 0.3

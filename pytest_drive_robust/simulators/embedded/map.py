@@ -137,7 +137,10 @@ def _neighbours(town: Town, keys: list[LaneKey], centres: list[Floats]) -> Float
 
 
 def _stop_line(k: int, lane: Lane, what: str) -> StopLine:
-    """At the end of the lane, 5 m before the junction box so that the crosswalk stays free; the pole stands to the right."""
+    """At the end of the lane, 5 m before the junction box so that the crosswalk stays free.
+
+    The pole stands to the right.
+    """
     length = arc_lengths(lane.centre)[-1]
     x, y, heading = place(lane.centre, length - 5.0)
     # a light hangs behind the crossing, where a driver at the line can see it; a sign stands at the line

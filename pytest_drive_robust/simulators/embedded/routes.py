@@ -107,7 +107,9 @@ def _route(element: ElementTree.Element, path: Path) -> Route:
     if not town:
         raise RouteError(f"{where}: <route> has no town")
     positions = element.findall("waypoints/position")
-    waypoints = tuple(Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions)
+    waypoints = tuple(
+        Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions
+    )
     if len(waypoints) < 2:
         raise RouteError(f"{where}: {len(waypoints)} waypoint(s), expected at least 2")
     scenarios = element.findall("scenarios/scenario")

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 class Stage:
     """The world of one episode under construction.
 
-    Distances `ahead_m` are metres along the route after the scenario's trigger point; `right_m` is metres to the right of
-    the centre of the ego's lane.
+    Distances `ahead_m` are metres along the route after the scenario's trigger point; `right_m` is metres to the
+    right of the centre of the ego's lane.
     """
 
     def __init__(self, dense: DenseRoute, *, seed: int) -> None:
@@ -42,7 +42,7 @@ class Stage:
         line, self._start_m = dense.driven_line()
         self.ego_path = self.add_path(line)
 
-    # --- draws ----------------------------------------------------------------------------------------------------------
+    # --- draws ---
 
     def draws(self, name: str) -> np.random.Generator:
         """A generator that depends on (seed, route, name) and on nothing else."""
@@ -54,7 +54,7 @@ class Stage:
         """One number between `low` and `high`."""
         return float(self.draws(name).uniform(low, high))
 
-    # --- places ---------------------------------------------------------------------------------------------------------
+    # --- places ---
 
     @property
     def trigger_m(self) -> float:
@@ -97,7 +97,8 @@ class Stage:
         index = lane.left if side == "left" else lane.right
         if index < 0 or self.dense.lane_map.lanes[index].kind is not LaneKind.DRIVING:
             raise RouteError(
-                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of the route"
+                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of the
+                route"
             )
         return self.add_path(join(self.dense.lane_map, follow(self.dense.lane_map, index)))
 
@@ -139,7 +140,7 @@ class Stage:
         row = int(np.clip(np.searchsorted(self.dense.s, s), 0, len(self.dense.s) - 1))
         return self.dense.lane_map.lanes[int(self.dense.lanes[row])]
 
-    # --- actors ---------------------------------------------------------------------------------------------------------
+    # --- actors ---
 
     def stand(self, kind: ActorKind, ahead_m: float, right_m: float = 0.0) -> int:
         """Something that does not move, beside or on the ego's lane."""
@@ -169,7 +170,12 @@ class Stage:
     def drive(self, kind: ActorKind, path: int, s_m: float, speed_mps: float, **options: object) -> int:
         """A car that follows a path with the driver model."""
         return self.cast.add(
-            kind, mode=c.MODE_DRIVE, path=path, s_m=s_m, speed_mps=speed_mps, **options  # type: ignore[arg-type]
+            kind,
+            mode=c.MODE_DRIVE,
+            path=path,
+            s_m=s_m,
+            speed_mps=speed_mps,
+            **options,  # type: ignore[arg-type]
         )
 
     def flow(
@@ -201,7 +207,7 @@ class Stage:
         """Set off at a speed and keep to the same side."""
         return Script(speed_mps, right_m=right_m)
 
-    # --- lights ---------------------------------------------------------------------------------------------------------
+    # --- lights ---
 
     def lights(self, *, ego: Program, opposite: Program, crossing: Program = RED) -> None:
         """Programs for the ego's light, the opposite one, and those of the crossing road."""

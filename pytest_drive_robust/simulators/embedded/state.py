@@ -17,11 +17,11 @@ Ints = NDArray[np.int64]
 
 EVENT_CAPACITY = 256
 
-# --- ego: one row of floats -------------------------------------------------------------------------------------------
+# --- ego: one row of floats ---
 EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_ACCEL, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(9)
 EGO_COLUMNS = 9
 
-# --- actors: one row each -------------------------------------------------------------------------------------------
+# --- actors: one row each ---
 A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)
 A_TARGET_V, A_TARGET_LAT, A_LAT_RATE, A_END_S = range(10, 14)
 # what a trigger starts: a speed and a lateral target, for so many seconds, then another speed
@@ -39,13 +39,13 @@ TRIGGER_NONE, TRIGGER_ARRIVAL, TRIGGER_PROGRESS = range(3)
 PHASE_WAITING, PHASE_DELAYED, PHASE_SCRIPT, PHASE_DONE = range(4)
 AT_END_STAY, AT_END_LEAVE = range(2)
 
-# --- flows: sources of cars at constant speed -----------------------------------------------------------------------
+# --- flows: sources of cars at constant speed ---
 F_SOURCE_S, F_SINK_S, F_SPEED, F_NEXT_GAP_M = range(4)
 FLOW_COLUMNS = 4
 FI_PATH, FI_FIRST_SLOT, FI_LAST_SLOT, FI_LATEST, FI_DRAWN = range(5)
 FLOW_INTS = 5
 
-# --- criteria: one row of floats and one of ints --------------------------------------------------------------------
+# --- criteria: one row of floats and one of ints ---
 C_OUTSIDE_M, C_DRIVEN_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(6)
 C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(6, 10)
 CRITERIA_COLUMNS = 10
@@ -55,7 +55,7 @@ CRITERIA_INTS = 12
 
 END_NONE, END_COMPLETED, END_DEVIATED, END_BLOCKED, END_TICK_CAP, END_STUCK = range(6)
 
-# --- events: one row each -------------------------------------------------------------------------------------------
+# --- events: one row each ---
 EVENT_COLLISION, EVENT_RED_LIGHT, EVENT_STOP_SIGN, EVENT_YIELD, EVENT_SPEED = range(5)
 EV_KIND, EV_TICK, EV_ACTOR, EV_VALUE, EV_X, EV_Y = range(6)
 EVENT_COLUMNS = 6

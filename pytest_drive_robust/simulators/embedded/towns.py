@@ -1,8 +1,8 @@
 """The towns: small maps written with highway-env's road network and lane classes.
 
-A town is named `<Style><number>`; the number seeds its proportions, so `Street7` is the same town in every process. Each
-style is one function that draws roads with `_Sketch`. highway-env knows no lane kinds, junctions, stop lines or buildings:
-the sketch notes them beside the network.
+A town is named `<Style><number>`; the number seeds its proportions, so `Street7` is the same town in every process.
+Each style is one function that draws roads with `_Sketch`. highway-env knows no lane kinds, junctions, stop lines or
+buildings: the sketch notes them beside the network.
 """
 
 from __future__ import annotations

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Union
 
 __all__ = ["Arrival", "Passing", "Trigger"]
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """The ego is nearer than `within_m` to the actor's conflict point, or reaches it in less than `tta_s` at its speed."""
+    """The ego is nearer than `within_m` to the actor's conflict point, or less than `tta_s` away at its speed."""
 
     tta_s: float
     within_m: float
@@ -23,4 +22,4 @@ class Passing:
     progress_m: float
 
 
-Trigger = Union[Arrival, Passing]
+Trigger = Arrival | Passing

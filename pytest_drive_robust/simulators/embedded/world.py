@@ -118,7 +118,10 @@ def _ego_at_start(dense: DenseRoute) -> Floats:
 
 
 def _clear_start(statics: Statics, state: State) -> None:
-    """No flow car may stand where the ego starts: those nearer than 15 m on its own lane leave before the first tick."""
+    """No flow car may stand where the ego starts.
+
+    Those nearer than 15 m on its own lane leave before the first tick.
+    """
     for i in range(len(state.actors)):
         if state.actor_ints[i, c.I_ACTIVE] != 1 or state.actor_ints[i, c.I_FLOW] < 0:
             continue
@@ -128,9 +131,7 @@ def _clear_start(statics: Statics, state: State) -> None:
             state.actor_ints[i, c.I_ACTIVE] = 0
 
 
-def _statics(
-    dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, options: SimulatorOptions
-) -> Statics:
+def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, options: SimulatorOptions) -> Statics:
     lane_map = dense.lane_map
     usable = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]
     stops = lane_map.stop_lines

@@ -21,7 +21,10 @@ class Spy:
     """Drives by GPS towards the plan and remembers a digest of every byte that it was given."""
 
     def sensors(self) -> list[CameraSpec]:
-        return [CameraSpec("front", width_px=64, height_px=36), CameraSpec("left", yaw_deg=-55, width_px=48, height_px=32)]
+        return [
+            CameraSpec("front", width_px=64, height_px=36),
+            CameraSpec("left", yaw_deg=-55, width_px=48, height_px=32),
+        ]
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         self.digest = hashlib.blake2b(repr(route).encode())
@@ -56,8 +59,8 @@ def test_order_and_process_change_nothing() -> None:
     backwards = fingerprints(ORDER[::-1])
     assert backwards == forwards
     assert len(set(forwards.values())) == len(ORDER)
-    code = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); import {__name__} as t; print(t.fingerprints(t.ORDER))"
-    fresh = subprocess.run(
+    code = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); import {__name__} as t;
+    print(t.fingerprints(t.ORDER))" fresh = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "77"},
     )  # fmt: skip

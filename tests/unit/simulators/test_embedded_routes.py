@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ def test_parameters_texts_and_weather_are_read(tmp_path: Path) -> None:
 def test_a_broken_file_is_one_clear_error(tmp_path: Path, change: tuple[str, str], expected: str) -> None:
     path = tmp_path / "broken.xml"
     path.write_text(GOOD.replace(*change), encoding="utf-8")
-    with pytest.raises(RouteError, match="broken.xml") as caught:
+    with pytest.raises(RouteError, match=r"broken\.xml") as caught:
         load_routes(path)
     assert expected in str(caught.value)
 
@@ -91,7 +92,7 @@ def test_every_route_lies_on_its_lanes_and_has_a_sparse_plan(route: Route) -> No
     assert 49.0 <= dense.length_m <= 222.0
     assert 0.0 <= dense.trigger_m <= 31.0
     points = dense.plan().points
-    gaps = [np.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in zip(points, points[1:], strict=False)]
+    gaps = [np.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(points)]
     assert max(gaps) <= 51.0
     assert len(points) < dense.length_m / 8.0
     assert np.hypot(points[0].x_m - dense.rows[0, 0], points[0].y_m - dense.rows[0, 1]) < 1e-9

@@ -15,8 +15,8 @@ class Site:
     """Where the generator draws routes for a scenario type.
 
     `chain` names a chain of lanes of the town style. Where the chain has a junction, `before_m` metres lie between the
-    start and the junction; elsewhere the route starts anywhere. `length_m` and `trigger_m` are ranges, the latter measured
-    from the start of the route.
+    start and the junction; elsewhere the route starts anywhere. `length_m` and `trigger_m` are ranges, the latter
+    measured from the start of the route.
     """
 
     style: str
@@ -30,7 +30,8 @@ class Site:
 class ScenarioType:
     """One of the 44 situations.
 
-    `parameters` are the ranges from which the generator draws the XML's parameter elements; an element whose two numbers
+    `parameters` are the ranges from which the generator draws the XML's parameter elements; an element whose two
+    numbers
     are themselves an interval (`flow gaps`) is listed in `intervals`. `blocked_test_off` and `two_ways` are what the
     scenario does to the criteria while it runs (Bench2Drive `scenario_runner/srunner/scenarios`).
     """

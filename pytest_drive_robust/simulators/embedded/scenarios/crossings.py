@@ -21,7 +21,11 @@ def dynamic_object_crossing(stage: Stage) -> None:
     edge = stage.lane_width_m / 2.0
     stage.stand(ActorKind.CONTAINER, distance - 2.2, edge + 1.2)
     stage.walker(
-        distance, from_right_m=edge + 1.6, walks_m=2.0 * stage.lane_width_m + 3.0, speed_mps=2.0, trigger=Arrival(2.1, 6.0)
+        distance,
+        from_right_m=edge + 1.6,
+        walks_m=2.0 * stage.lane_width_m + 3.0,
+        speed_mps=2.0,
+        trigger=Arrival(2.1, 6.0),
     )
     stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
     stage.end_m = stage.trigger_m + distance + 20.0

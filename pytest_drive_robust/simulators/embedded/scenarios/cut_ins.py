@@ -28,7 +28,10 @@ def parking_cut_in(stage: Stage) -> None:
     )
     cruise = 0.5 * stage.speed_limit_mps
     stage.cast.script(
-        cutter, Arrival(2.35, 10.0), Script(cruise, seconds=8.0, after_mps=stage.speed_limit_mps), at=stage.spot(distance)
+        cutter,
+        Arrival(2.35, 10.0),
+        Script(cruise, seconds=8.0, after_mps=stage.speed_limit_mps),
+        at=stage.spot(distance),
     )
     stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
     stage.end_m = stage.trigger_m + distance + 40.0
