@@ -124,7 +124,7 @@ def _replay(options: argparse.Namespace) -> int:
     agent, simulator = registry.agent(options.agent), registry.simulator(options.sim)
     results = []
     try:
-        for each in (setting,) if setting.is_clean else (Setting.CLEAN, setting):
+        for each in (setting,) if setting.is_clean else (setting.baseline, setting):
             result = drive_episode(
                 simulator,
                 agent,
@@ -132,7 +132,6 @@ def _replay(options: argparse.Namespace) -> int:
                 setting=each,
                 seed=options.seed,
                 agent_name=options.agent,
-                warmup_ticks=setting.warmup_ticks,  # the twin too, or the comparison would measure the warm-up
             )
             _print_result(result)
             results.append(result)

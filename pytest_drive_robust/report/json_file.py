@@ -61,7 +61,6 @@ def _row(row: SettingRow) -> dict[str, object]:
         "routes": row.routes,
         "seeds": row.seeds,
         "setting": row.setting,
-        "warmup_ticks": row.warmup_ticks,
         "episodes_needed": row.needed,
         "episodes_finished": len(row.results),
         "summary": None if row.summary is None else _summary(row.summary),

@@ -53,7 +53,7 @@ def _table(run: RunResult, *, colour: bool) -> Table:
     for row in run.rows:
         table.add_row(
             row.agent + ("*" if row.privileged else ""),
-            row.label + (f" on {_short(row.routes_spec)}" if several_sets else ""),
+            row.setting + (f" on {_short(row.routes_spec)}" if several_sets else ""),
             *_numbers(row),
             Text(row.verdict, style=_STYLES.get(row.verdict, "")),
         )

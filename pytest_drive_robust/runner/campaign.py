@@ -134,12 +134,12 @@ def _asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
 
     def asked(tasks: tuple[Task, ...], setting: str, twins: tuple[str, ...]) -> Asked:
         own = tuple(task.key for task in tasks)
-        return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, tasks[0].warmup_ticks, own, twins)
+        return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, own, twins)
 
     perturbed = asked(need.perturbed, str(need.setting), () if clean_keys == keys else clean_keys)
     if not clean_keys or clean_keys == keys:
         return (perturbed,)
-    return (asked(need.clean, "clean", ()), perturbed)
+    return (asked(need.clean, str(need.setting.baseline), ()), perturbed)
 
 
 def _judged(

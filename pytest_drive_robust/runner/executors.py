@@ -85,7 +85,6 @@ class InlineExecutor:
             setting=task.setting,
             seed=episode.seed,
             agent_name=episode.agent,
-            warmup_ticks=task.warmup_ticks,
             on_tick=lambda *_: listener.ticked(),
         )
 

@@ -45,7 +45,6 @@ def drive_episode(
     setting: Setting,
     seed: int,
     agent_name: str,
-    warmup_ticks: int = 0,
     on_tick: OnTick | None = None,
 ) -> EpisodeResult:
     """Drive one episode to its end. Never raises for what the agent, the simulator or a perturbation does.
@@ -54,13 +53,12 @@ def drive_episode(
     was driven so far scored. What the simulator or a perturbation does wrong ends in `infra_error`, never scored.
     KeyboardInterrupt, and whatever `on_tick` raises, goes through to the caller.
 
-    For the first `warmup_ticks` ticks, or those of the setting if it asks for more, the vehicle gets
-    `Control.NEUTRAL` whatever the agent says; a clean twin is given the same number, to be comparable.
+    While the warm-up of the setting lasts the vehicle gets `Control.NEUTRAL`, whatever the agent says.
 
     `on_tick(tick, frame, observation, control)` is called after every tick with the world at the moment of the
     observation, the observation as perturbed (not the agent's own copy of it), and the control that the vehicle got.
     """
-    drive = _Drive(simulator, agent, route, setting, seed, warmup_ticks)
+    drive = _Drive(simulator, agent, route, setting, seed)
     drive.attempt(drive.start)
     while not drive.over:
         drive.attempt(drive.tick)
@@ -73,18 +71,17 @@ class _Drive:
     """An episode under way: whose fault its end is, and what was recorded until then."""
 
     def __init__(
-        self, simulator: Simulator, agent: Agent, route: Route, setting: Setting, seed: int, warmup_ticks: int
+        self, simulator: Simulator, agent: Agent, route: Route, setting: Setting, seed: int
     ) -> None:
         self.simulator = simulator
         self.agent = agent
         self.route = route
         self.setting = setting
         self.seed = seed
-        self.warmup_ticks = warmup_ticks
         self.privileged = False
+        self.warmup_ticks = 0
         self.started_s = time.perf_counter()
         self.recorder = Recorder()
-        self.inference_s: list[float] = []
         self.crash: AgentError | SimulationError | None = None
         self.moment: tuple[int, Frame, Observation, Control] | None = None
         self.stack: RunningStack | None = None
@@ -117,7 +114,7 @@ class _Drive:
         self.stack = self.setting.start(
             route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
         )
-        self.warmup_ticks = max(self.warmup_ticks, self.stack.warmup_ticks)
+        self.warmup_ticks = self.stack.warmup_ticks
         self._done = self.simulator.done is not None
 
     def tick(self) -> None:
@@ -132,8 +129,6 @@ class _Drive:
             asked_s = time.perf_counter()
             control = agent_act(self.agent, given)
             inference_s = time.perf_counter() - asked_s
-            if stack.measures_inference:
-                self.inference_s.append(inference_s)
         applied = stack.actuate(tick, control, inference_s)
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
@@ -172,7 +167,7 @@ class _Drive:
             wall_s=time.perf_counter() - self.started_s,
             trace=self.recorder.trace(),
             schedule=schedule,
-            inference_s=tuple(self.inference_s),
+            inference_s=tuple(self.stack.inference_s) if self.stack is not None else (),
             privileged=self.privileged,
             junction_passed=score.junction_passed if score else False,
             versions=versions,

@@ -20,20 +20,19 @@ __all__ = ["Need", "Scope", "Task"]
 
 @dataclass(frozen=True)
 class Task:
-    """An episode together with what is needed to drive it. `warmup_ticks`: see `runner.loop.drive_episode`."""
+    """An episode together with what is needed to drive it."""
 
     episode: Episode
     route: Route
     setting: Setting
-    warmup_ticks: int = 0
 
     @cached_property
     def key(self) -> str:
-        """Hex name of the episode within a run: its four words, its warm-up and the content of its route.
+        """Hex name of the episode within a run: its four words and the content of its route.
 
         The content counts because two route files may use the same id for different routes.
         """
-        text = repr((self.episode, self.warmup_ticks, self.route))
+        text = repr((self.episode, self.route))
         return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
 
 
@@ -49,13 +48,13 @@ class Scope:
     def need(self, setting: Setting, *, clean: bool) -> Need:
         """The episodes under `setting` and, if `clean` is asked for, their clean twins.
 
-        The twins get the warm-up of `setting`: a baseline that may drive off earlier would make the setting look
-        worse than it is.
+        The twins are driven under `setting.baseline`, which has the warm-up of `setting`: a baseline that may drive
+        off earlier would make the setting look worse than it is.
         """
-        perturbed = self._tasks(setting, setting.warmup_ticks)
+        perturbed = self._tasks(setting)
         if setting.is_clean:
             return Need(setting, perturbed if clean else (), perturbed)
-        return Need(setting, self._tasks(Setting.CLEAN, setting.warmup_ticks) if clean else (), perturbed)
+        return Need(setting, self._tasks(setting.baseline) if clean else (), perturbed)
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, Task]:
         """Every episode that judging `requirements` takes, by key, each once, in the order of need."""
@@ -65,11 +64,11 @@ class Scope:
             for task in self.need(requirement.setting, clean=requirement.needs_clean).tasks
         }
 
-    def _tasks(self, setting: Setting, warmup_ticks: int) -> tuple[Task, ...]:
+    def _tasks(self, setting: Setting) -> tuple[Task, ...]:
         """One task for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
         sentence = str(setting)
         return tuple(
-            Task(Episode(self.agent, route.id, sentence, seed), route, setting, warmup_ticks)
+            Task(Episode(self.agent, route.id, sentence, seed), route, setting)
             for seed in self.seeds
             for route in self.routes
         )

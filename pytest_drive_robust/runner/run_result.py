@@ -31,7 +31,6 @@ class SettingRow:
     routes_spec: str
     setting: str
     seeds: tuple[int, ...]
-    warmup_ticks: int
     needed: int
     results: tuple[EpisodeResult, ...]
     summary: Summary | None
@@ -48,13 +47,6 @@ class SettingRow:
     def privileged(self) -> bool:
         """True when the agent saw ground truth."""
         return any(result.privileged for result in self.results)
-
-    @property
-    def label(self) -> str:
-        """The setting for people; a baseline with a warm-up is not the plain one."""
-        if self.setting == "clean" and self.warmup_ticks:
-            return f"clean ({self.warmup_ticks} ticks warm-up)"
-        return self.setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +114,6 @@ def _row(asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[J
         routes_spec=asked.routes_spec,
         setting=asked.setting,
         seeds=asked.seeds,
-        warmup_ticks=asked.warmup_ticks,
         needed=len(asked.keys),
         results=results,
         summary=summary,
@@ -144,10 +135,8 @@ def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult]) -> float | None:
 
 
 def _is_on(judged: Judged, asked: Asked) -> bool:
-    """A baseline with a warm-up is nobody's own setting."""
     same = (judged.agent, judged.routes_spec, judged.setting, judged.seeds)
-    hidden = asked.setting == "clean" and asked.warmup_ticks > 0
-    return same == (asked.agent, asked.routes_spec, asked.setting, asked.seeds) and not hidden
+    return same == (asked.agent, asked.routes_spec, asked.setting, asked.seeds)
 
 
 def _worst(verdicts: Iterable[str]) -> str:

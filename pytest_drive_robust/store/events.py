@@ -23,15 +23,13 @@ class Planned:
 class Asked:
     """A test needs these episodes (by key): one agent under one setting over routes x seeds.
 
-    `clean_keys` are their clean twins, empty when nobody asked to compare. `warmup_ticks` is 0 but for settings that
-    begin with a warm-up and for their clean twins.
+    `clean_keys` are their clean twins, empty when nobody asked to compare.
     """
 
     agent: str
     routes_spec: str
     setting: str
     seeds: tuple[int, ...]
-    warmup_ticks: int
     keys: tuple[str, ...]
     clean_keys: tuple[str, ...] = ()
 

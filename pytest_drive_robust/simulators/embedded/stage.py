@@ -97,8 +97,7 @@ class Stage:
         index = lane.left if side == "left" else lane.right
         if index < 0 or self.dense.lane_map.lanes[index].kind is not LaneKind.DRIVING:
             raise RouteError(
-                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of the
-                route"
+                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of it"
             )
         return self.add_path(join(self.dense.lane_map, follow(self.dense.lane_map, index)))
 

@@ -16,7 +16,7 @@ def run_of(*groups, judged=()):
     for setting, results in groups:
         keys = tuple(f"{setting} {result.episode.route_id}" for result in results)
         found.update(zip(keys, results, strict=True))
-        asked.append(Asked("driver", "bench24", setting, (0,), 0, keys, clean if setting != "clean" else ()))
+        asked.append(Asked("driver", "bench24", setting, (0,), keys, clean if setting != "clean" else ()))
         clean = keys if setting == "clean" else clean
     return RunResult.of(Settings(), [*asked, *judged], found.get, versions={})
 
@@ -81,7 +81,7 @@ def test_early_stops_are_mentioned():
 
 
 def test_an_interrupted_setting_says_how_much_is_there():
-    asked = Asked("driver", "bench24", "clean", (0,), 0, ("a", "b"), ())
+    asked = Asked("driver", "bench24", "clean", (0,), ("a", "b"), ())
     run = RunResult.of(Settings(), [asked], {"a": make_result("1")}.get, versions={})
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]

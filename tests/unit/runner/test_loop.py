@@ -26,7 +26,6 @@ def drive(
     simulator: Simulator | None = None,
     setting: Setting = Setting.CLEAN,
     seed: int = 3,
-    warmup_ticks: int = 0,
     **options: object,
 ) -> EpisodeResult:
     return drive_episode(
@@ -36,7 +35,6 @@ def drive(
         setting=setting,
         seed=seed,
         agent_name="under test",
-        warmup_ticks=warmup_ticks,
         **options,  # type: ignore[arg-type]
     )
 
@@ -201,18 +199,13 @@ def test_the_schedule_of_what_was_injected_is_part_of_the_result() -> None:
     assert drive(ScriptedAgent([FULL], cameras=[CAMERA])).schedule == ()
 
 
-def test_during_the_warm_up_the_vehicle_gets_the_neutral_control() -> None:
-    result = drive(ScriptedAgent([FULL]), warmup_ticks=20)
-    assert result.trace.column("throttle")[:21].tolist() == [0.0] * 20 + [1.0]
-
-
-def test_the_warm_up_of_the_setting_counts_when_it_is_longer() -> None:
+def test_during_the_warm_up_of_the_setting_the_vehicle_gets_the_neutral_control() -> None:
     @dataclass
     class SlowStart(Perturbation):
         warmup_ticks: int = 8
         phrase = "slow start {warmup_ticks}"
 
-    result = drive(ScriptedAgent([FULL]), setting=Setting.of(SlowStart()), warmup_ticks=5)
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(SlowStart()))
     assert result.trace.column("throttle")[:9].tolist() == [0.0] * 8 + [1.0]
 
 

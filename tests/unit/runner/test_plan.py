@@ -53,7 +53,8 @@ def test_keys_are_the_same_in_every_process():
 
 def test_clean_twins_of_a_setting_with_a_warm_up_get_the_same_warm_up():
     need = SCOPE.need(Setting.of(WarmingUp(20)), clean=True)
-    assert {task.warmup_ticks for task in need.tasks} == {20}
+    assert {task.setting.warmup_ticks for task in need.tasks} == {20}
+    assert {task.episode.setting for task in need.clean} == {str(Setting.of(WarmingUp(20)).baseline)}
     plain = SCOPE.need(LATENCY, clean=True)
     assert {task.key for task in plain.clean}.isdisjoint(task.key for task in need.clean)
 

@@ -24,7 +24,7 @@ class FakeScreen:
 
 
 def asked(setting: str, *keys: str) -> Asked:
-    return Asked("driver", "two", setting, (0,), 0, keys)
+    return Asked("driver", "two", setting, (0,), keys)
 
 
 def started(key: str) -> Started:

@@ -59,8 +59,9 @@ def test_order_and_process_change_nothing() -> None:
     backwards = fingerprints(ORDER[::-1])
     assert backwards == forwards
     assert len(set(forwards.values())) == len(ORDER)
-    code = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); import {__name__} as t;
-    print(t.fingerprints(t.ORDER))" fresh = subprocess.run(
+    here = os.path.dirname(__file__)
+    code = f"import sys; sys.path.insert(0, {here!r}); import {__name__} as t; print(t.fingerprints(t.ORDER))"
+    fresh = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "77"},
     )  # fmt: skip

@@ -91,7 +91,7 @@ def test_the_claims_of_a_killed_process_are_free(tmp_path):
 
 EVENTS = [
     Planned(("a", "b")),
-    Asked("driver", "two", "clean", (0, 1), 0, ("a", "b"), ()),
+    Asked("driver", "two", "clean", (0, 1), ("a", "b"), ()),
     Started("a", "driver", "clean", "1 Straight"),
     Finished("a", 0.5),
     Judged("test_x.py::t", "DS under clean >= 60", "driver", "two", (0,), "DS", "clean", ">=", 60.0, "error"),

@@ -19,9 +19,15 @@ def hard_brake(stage: Stage) -> None:
     cruise = 0.85 * stage.speed_limit_mps
     for k in range(2):
         leader = stage.drive(
-            ActorKind.CAR if k else ActorKind.VAN, stage.ego_path, stage.on_ego_path(-stage.trigger_m + 16.0 + 15.0 *
-            k), 2.0, target_mps=cruise, leash=True, background=True, brake_mps2=7.5,
-        )  # fmt: skip
+            ActorKind.CAR if k else ActorKind.VAN,
+            stage.ego_path,
+            stage.on_ego_path(16.0 + 15.0 * k - stage.trigger_m),
+            2.0,
+            target_mps=cruise,
+            leash=True,
+            background=True,
+            brake_mps2=7.5,
+        )
         stage.cast.script(leader, Passing(stage.trigger_m + 18.0), Script(0.0, seconds=_STOP_S, after_mps=cruise))
     stage.flow(stage.oncoming(), speed_mps=cruise, gap_m=(45.0, 90.0), background=True)
     stage.end_m = stage.dense.length_m - 10.0
