@@ -16,7 +16,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
 __all__ = [
@@ -47,6 +46,7 @@ class UnknownNameError(UsageError):
 
     @classmethod
     def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
+        """The error for a name that was not found among `known`, with the nearest one."""
         names = sorted(known)
         close = nearest(given, names)
         message = f"there is no {what} named {given!r}."
@@ -86,6 +86,8 @@ class SimulationError(DriveRobustError):
 
 def nearest(given: str, known: Iterable[str]) -> str | None:
     """The known name that is closest to what was given, or None when nothing is close."""
+    import difflib  # here: every pytest session imports this module
+
     lowered = {name.lower(): name for name in known}
     found = difflib.get_close_matches(given.lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None

@@ -6,6 +6,7 @@ Where things are: `fixtures.py` has what tests use, `distributed.py` every decis
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -59,14 +60,12 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 @pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
-    from pytest_drive_robust.registry import default_registry
-
     config.addinivalue_line("markers", MARKER_LINE)
     problems: dict[str, str] = {}
     config.stash[_PROBLEMS] = problems
     with _as_usage_error():
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
-        config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": default_registry()})
+        config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
         if config.getoption("drive_robust"):
             _activate(config)
     if config.pluginmanager.hasplugin("xdist"):
@@ -75,16 +74,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_unconfigure() -> None:
     """Forget the names that this session's conftest files registered."""
-    from pytest_drive_robust.registry import default_registry
-
-    default_registry.cache_clear()
+    registry = sys.modules.get("pytest_drive_robust.registry")
+    if registry is not None:
+        registry.default_registry.cache_clear()
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
     """Requirements name their test cases."""
-    from sys import modules
-
-    model = modules.get("pytest_drive_robust.requirements.model")  # not loaded: then it cannot be one
+    model = sys.modules.get("pytest_drive_robust.requirements.model")  # not loaded: then it cannot be one
     return val.id if model is not None and isinstance(val, model.Requirement) else None
 
 
@@ -124,6 +121,15 @@ def pytest_collection_finish(session: pytest.Session) -> None:
         session.items.clear()  # the controller reports the problems, see distributed.ProblemCourier
     elif problems:
         raise pytest.UsageError("\n".join(distributed.sentences(problems)))
+
+
+class _LazyRegistry:
+    """`default_registry()`, imported when a hook first touches it: most sessions have no such hook."""
+
+    def __getattr__(self, name: str) -> Any:
+        from pytest_drive_robust.registry import default_registry
+
+        return getattr(default_registry(), name)
 
 
 class DrivingPlugin:

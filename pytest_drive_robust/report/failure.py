@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 __all__ = ["WIDTH", "failure_text", "replay_command", "value_text"]
 
 WIDTH = 100
-_OUTCOME = 27
 
 
 def failure_text(verdict: Verdict, settings: Settings, *, routes_spec: str, privileged: bool) -> str:
@@ -81,39 +80,25 @@ def _summaries(verdict: Verdict) -> list[str]:
 
 
 def _worst(verdict: Verdict) -> list[str]:
-    """A line for each of the worst routes: both scores, both outcomes, and when the two drives parted."""
-    if not verdict.worst:
-        return []
-    several_seeds = verdict.seeds > 1
-    names = [
-        f"{item.route_id} {item.scenario}" + (f" seed {item.seed}" if several_seeds else "") for item in verdict.worst
-    ]
+    """Each of the worst routes with its story, or both stories and the second at which they parted."""
+    lines = ["  worst routes"] if verdict.worst else []
     compared = verdict.clean is not None and not verdict.requirement.setting.is_clean
-    width = min(max(len(name) for name in names), 30)
-    head = f"  {'worst routes':<{width}}  "
-    if not compared:
-        rows = [
-            f"  {_cut(name, width):<{width}}  {_drive(item.perturbed_score, item.perturbed_outcome)}".rstrip()
-            for name, item in zip(names, verdict.worst, strict=True)
+    for item in verdict.worst:
+        head = f"  {item.route_id} {item.scenario}" + (f", seed {item.seed}" if verdict.seeds > 1 else "")
+        if not compared:
+            lines += [head, _story("", item.perturbed_score, item.perturbed_outcome)]
+            continue
+        parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s"
+        lines += [
+            _cut(head, WIDTH - len(parted)) + parted,
+            _story("clean", item.clean_score, item.clean_outcome),
+            _story("perturbed", item.perturbed_score, item.perturbed_outcome),
         ]
-        return [head.rstrip(), *(_cut(row, WIDTH) for row in rows)]
-    first = max(min(max(len(item.clean_outcome) for item in verdict.worst), _OUTCOME), 9)
-    second = max(min(max(len(item.perturbed_outcome) for item in verdict.worst), WIDTH - width - first - 28), 9)
-    head += f"{'clean':<{first + 6}}  {'perturbed':<{second + 6}}  diverged"
-    rows = [
-        f"  {_cut(name, width):<{width}}  {_drive(item.clean_score, item.clean_outcome, first)}  "
-        f"{_drive(item.perturbed_score, item.perturbed_outcome, second)}  {_seconds(item.diverged_s)}"
-        for name, item in zip(names, verdict.worst, strict=True)
-    ]
-    return [head, *rows]
+    return lines
 
 
-def _drive(score: float | None, outcome: str, width: int = _OUTCOME * 2) -> str:
-    return f"{'-' if score is None else f'{score:.1f}':>5} {_cut(outcome, width):<{width}}"
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f} s"
+def _story(under: str, score: float | None, outcome: str) -> str:
+    return _cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {outcome}", WIDTH)
 
 
 def _count(number: int, noun: str) -> str:

@@ -45,10 +45,11 @@ def test_the_message_has_value_limit_interval_summaries_worst_routes_and_replay(
     assert lines[1].split() == ["clean", "perturbed"]
     assert lines[2].split() == ["DS", "100.00", "78.00"]
     assert lines[3].split() == ["SR", "1.00", "0.75"]
-    assert lines[4].split() == ["worst", "routes", "clean", "perturbed", "diverged"]
-    assert lines[5].startswith("  501 HardBreakRoute  100.0 completed")
-    assert "12.0 collision with vehicle at 1.5 s" in lines[5]
-    assert lines[6] == ('  replay:  drive-robust replay 501 --agent driver --setting "200 ms latency" --seed 0')
+    assert lines[4].split() == ["worst", "routes"]
+    assert lines[5].startswith("  501 HardBreakRoute, diverged at ")
+    assert lines[6].split() == ["clean", "100.0", "completed"]
+    assert lines[7].startswith("    perturbed   12.0  collision with vehicle at 1.5 s")
+    assert lines[-1] == ('  replay:  drive-robust replay 501 --agent driver --setting "200 ms latency" --seed 0')
 
 
 def test_an_absolute_requirement_needs_no_clean_column():

@@ -1,0 +1,43 @@
+"""Every agent of drive-robust-agents keeps the contract that any third party's agent must keep."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.metrics.score import is_success
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.testing import check_agent
+
+ROUTES = named_routes("bench24")
+AGENTS = ("classical", "constant", "expert", "random")
+CLEAN_SUCCESSES = {"expert": 22, "classical": 8}
+"""At least so many of the 24 routes, seed 0."""
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_contract_is_kept(name: str) -> None:
+    registry = default_registry()
+    route = next(route for route in ROUTES if route.scenario.type == "ParkingCutIn")
+    report = check_agent(lambda: registry.agent(name), simulator=EmbeddedSimulator(), route=route, subject=name)
+    assert report.ok, str(report)
+
+
+def test_only_the_expert_is_privileged() -> None:
+    registry = default_registry()
+    assert [name for name in AGENTS if getattr(registry.agent(name), "privileged", False)] == ["expert"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CLEAN_SUCCESSES)
+def test_clean_successes(name: str) -> None:
+    simulator, agent = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0)), default_registry().agent(name)
+    results = [
+        drive_episode(simulator, agent, route=route, setting=Setting.CLEAN, seed=0, agent_name=name) for route in ROUTES
+    ]
+    failed = [f"{result.episode.route_id}: {result.end_detail}" for result in results if not is_success(result)]
+    assert len(ROUTES) - len(failed) >= CLEAN_SUCCESSES[name], failed
