@@ -64,22 +64,22 @@ def _list(options: argparse.Namespace) -> int:
         if kind not in _LISTS:
             raise UnknownNameError.of("list", kind, _LISTS)
         if kind == "routes":
-            _print_table("routes", ("id", "scenario", "town", "sets"), _route_rows())
+            _print_routes()
         else:
             _print_table(kind, ("name", "origin"), default_registry().names(kind))
     return 0
 
 
-def _route_rows() -> list[tuple[str, str, str, str]]:
-    """One row for each route of the named sets: which sets hold it."""
+def _print_routes() -> None:
+    """Every route that we ship, then which of them each named set holds."""
     from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
 
     sets = {name: {route.id: route for route in named_routes(name)} for name in set_names()}
     routes = {identifier: route for members in sets.values() for identifier, route in members.items()}
-    return [
-        (route.id, route.scenario.type, route.town, ", ".join(name for name in sets if route.id in sets[name]))
-        for route in routes.values()
-    ]
+    rows = [(route.id, route.scenario.type, route.town) for route in routes.values()]
+    _print_table("routes", ("id", "scenario", "town"), rows)
+    for name, members in sets.items():
+        print(f"{name}: {len(members)} routes: {', '.join(members)}")
 
 
 def _check_agent(options: argparse.Namespace) -> int:
