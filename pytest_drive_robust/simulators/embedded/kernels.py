@@ -42,6 +42,7 @@ IDM_COMFORT_MPS2 = 2.5
 LOOK_AHEAD_M = 70.0
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
 
+SIDEWAYS_SHARE = 0.5
 STUN_TICKS = 40
 SAME_ACTOR_S = 5.0
 SAME_PLACE_M = 5.0
@@ -248,10 +249,10 @@ def _move_actor(statics: Statics, state: State, i: int) -> None:
     actor[c.A_ACCEL] = accel
     actor[c.A_S] += actor[c.A_V] * dt
     away = actor[c.A_TARGET_LAT] - actor[c.A_LAT]
-    shift = 0.0
-    if away != 0.0 and (actor[c.A_V] > 0.3 or whole[c.I_MODE] == c.MODE_WALK):
-        shift = min(max(away, -actor[c.A_LAT_RATE] * dt), actor[c.A_LAT_RATE] * dt)
-        actor[c.A_LAT] += shift
+    # a car moves sideways only as fast as it drives forward
+    rate = min(actor[c.A_LAT_RATE], SIDEWAYS_SHARE * actor[c.A_V])
+    shift = min(max(away, -rate * dt), rate * dt)
+    actor[c.A_LAT] += shift
     if actor[c.A_S] >= actor[c.A_END_S]:
         actor[c.A_S], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_S], 0.0, 0.0
         if whole[c.I_AT_END] == c.AT_END_LEAVE:

@@ -1,0 +1,116 @@
+"""A smooth path through the sparse plan, and where raw GPS says that the vehicle is on it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust import GlobalPlan, RoadOption
+
+__all__ = ["Junction", "PlanPath"]
+
+Floats = NDArray[np.float64]
+
+_STEP_M = 0.5
+_WINDOW_M = 12.0
+_TURNS = {RoadOption.LEFT: -math.pi / 2.0, RoadOption.RIGHT: math.pi / 2.0, RoadOption.STRAIGHT: 0.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Junction:
+    """Metres along the path where a junction is entered and left, and the command in it."""
+
+    entry_m: float
+    exit_m: float
+    command: RoadOption
+
+
+class PlanPath:
+    """Cubic pieces through the plan's points, sampled every half metre.
+
+    The plan gives a point where a junction is entered and one where it is left, and the turn between them; on roads
+    it gives one every 50 m, so that the path cuts bends by a metre or so. `points` is (n, 2) metres.
+    """
+
+    def __init__(self, plan: GlobalPlan, start_yaw_rad: float) -> None:
+        knots = np.array([(point.x_m, point.y_m) for point in plan.points], dtype=np.float64).reshape(-1, 2)
+        commands = [point.command for point in plan.points]
+        headings = _headings(knots, commands, start_yaw_rad)
+        pieces, entries, length = [knots[:1]], [0.0], 0.0
+        for k in range(len(knots) - 1):
+            piece = _hermite(knots[k], knots[k + 1], headings[k], headings[k + 1])
+            pieces.append(piece)
+            steps = np.diff(np.concatenate((pieces[-2][-1:], piece)), axis=0)
+            length += float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+            entries.append(length)
+        points = np.concatenate(pieces)
+        steps = np.diff(points, axis=0)
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
+        stations = np.arange(0.0, max(length, _STEP_M), _STEP_M)
+        tail = _STEP_M * np.arange(1, 80)[:, None] * np.array([math.cos(headings[-1]), math.sin(headings[-1])])
+        sampled = np.column_stack([np.interp(stations, along, points[:, axis]) for axis in (0, 1)])
+        self.points: Floats = np.concatenate((sampled, sampled[-1:] + tail))
+        self.junctions = tuple(
+            Junction(entries[k], entries[k + 1], commands[k]) for k in range(len(knots) - 1) if commands[k] in _TURNS
+        )
+        self._at = 0
+
+    def locate(self, x_m: float, y_m: float) -> float:
+        """Metres along the path of the nearest point, searched around the last answer."""
+        reach = int(_WINDOW_M / _STEP_M)
+        first = max(0, self._at - reach)
+        near = self.points[first : self._at + reach + 1]
+        away = (near[:, 0] - x_m) ** 2 + (near[:, 1] - y_m) ** 2
+        self._at = first + int(np.argmin(away))
+        return self._at * _STEP_M
+
+    def ahead(self, x_m: float, y_m: float, yaw_rad: float, count: int) -> Floats:
+        """(count, 2): the path from the located place on, one point a metre, metres forward and to the right."""
+        stride = int(1.0 / _STEP_M)
+        rows = np.minimum(self._at + stride * np.arange(count), len(self.points) - 1)
+        dx, dy = self.points[rows, 0] - x_m, self.points[rows, 1] - y_m
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        return np.column_stack((c * dx + s * dy, c * dy - s * dx))
+
+    def next_junction(self, along_m: float) -> Junction | None:
+        """The junction that lies around or ahead of a place, or None."""
+        return next((junction for junction in self.junctions if along_m < junction.exit_m), None)
+
+
+def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -> list[float]:
+    """The heading at every point: a junction is entered along the road before it and left along the one after it."""
+    chords = [math.atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
+    headings = [start_yaw_rad]
+    for k in range(1, len(knots) - 1):
+        if commands[k] in _TURNS:
+            headings.append(chords[k - 1])
+        elif commands[k - 1] in _TURNS:
+            headings.append(chords[k])
+        else:
+            headings.append(math.atan2(*(knots[k + 1] - knots[k - 1])[::-1]))
+    if chords:
+        before = math.remainder(chords[-1] - headings[-1], math.tau)
+        in_turn = commands[-2] in _TURNS
+        headings.append(headings[-1] + _TURNS[commands[-2]] if in_turn else chords[-1] + before)
+    return headings
+
+
+def _hermite(start: Floats, end: Floats, from_rad: float, to_rad: float) -> Floats:
+    """A cubic from `start` to `end` with these headings, without its first point."""
+    chord = float(np.hypot(*(end - start)))
+    turn = abs(math.remainder(to_rad - from_rad, math.tau))
+    # the speed with which a cubic follows a circular arc of this turn
+    pull = chord if turn < 1e-3 else 4.0 * math.tan(turn / 4.0) * chord / (2.0 * math.sin(min(turn, 3.0) / 2.0))
+    t = np.linspace(0.0, 1.0, max(3, math.ceil(chord / _STEP_M)))[1:, None]
+    leave = pull * np.array([math.cos(from_rad), math.sin(from_rad)])
+    arrive = pull * np.array([math.cos(to_rad), math.sin(to_rad)])
+    curve: Floats = (
+        (2 * t**3 - 3 * t**2 + 1) * start
+        + (t**3 - 2 * t**2 + t) * leave
+        + (3 * t**2 - 2 * t**3) * end
+        + (t**3 - t**2) * arrive
+    )
+    return curve

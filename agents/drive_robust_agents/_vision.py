@@ -1,0 +1,126 @@
+"""Plain image processing on one front camera: where the free road ends, and which lamps and signs are lit red or green.
+
+A classical colour pipeline knows the palette of its world: asphalt is grey and learnt per image row (haze brightens far
+rows), everything that stands on it has a dark base (tyres, shadow, trousers) or is much bluer or redder than asphalt;
+lamps shine in plain red and green; a stop sign is a plate of darker red at the height of the camera.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust import CameraSpec
+
+__all__ = ["CAMERA", "Ground", "Signals", "ground_pixels", "signals"]
+
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
+_FOCAL_PX = CAMERA.width_px / 2.0 / math.tan(math.radians(CAMERA.fov_deg) / 2.0)
+_HORIZON = CAMERA.height_px // 2
+_FIRST_ROW = _HORIZON + 5
+_COLUMN_STEP = 2
+
+_DARK, _BLUE, _RED = 0.70, 1.35, 1.7
+_DEAD = 3
+_LEARN = 0.12
+_LAMP_RED = 210
+
+
+class Ground:
+    """Where each image column first meets something that is not ground, by a model of the asphalt per row."""
+
+    def __init__(self) -> None:
+        rows = np.arange(_FIRST_ROW, CAMERA.height_px)
+        columns = np.arange(0, CAMERA.width_px, _COLUMN_STEP)
+        self._depth_m = _FOCAL_PX * CAMERA.z_m / (rows + 0.5 - CAMERA.height_px / 2.0)
+        self._slope = (columns + 0.5 - CAMERA.width_px / 2.0) / _FOCAL_PX
+        self._patch = np.abs(self._depth_m[:, None] * self._slope) < np.maximum(1.1, 0.06 * self._depth_m)[:, None]
+        self._asphalt: NDArray[np.float32] | None = None
+
+    @property
+    def level(self) -> float:
+        """Brightness (green, 0..255) of the asphalt nearest to the vehicle."""
+        return 98.0 if self._asphalt is None else float(self._asphalt[-20:, 1].mean())
+
+    def bases(self, pixels: Bytes) -> Floats:
+        """(k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
+
+        Columns whose view of the ground is blocked by dead (black) pixels first, and columns that are free, are left
+        out.
+        """
+        image = pixels[_FIRST_ROW:, ::_COLUMN_STEP]
+        if self._asphalt is None:
+            self._asphalt = _first_asphalt(image, self._patch)
+        reference = self._asphalt[:, None, :]
+        scaled = image / reference
+        red, green, blue = scaled[..., 0], scaled[..., 1], scaled[..., 2]
+        bright = np.maximum(np.maximum(red, green), blue)
+        dead = image.max(axis=2) <= _DEAD
+        foreign = (bright < _DARK) | (blue > _BLUE * red) | (red > _RED * green)
+        self._learn(image, bright, green)
+        solid = foreign[1:] & foreign[:-1]  # two pixels high at least
+        upward = (solid | dead[1:])[::-1]
+        lowest = len(upward) - np.argmax(upward, axis=0)  # row of `foreign` again
+        hit = upward.any(axis=0)
+        columns = np.flatnonzero(hit)
+        rows = lowest[columns]
+        seen = ~dead[rows, columns]
+        columns, rows = columns[seen], rows[seen]
+        forward = self._depth_m[rows]
+        return np.column_stack((forward + CAMERA.x_m, forward * self._slope[columns]))
+
+    def _learn(self, image: Bytes, bright: NDArray[np.float32], green: NDArray[np.float32]) -> None:
+        """Follow the colour of what looks like asphalt in the lane ahead, row by row."""
+        assert self._asphalt is not None
+        like = self._patch & (bright < 1.25) & (green > 0.8)
+        count = like.sum(axis=1)
+        total = np.einsum("rc,rck->rk", like, image, dtype=np.float32)
+        known = count >= 3
+        mean = total[known] / count[known, None]
+        self._asphalt[known] += _LEARN * (mean - self._asphalt[known])
+
+
+def _first_asphalt(image: Bytes, patch: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The median colour of each row's patch; going up it may change only as slowly as haze does."""
+    medians = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))], dtype=np.float32)
+    medians = np.maximum(medians, 8.0)
+    medians[-10:] = np.median(medians[-10:], axis=0)
+    for row in range(len(medians) - 11, -1, -1):
+        medians[row] = np.clip(medians[row], 0.985 * medians[row + 1], 1.05 * medians[row + 1])
+    return medians
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """Pixels above the horizon that shine red or green like a lamp, or are red like a stop sign."""
+
+    red: int
+    green: int
+    sign: int
+
+
+def signals(pixels: Bytes) -> Signals:
+    """Count the pixels of lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
+    sky = pixels[:_HORIZON, CAMERA.width_px // 4 :]
+    red, green, blue = cv2.split(sky)
+    reddish = cv2.min(red, 255) > np.maximum(2.2 * np.maximum(green, blue), 90.0)
+    return Signals(
+        red=int(np.count_nonzero(reddish & (red >= _LAMP_RED))),
+        green=int(np.count_nonzero((green > 180) & (green > 1.8 * red) & (green > 1.5 * blue))),
+        sign=int(np.count_nonzero(reddish[_HORIZON - 20 :] & (red[_HORIZON - 20 :] < _LAMP_RED))),
+    )
+
+
+def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
+    depth = forward_m - CAMERA.x_m
+    rows = np.floor(CAMERA.height_px / 2.0 + _FOCAL_PX * CAMERA.z_m / depth).astype(np.int64)
+    columns = np.floor(CAMERA.width_px / 2.0 + _FOCAL_PX * right_m / depth).astype(np.int64)
+    return np.clip(rows, 0, CAMERA.height_px - 1), np.clip(columns, 0, CAMERA.width_px - 1)
