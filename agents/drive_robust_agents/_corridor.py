@@ -21,6 +21,8 @@ _BESIDE_M = 7.0
 _HOLD_S = 0.25
 _STEADY_S = 0.4
 _DRIFT_MPS = -0.7
+_POST_M = 0.4
+_POST_ROOM_M = 0.8
 _DT_S = 0.05
 
 
@@ -49,6 +51,8 @@ class Corridor:
         blocking = (right > -_LEFT_M + min(self.aside_m, 0.0)) & (right < _RIGHT_M)
         if self._passable():
             blocking &= right < self._aside_wanted_m + _BODY_M
+        if not may_dodge and blocking.any():
+            blocking &= ~_posts(along, right)
         self._remember(np.sort(along[blocking]), travelled_m)
 
     def _follow_edge(self, along: Floats, right: Floats, travelled_m: float, may_dodge: bool) -> None:
@@ -86,6 +90,14 @@ class Corridor:
         self._unseen_s += _DT_S
         if self._unseen_s > _HOLD_S:
             self.free_m = math.inf
+
+
+def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
+    """Which points belong to something thinner than anything that moves: nothing else is near them."""
+    together = np.hypot(along[:, None] - along, right[:, None] - right) < _POST_ROOM_M
+    spread = np.where(together, right, -np.inf).max(axis=1) - np.where(together, right, np.inf).min(axis=1)
+    thin: NDArray[np.bool_] = spread < _POST_M
+    return thin
 
 
 def _beside(bases: Floats, path: Floats) -> tuple[Floats, Floats]:

@@ -99,7 +99,7 @@ def _first_asphalt(image: Bytes, patch: NDArray[np.bool_]) -> NDArray[np.float32
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """Pixels above the horizon that shine red or green like a lamp, or are red like a stop sign."""
+    """Pixels above the horizon: of the largest red and green lamp that faces the camera, and of a stop sign's red."""
 
     red: int
     green: int
@@ -107,15 +107,27 @@ class Signals:
 
 
 def signals(pixels: Bytes) -> Signals:
-    """Count the pixels of lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
-    sky = pixels[:_HORIZON, CAMERA.width_px // 4 :]
-    red, green, blue = cv2.split(sky)
-    reddish = cv2.min(red, 255) > np.maximum(2.2 * np.maximum(green, blue), 90.0)
+    """Look for lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
+    red, green, blue = cv2.split(pixels[:_HORIZON, CAMERA.width_px // 4 :].astype(np.float32))
+    reddish = red > np.maximum(2.2 * np.maximum(green, blue), 90.0)
+    lit = red >= _LAMP_RED
+    near_horizon = slice(_HORIZON - 20, None)
     return Signals(
-        red=int(np.count_nonzero(reddish & (red >= _LAMP_RED))),
-        green=int(np.count_nonzero((green > 180) & (green > 1.8 * red) & (green > 1.5 * blue))),
-        sign=int(np.count_nonzero(reddish[_HORIZON - 20 :] & (red[_HORIZON - 20 :] < _LAMP_RED))),
+        red=_largest_facing(reddish & lit),
+        green=_largest_facing((green > 180.0) & (green > 1.8 * red) & (green > 1.5 * blue)),
+        sign=int(np.count_nonzero((reddish & ~lit)[near_horizon])),
     )
+
+
+def _largest_facing(mask: NDArray[np.bool_]) -> int:
+    """The largest blob that is about as wide as high: lamps of crossing roads are seen from the side, as slivers."""
+    if not mask.any():
+        return 0
+    _, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    blobs = stats[1:]
+    width, height = blobs[:, cv2.CC_STAT_WIDTH], blobs[:, cv2.CC_STAT_HEIGHT]
+    facing = (width >= 2) & (width >= 0.7 * height)
+    return int(blobs[facing, cv2.CC_STAT_AREA].max(initial=0))
 
 
 def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

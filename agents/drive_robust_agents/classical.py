@@ -29,9 +29,11 @@ _WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
 _FRONT_M = 2.45
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 10.5, 5.0, 7.0
 _BRAKE_MPS2, _STOP_LINE_MPS2 = 3.6, 2.5
-_STANDOFF_M, _BEFORE_LIGHT_M, _BEFORE_SIGN_M = 3.5, 3.5, 1.2
+_STANDOFF_M, _BEFORE_LIGHT_M, _BEFORE_SIGN_M = 3.5, 1.5, 1.2
+_LINE_TO_JUNCTION_M = 5.0
 _LOOK_FOR_SIGNALS_M = 40.0
 _LANE_SHARE = 0.75
+_RED_LASTS_S = 8.0
 _AHEAD_POINTS = 44
 
 
@@ -123,10 +125,12 @@ class Classical:
         if junction is None or not 0.0 <= junction.entry_m - at < _LOOK_FOR_SIGNALS_M:
             return math.inf
         seen = signals(pixels)
-        to_line = junction.entry_m - at - _FRONT_M
-        if seen.red >= 2 and seen.red >= seen.green:
-            self._red_s = 0.3
-        else:
+        to_line = junction.entry_m - at - _FRONT_M - _LINE_TO_JUNCTION_M
+        if seen.green >= 3:
+            self._red_s = 0.0
+        elif seen.red >= 3:
+            self._red_s = _RED_LASTS_S
+        else:  # hidden by something: it is red until it is seen green
             self._red_s = max(0.0, self._red_s - _DT_S)
         self._sign_ticks += seen.sign >= 8 and seen.sign > 3 * seen.red
         if self._red_s > 0.0 and to_line > -0.5:

@@ -1,16 +1,19 @@
-"""Called by gymnasium at its import through the entry point group `gymnasium.envs`; must stay light."""
+"""Importing this module registers our gymnasium environments, as gymnasium 1.x asks for.
+
+::
+
+    import gymnasium
+    import pytest_drive_robust.simulators.gymnasium_ids
+
+    env = gymnasium.make("drive_robust/World-v0")
+"""
 
 from __future__ import annotations
 
-__all__ = ["register_envs"]
+import gymnasium
 
+__all__: list[str] = []
 
-def register_envs() -> None:
-    """Register `drive_robust/World-v0` (gymnasium adds the namespace of the entry point)."""
-    import gymnasium
-
-    gymnasium.register(
-        id="World-v0",
-        entry_point="pytest_drive_robust.simulators.embedded.environment:WorldEnv",
-        nondeterministic=False,
-    )
+gymnasium.register(
+    id="drive_robust/World-v0", entry_point="pytest_drive_robust.simulators.embedded.environment:WorldEnv"
+)

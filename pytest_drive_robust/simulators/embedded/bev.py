@@ -1,161 +1,153 @@
-"""The world from above, for people: lanes, markings, route, ego, actors by kind, lights by state."""
+"""The world from above, for people: what the cameras should show, without perspective."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.truth import ActorKind, Frame, Lane, LaneKind, LaneMap, LightState
+from pytest_drive_robust.domain.truth import ActorKind, ActorState
+from pytest_drive_robust.simulators.embedded.drawing.furniture import LAMP_COLOURS
+from pytest_drive_robust.simulators.embedded.drawing.looks import paint_of
+from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
+from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, unpack
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.truth import Frame, LaneMap
+
+    Floats = NDArray[np.float64]
+    Pixels = NDArray[np.uint8]
+    Colour = tuple[int, int, int]
 
 __all__ = ["draw_bev"]
 
-Floats = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Colour = tuple[int, int, int]
-
-_GRASS: Colour = (196, 206, 184)
-_GROUND: dict[LaneKind, Colour] = {
-    LaneKind.SIDEWALK: (214, 212, 206),
-    LaneKind.PARKING: (150, 152, 156),
-    LaneKind.DRIVING: (128, 130, 134),
+_EGO: Colour = (40, 230, 240)
+_ROUTE: Colour = (60, 130, 255)
+_TRAIL: Colour = (255, 80, 220)
+_BUILDING: Colour = (120, 100, 90)
+_OUTLINE: Colour = (20, 20, 20)
+_SIREN: Colour = (40, 90, 255)
+_STOP_SIGN: Colour = (190, 20, 28)
+_FIXED_COLOURS: dict[ActorKind, Colour] = {
+    ActorKind.EMERGENCY: (245, 245, 245),
+    ActorKind.CONE: (255, 120, 20),
+    ActorKind.BARRIER: (230, 50, 50),
+    ActorKind.WARNING_SIGN: (230, 50, 50),
+    ActorKind.BUILDING: _BUILDING,
 }
-_PAINT: Colour = (240, 240, 240)
-_BUILDING: Colour = (170, 152, 136)
-_ROUTE: Colour = (90, 190, 250)
-_EGO: Colour = (20, 90, 220)
-_ACTORS: dict[ActorKind, Colour] = {
-    ActorKind.EMERGENCY: (250, 250, 250),
-    ActorKind.BICYCLE: (150, 60, 190),
-    ActorKind.PEDESTRIAN: (230, 60, 160),
-    ActorKind.CONE: (240, 120, 20),
-    ActorKind.BARRIER: (220, 60, 50),
-    ActorKind.CONTAINER: (60, 80, 130),
-    ActorKind.WARNING_SIGN: (230, 190, 30),
-}
-_CAR: Colour = (60, 62, 68)
-_LIGHTS: dict[LightState, Colour] = {
-    LightState.GREEN: (40, 180, 70),
-    LightState.YELLOW: (240, 190, 30),
-    LightState.RED: (220, 40, 40),
-    LightState.STOP_SIGN: (150, 20, 40),
-}
-_SHIFT = 4  # cv2 draws at 1/16 of a pixel
-
-
-@dataclass(frozen=True, slots=True)
-class _Canvas:
-    """A picture and the map section that it shows: `scale` pixels a metre around (`x_m`, `y_m`); north is up."""
-
-    pixels: Picture
-    x_m: float
-    y_m: float
-    scale: float
-
-    def at(self, points: Floats) -> NDArray[np.int32]:
-        """Map points (n, >=2) in metres to cv2's fixed-point pixels (n, 1, 2)."""
-        middle = (self.pixels.shape[0] - 1) / 2.0
-        place = (points[:, :2] - np.array([self.x_m, self.y_m])) * self.scale + middle
-        return np.round(place * (1 << _SHIFT)).astype(np.int32)[:, None, :]
-
-    def fill(self, corners: Floats, colour: Colour) -> None:
-        """A convex polygon."""
-        cv2.fillConvexPoly(self.pixels, self.at(corners), colour, cv2.LINE_AA, _SHIFT)
-
-    def line(self, points: Floats, colour: Colour, *, width_px: int = 1) -> None:
-        """An open polyline."""
-        cv2.polylines(self.pixels, [self.at(points)], False, colour, width_px, cv2.LINE_AA, _SHIFT)
-
-    def box(self, x: float, y: float, yaw: float, length: float, width: float, colour: Colour) -> None:
-        """An oriented rectangle."""
-        self.fill(_corners(x, y, yaw, length, width), colour)
+_SUBPIXEL_BITS = 4
 
 
 def draw_bev(
     lane_map: LaneMap,
     frame: Frame,
-    route: Floats,
+    route: NDArray[np.float64],
     *,
     size_px: int = 512,
     metres: float = 80.0,
     centre: tuple[float, float] | None = None,
-    trail: Floats | None = None,
-) -> Picture:
-    """The section of `metres` x `metres` around the ego (or `centre`), (size_px, size_px, 3) uint8 RGB.
+    trail: NDArray[np.float64] | None = None,
+) -> Pixels:
+    """A square of `metres` around `centre` (the ego when None) as (size_px, size_px, 3) uint8 RGB: x right, y down.
 
-    x (east) points right, y (south) down. `route` is (n, >=2); `trail` the (n, >=2) way that the ego has come.
+    `route` (n, 2 or more) and `trail` (m, 2 or more: where the ego has been) are points in metres; either may be empty.
     """
-    x, y = (frame.ego.x_m, frame.ego.y_m) if centre is None else centre
-    pixels = np.empty((size_px, size_px, 3), np.uint8)
-    pixels[:] = _GRASS
-    canvas = _Canvas(pixels, x, y, size_px / metres)
-    _draw_ground(canvas, lane_map)
-    canvas.line(route, _ROUTE, width_px=max(2, round(0.5 * canvas.scale)))
-    if trail is not None and len(trail) > 1:
-        canvas.line(trail, _EGO)
+    x, y = centre if centre is not None else (frame.ego.x_m, frame.ego.y_m)
+    region = Region(x - metres / 2.0, y - metres / 2.0, size_px, size_px, metres / size_px)
+    picture = np.ascontiguousarray(unpack(pack_sheet(paint_ground(lane_map, region))))
+    _path(picture, region, route, _ROUTE)
+    if trail is not None:
+        _path(picture, region, trail, _TRAIL)
     for row in lane_map.buildings:
-        canvas.box(*(float(v) for v in row[:5]), _BUILDING)
-    _draw_lights(canvas, lane_map, frame)
+        _outline(picture, region, row[:5], _BUILDING)
+    for index, line in enumerate(lane_map.stop_lines):
+        colour = _STOP_SIGN
+        if line.is_light:
+            colour = next((_whole(c) for state, c in LAMP_COLOURS.items() if state == frame.lights[index]), _OUTLINE)
+        _light(picture, region, (line.pole_x_m, line.pole_y_m), line.heading_rad, colour)
     for actor in frame.actors:
-        _draw_actor(canvas, actor)
+        _actor(picture, region, actor, frame)
     ego = frame.ego
-    _draw_vehicle(canvas, ego.x_m, ego.y_m, ego.yaw_rad, ego.length_m, ego.width_m, _EGO)
-    return pixels
+    _vehicle(picture, region, np.array((ego.x_m, ego.y_m, ego.yaw_rad, ego.length_m, ego.width_m)), _EGO)
+    return picture
 
 
-def _corners(x: float, y: float, yaw: float, length: float, width: float) -> Floats:
-    along = np.array([math.cos(yaw), math.sin(yaw)]) * length / 2.0
-    beside = np.array([-math.sin(yaw), math.cos(yaw)]) * width / 2.0
-    here = np.array([x, y])
-    return np.array([here + along + beside, here + along - beside, here - along - beside, here - along + beside])
+def _whole(colour: tuple[float, float, float]) -> Colour:
+    red, green, blue = (int(channel) for channel in colour)
+    return red, green, blue
 
 
-def _edge(lane: Lane, right_m: float) -> Floats:
-    """The lane's centre line, shifted to the right."""
-    heading = lane.centre[:, 2]
-    return lane.centre[:, :2] + right_m * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+def _path(picture: Pixels, region: Region, points: Floats, colour: Colour) -> None:
+    if len(points) >= 2:
+        pixels = region.pixels(np.asarray(points, np.float64)[:, :2])
+        cv2.polylines(picture, [pixels], False, colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _draw_ground(canvas: _Canvas, lane_map: LaneMap) -> None:
-    for kind, colour in _GROUND.items():
-        for lane in lane_map.lanes:
-            if lane.kind is kind:
-                left, right = _edge(lane, -lane.width_m / 2.0), _edge(lane, lane.width_m / 2.0)
-                for k in range(len(left) - 1):
-                    canvas.fill(np.array([left[k], left[k + 1], right[k + 1], right[k]]), colour)
-    for crosswalk in lane_map.crosswalks:
-        canvas.fill(crosswalk, (200, 200, 200))
-    for lane in lane_map.lanes:
-        for style, right_m in ((lane.left_line, -lane.width_m / 2.0), (lane.right_line, lane.width_m / 2.0)):
-            edge = _edge(lane, right_m)
-            if style == "solid":
-                canvas.line(edge, _PAINT)
-            elif style == "striped":
-                for k in range(0, len(edge) - 3, 6):
-                    canvas.line(edge[k : k + 4], _PAINT)
+def _corners(place: Floats) -> Floats:
+    """The corners (4, 2) of a rectangle x, y, yaw, length, width: front right, front left, rear left, rear right."""
+    x, y, yaw, length, width = (float(value) for value in place)
+    c, s = math.cos(yaw), math.sin(yaw)
+    along, across = np.array((c, s)) * length / 2.0, np.array((-s, c)) * width / 2.0
+    return np.array((x, y)) + np.stack((along + across, along - across, -along - across, -along + across))
 
 
-def _draw_lights(canvas: _Canvas, lane_map: LaneMap, frame: Frame) -> None:
-    for line in lane_map.stop_lines:
-        colour = _LIGHTS[LightState(int(frame.lights[line.index]))]
-        canvas.box(line.x_m, line.y_m, line.heading_rad, 0.8, line.width_m, colour)
+def _outline(picture: Pixels, region: Region, place: Floats, colour: Colour) -> None:
+    pixels = region.pixels(_corners(place))
+    cv2.fillConvexPoly(picture, pixels, colour, cv2.LINE_AA, _SUBPIXEL_BITS)
+    cv2.polylines(picture, [pixels], True, _OUTLINE, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _draw_actor(canvas: _Canvas, actor: Floats) -> None:
-    kind = ActorKind(int(actor[Frame.KIND]))
-    x, y, yaw, length, width = (float(actor[k]) for k in (Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH))
-    if kind in (ActorKind.CAR, ActorKind.VAN, ActorKind.TRUCK, ActorKind.EMERGENCY):
-        _draw_vehicle(canvas, x, y, yaw, length, width, _ACTORS.get(kind, _CAR))
-    else:
-        # small things are drawn larger than they are, or nobody would find them
-        canvas.box(x, y, yaw, max(length, 1.0), max(width, 1.0), _ACTORS.get(kind, _CAR))
+def _vehicle(picture: Pixels, region: Region, place: Floats, colour: Colour) -> None:
+    """A rectangle with a dark wedge that points ahead."""
+    _outline(picture, region, place, colour)
+    corners = _corners(place)
+    nose = (corners[0] + corners[1]) / 2.0
+    back = place[:2] + 0.35 * (nose - place[:2])
+    half = (corners[0] - corners[1]) * 0.35
+    wedge = region.pixels(np.stack((nose, back + half, back - half)))
+    cv2.fillConvexPoly(picture, wedge, _OUTLINE, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _draw_vehicle(canvas: _Canvas, x: float, y: float, yaw: float, length: float, width: float, colour: Colour) -> None:
-    """A box with a light windscreen, so that one sees where it is heading."""
-    canvas.box(x, y, yaw, length, width, colour)
-    ahead = 0.18 * length
-    canvas.box(x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), yaw, 0.16 * length, 0.8 * width, (205, 222, 235))
+def _actor(picture: Pixels, region: Region, actor: Floats, frame: Frame) -> None:
+    kind, state = ActorKind(int(actor[frame.KIND])), ActorState(int(actor[frame.STATE]))
+    colour = _FIXED_COLOURS.get(kind, _whole(paint_of(int(actor[frame.ID]))))
+    place = actor[[frame.X, frame.Y, frame.YAW, frame.LENGTH, frame.WIDTH]]
+    if kind.collision_class == "layout":
+        _outline(picture, region, place, colour)
+        return
+    if kind == ActorKind.PEDESTRIAN:
+        middle = region.pixels(place[None, :2])[0]
+        radius = max(2, round(0.5 / region.texel_m)) << _SUBPIXEL_BITS
+        cv2.circle(picture, _point(middle), radius, colour, -1, cv2.LINE_AA, _SUBPIXEL_BITS)
+        cv2.circle(picture, _point(middle), radius, _OUTLINE, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+        return
+    _vehicle(picture, region, place, colour)
+    rear_right, rear_left = _corners(place)[3], _corners(place)[2]
+    if ActorState.BRAKING in state:
+        _stroke(picture, region, rear_right, rear_left, (255, 30, 30))
+    if ActorState.SIREN in state:
+        _stroke(picture, region, (rear_right + rear_left) / 2.0, place[:2], _SIREN)
+
+
+def _stroke(picture: Pixels, region: Region, start: Floats, end: Floats, colour: Colour) -> None:
+    first, last = region.pixels(np.stack((start, end)))
+    cv2.line(picture, _point(first), _point(last), colour, 2, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def _light(picture: Pixels, region: Region, place: tuple[float, float], heading_rad: float, colour: Colour) -> None:
+    """A disc at the pole with a tick towards the traffic that must obey it."""
+    pole = np.array(place)
+    toward = pole - np.array((math.cos(heading_rad), math.sin(heading_rad))) * 2.0
+    _stroke(picture, region, pole, toward, _OUTLINE)
+    middle = _point(region.pixels(pole[None])[0])
+    radius = max(3, round(0.8 / region.texel_m)) << _SUBPIXEL_BITS
+    cv2.circle(picture, middle, radius, colour, -1, cv2.LINE_AA, _SUBPIXEL_BITS)
+    cv2.circle(picture, middle, radius, _OUTLINE, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def _point(pixel: NDArray[np.int32]) -> tuple[int, int]:
+    return int(pixel[0]), int(pixel[1])

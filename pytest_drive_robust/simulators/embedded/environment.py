@@ -1,4 +1,4 @@
-"""The embedded world as a gymnasium environment: `gymnasium.make("drive_robust/World-v0")`."""
+"""The embedded world as a gymnasium environment; `simulators.gymnasium_ids` registers it."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._seen = (0.0, 0)
         self._limits = spaces.Box(np.array([0, -1, 0], np.float32), np.ones(3, np.float32))
         self.action_space = self._limits
-        unbounded = {"speed": (1,), "imu": (3,), "target": (2, 2)}
+        limits = {"speed": ((1,), 100.0), "imu": ((3,), 1000.0), "target": ((2, 2), 1e5)}
         self.observation_space = spaces.Dict(
-            {name: spaces.Box(-np.inf, np.inf, shape, np.float32) for name, shape in unbounded.items()}
+            {name: spaces.Box(-limit, limit, shape, np.float32) for name, (shape, limit) in limits.items()}
             | {
                 camera.name: spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
                 for camera in self._cameras

@@ -10,7 +10,7 @@ from numba import njit
 
 from pytest_drive_robust.domain.truth import ActorState, Frame
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
-from pytest_drive_robust.simulators.embedded.drawing.looks import Role
+from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,7 +93,7 @@ def _set_colour(
     state, role = int(actors[k, _STATE]), int(parts[p, 9])
     red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
     if role == _BODY:
-        paint = (int(actors[k, _ID]) * 5 + 1) % len(paints)
+        paint = paint_index(int(actors[k, _ID]))
         red, green, blue = paints[paint, 0], paints[paint, 1], paints[paint, 2]
     elif role == _BRAKE_LAMP:
         red, green, blue, glow = (255.0, 44.0, 30.0, 1.0) if state & _BRAKING else (112.0, 10.0, 14.0, 0.9 * night)

@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Material
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["LOOKS", "PAINTS", "PART_COLUMNS", "Part", "Role", "part_rows"]
+__all__ = ["LOOKS", "PAINTS", "PART_COLUMNS", "Part", "Role", "paint_index", "paint_of", "part_rows"]
 
 Colour = tuple[float, float, float]
 
@@ -86,7 +87,19 @@ PAINTS = np.array(
     ),
     np.float64,
 )  # fmt: skip
-"""(n, 3) RGB: the colours that actors are painted with, by their id."""
+"""(n, 3) RGB: the colours that actors are painted with; neighbouring ids look different."""
+
+
+def paint_of(number: int) -> Colour:
+    """The colour, RGB 0..255, of the actor whose id is `number`."""
+    red, green, blue = (float(channel) for channel in PAINTS[paint_index(number)])
+    return red, green, blue
+
+
+@njit(cache=True)  # type: ignore[misc, unused-ignore]
+def paint_index(number: int) -> int:
+    """The row of `PAINTS` of the actor whose id is `number`."""
+    return (number * 5 + 1) % len(PAINTS)
 
 
 def _wheels(x: float, length: float, height: float) -> list[Part]:

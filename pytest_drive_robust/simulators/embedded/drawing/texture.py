@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Packed = NDArray[np.uint32]
 
-__all__ = ["FAR_COLOUR", "GroundTexture", "TextureCache", "ground_texture"]
+__all__ = ["FAR_COLOUR", "GroundTexture", "TextureCache", "ground_texture", "pack_sheet", "unpack"]
 
 _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
@@ -87,12 +87,12 @@ def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
 
 def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:
     pictures: list[tuple[Packed, Region]] = []
-    picture, region = _packed(paint_ground(lane_map, near)), near
+    picture, region = pack_sheet(paint_ground(lane_map, near)), near
     for _ in range(_NEAR_LEVELS):
         pictures.append((picture, region))
         picture, region = _halved(picture), _halved_region(region)
     # The wide sheet is drawn one level finer than its first kept level: thin paint needs the averaging.
-    picture, region = _packed(paint_ground(lane_map, wide)), wide
+    picture, region = pack_sheet(paint_ground(lane_map, wide)), wide
     for _ in range(_NEAR_LEVELS, _LEVELS):
         picture, region = _halved(picture), _halved_region(region)
         pictures.append((picture, region))
@@ -111,13 +111,19 @@ def _halved_region(region: Region) -> Region:
     return Region(region.x_m, region.y_m, region.columns // 2, region.rows // 2, region.texel_m * 2.0)
 
 
-def _packed(sheet: GroundSheet) -> Packed:
+def pack_sheet(sheet: GroundSheet) -> Packed:
+    """The colours of a sheet, (rows, columns) uint32, 0x00BBGGRR."""
     column = round(sheet.region.x_m / sheet.region.texel_m)
     row = round(sheet.region.y_m / sheet.region.texel_m)
     packed: Packed = _pack(
         sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW
     )
     return packed
+
+
+def unpack(packed: Packed) -> NDArray[np.uint8]:
+    """Packed colours (rows, columns) as RGB (rows, columns, 3)."""
+    return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
 @njit(cache=True)  # type: ignore[misc, unused-ignore]

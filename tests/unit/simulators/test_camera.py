@@ -1,0 +1,246 @@
+"""Cameras show what the scene holds: where it is, behind what, in which light."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from camera_scene import actor, around, busy_frame, frame, town, without
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.route import Weather
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, Frame, LightState
+from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.simulators.embedded.bev import draw_bev
+from pytest_drive_robust.simulators.embedded.camera import CameraRig
+
+FRONT = CameraSpec("front")
+CLEAR = Weather(sun_altitude_angle=60.0)
+NIGHT = Weather(sun_altitude_angle=-30.0)
+OPEN_TOWN = town(buildings=False)
+Pixels = NDArray[np.uint8]
+
+
+def picture(shown: Frame, *, camera: CameraSpec = FRONT, weather: Weather = CLEAR, lane_map: object = None) -> Pixels:
+    rig = CameraRig(lane_map or OPEN_TOWN, weather, [camera], around=around())  # type: ignore[arg-type]
+    return rig.render(shown)[camera.name].copy()
+
+
+def project(x: float, y: float, z: float, shown: Frame, camera: CameraSpec) -> tuple[float, float]:
+    """Pinhole projection by hand: column and row of a point in the world."""
+    ego, yaw = shown.ego, shown.ego.yaw_rad + math.radians(camera.yaw_deg)
+    cx = ego.x_m + camera.x_m * math.cos(ego.yaw_rad) - camera.y_m * math.sin(ego.yaw_rad)
+    cy = ego.y_m + camera.x_m * math.sin(ego.yaw_rad) + camera.y_m * math.cos(ego.yaw_rad)
+    forward = (x - cx) * math.cos(yaw) + (y - cy) * math.sin(yaw)
+    right = -(x - cx) * math.sin(yaw) + (y - cy) * math.cos(yaw)
+    focal = camera.width_px / 2.0 / math.tan(math.radians(camera.fov_deg) / 2.0)
+    return camera.width_px / 2.0 + focal * right / forward, camera.height_px / 2.0 + focal * (camera.z_m - z) / forward
+
+
+def box_of(row: list[float], shown: Frame, camera: CameraSpec) -> tuple[float, float, float, float]:
+    """(left, top, right, bottom) of an actor's box in the picture."""
+    x, y, yaw, length, width, height = row[2], row[3], row[4], row[6], row[7], row[8]
+    corners = [
+        project(
+            x + a * length / 2 * math.cos(yaw) - b * width / 2 * math.sin(yaw),
+            y + a * length / 2 * math.sin(yaw) + b * width / 2 * math.cos(yaw),
+            z,
+            shown,
+            camera,
+        )
+        for a in (-1, 1)
+        for b in (-1, 1)
+        for z in (0.0, height)
+    ]
+    columns, rows = zip(*corners, strict=True)
+    return min(columns), min(rows), max(columns), max(rows)
+
+
+def changed(one: Pixels, other: Pixels) -> NDArray[np.bool_]:
+    found: NDArray[np.bool_] = np.abs(one.astype(int) - other.astype(int)).max(axis=2) > 12
+    return found
+
+
+@pytest.mark.parametrize("camera", [FRONT, CameraSpec("wide", fov_deg=110.0, width_px=320, height_px=160, yaw_deg=20.0)])
+@pytest.mark.parametrize(
+    ("kind", "x", "y", "yaw"),
+    [
+        (ActorKind.CAR, 14.0, 1.75, 0.0),
+        (ActorKind.VAN, 20.0, 5.5, 0.4),
+        (ActorKind.CONTAINER, 18.0, 6.0, 0.0),
+        (ActorKind.TRUCK, 25.0, -1.75, math.pi),
+        (ActorKind.PEDESTRIAN, 10.0, 3.0, 1.57),
+    ],
+)
+def test_an_actor_fills_the_box_that_geometry_predicts(
+    kind: ActorKind, x: float, y: float, yaw: float, camera: CameraSpec
+) -> None:
+    row = actor(kind, x, y, yaw=yaw, number=4)
+    shown = frame(row)
+    mask = changed(picture(shown, camera=camera), picture(frame(), camera=camera))
+    left, top, right, bottom = box_of(row, shown, camera)
+    rows, columns = np.nonzero(mask[: int(bottom) + 1])  # the shadow reaches below the box
+    seen = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+    overlap = max(0.0, min(right, seen[2]) - max(left, seen[0])) * max(0.0, min(bottom, seen[3]) - max(top, seen[1]))
+    union = (right - left) * (bottom - top) + (seen[2] - seen[0]) * (seen[3] - seen[1]) - overlap
+    assert overlap / union >= 0.7
+
+
+def test_right_is_right() -> None:
+    on_the_right = changed(picture(frame(actor(ActorKind.CAR, 15.0, 6.0))), picture(frame()))
+    columns = np.nonzero(on_the_right)[1]
+    assert columns.min() > FRONT.width_px / 2
+
+
+def test_what_is_behind_a_box_is_not_seen() -> None:
+    wall = actor(ActorKind.TRUCK, 14.0, 1.75, yaw=math.pi / 2, number=1)
+    hidden = actor(ActorKind.PEDESTRIAN, 18.0, 1.75, number=2)
+    assert not changed(picture(frame(wall, hidden)), picture(frame(wall))).any()
+    assert changed(picture(frame(hidden)), picture(frame())).any()
+
+
+def test_what_is_behind_a_building_is_not_seen() -> None:
+    with_buildings = town()
+    x, y, _, length, width, _ = with_buildings.buildings[0]
+    ego = {"x": float(x), "y": 1.75, "yaw": math.copysign(math.pi / 2, y)}
+    behind = actor(ActorKind.CAR, float(x), float(y + math.copysign(width / 2 + 4.0, y)), number=3)
+    assert not changed(
+        picture(frame(behind, **ego), lane_map=with_buildings), picture(frame(**ego), lane_map=with_buildings)
+    ).any()
+    assert changed(picture(frame(behind, **ego)), picture(frame(**ego))).any()
+
+
+def test_the_nearer_of_two_cars_hides_the_other_whatever_their_order() -> None:
+    near = actor(ActorKind.CAR, 12.0, 1.75, number=1)
+    far = actor(ActorKind.CAR, 17.0, 1.75, number=2)
+    assert np.array_equal(picture(frame(near, far)), picture(frame(far, near)))
+
+
+def test_a_light_shows_its_colour_forty_metres_away() -> None:
+    line = next(line for line in OPEN_TOWN.stop_lines if line.is_light and math.cos(line.heading_rad) > 0.9)
+    shown = {"x": line.pole_x_m - 40.0, "y": line.y_m}
+    found = {}
+    for state in (LightState.RED, LightState.GREEN):
+        lights = [LightState.GREEN] * len(OPEN_TOWN.stop_lines)
+        lights[line.index] = state
+        image = picture(frame(lights=tuple(lights), **shown))
+        column, row = project(line.pole_x_m, line.pole_y_m, 4.0, frame(**shown), FRONT)
+        spot = image[int(row) - 8 : int(row) + 9, int(column) - 5 : int(column) + 6].reshape(-1, 3).astype(int)
+        found[state] = (
+            int(((spot[:, 0] > 150) & (spot[:, 1] < 110)).sum()),
+            int(((spot[:, 1] > 150) & (spot[:, 0] < 110)).sum()),
+        )
+    assert found[LightState.RED][0] >= 2
+    assert found[LightState.RED][1] == 0
+    assert found[LightState.GREEN][1] >= 2
+    assert found[LightState.GREEN][0] == 0
+
+
+def test_braking_makes_the_rear_lamps_brighter() -> None:
+    def red(state: ActorState) -> int:
+        image = picture(frame(actor(ActorKind.CAR, 12.0, 1.75, number=5, state=state))).astype(int)
+        return int(np.maximum(image[:, :, 0] - image[:, :, 1], 0).sum())
+
+    assert red(ActorState.BRAKING) > red(ActorState.NONE) + 500
+
+
+def test_night_is_darker_than_day_and_fog_hides_the_distance() -> None:
+    far = frame(actor(ActorKind.CAR, 60.0, 1.75))
+    day, night = picture(far), picture(far, weather=NIGHT)
+    assert night.mean() < 0.6 * day.mean()
+    fog = Weather(fog_density=80.0)
+    assert changed(picture(far), picture(frame())).any()
+    contrast_day = np.abs(picture(far).astype(int) - picture(frame()).astype(int)).sum()
+    contrast_fog = np.abs(picture(far, weather=fog).astype(int) - picture(frame(), weather=fog).astype(int)).sum()
+    assert contrast_fog < 0.5 * contrast_day
+
+
+def test_a_camera_that_looks_back_sees_what_is_behind() -> None:
+    back = CameraSpec("back", x_m=-2.0, yaw_deg=180.0)
+    behind = frame(actor(ActorKind.CAR, -14.0, 1.75), x=0.0)
+    assert changed(picture(behind, camera=back), picture(frame(), camera=back)).any()
+    assert not changed(picture(behind), picture(frame())).any()
+
+
+def test_the_bird_s_eye_view_and_the_camera_agree_on_who_is_there() -> None:
+    shown = busy_frame()
+    for number in shown.actors[:, Frame.ID]:
+        row = shown.actors[shown.actors[:, Frame.ID] == number][0]
+        seen_above = draw_bev(OPEN_TOWN, shown, around()) != draw_bev(OPEN_TOWN, without(shown, int(number)), around())
+        distance = math.hypot(row[Frame.X] - shown.ego.x_m, row[Frame.Y] - shown.ego.y_m)
+        if distance < 35.0:
+            assert seen_above.any(), ActorKind(int(row[Frame.KIND]))
+
+
+def test_inputs_are_not_written_to() -> None:
+    shown = busy_frame()
+    shown.actors.setflags(write=False)
+    shown.lights.setflags(write=False)
+    picture(shown)
+
+
+def test_other_pictures_before_change_nothing() -> None:
+    fresh = picture(busy_frame())
+    rig = CameraRig(OPEN_TOWN, CLEAR, [FRONT, CameraSpec("left", yaw_deg=-55.0)], around=around())
+    rig.render(frame(x=20.0, yaw=0.5))
+    rig.render(busy_frame(tick=9), {"left"})
+    assert np.array_equal(rig.render(busy_frame())["front"], fresh)
+
+
+def digests() -> list[str]:
+    weathers = (CLEAR, NIGHT, Weather(precipitation=80.0, fog_density=40.0))
+    return [hashlib.blake2b(picture(busy_frame(3), weather=weather, lane_map=town())).hexdigest() for weather in weathers]
+
+
+def test_another_process_draws_the_same_bytes() -> None:
+    here = os.path.dirname(__file__)
+    code = f"import sys; sys.path.insert(0, {here!r}); import test_camera as t; print(t.digests())"
+    fresh = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "5"},
+    )  # fmt: skip
+    assert fresh.stdout.strip() == str(digests())
+
+
+@pytest.mark.parametrize("sizes", [[(1, 1)], [(33, 17), (256, 144)], [(64 + k, 31 + k) for k in range(8)]])
+def test_any_number_of_cameras_of_any_size(sizes: list[tuple[int, int]]) -> None:
+    rig = [
+        CameraSpec(f"camera {k}", yaw_deg=45.0 * k, width_px=width, height_px=height)
+        for k, (width, height) in enumerate(sizes)
+    ]
+    pictures = CameraRig(town(), CLEAR, rig, around=around()).render(busy_frame())
+    assert [pictures[camera.name].shape for camera in rig] == [(height, width, 3) for width, height in sizes]
+
+
+@settings(max_examples=60)
+@given(
+    x=st.floats(-60, 120),
+    y=st.floats(-40, 40),
+    yaw=st.floats(-7, 7),
+    pitch=st.floats(-60, 60),
+    fov=st.floats(20, 150),
+    near=st.floats(-1.5, 1.5),
+)
+def test_no_pose_breaks_it(x: float, y: float, yaw: float, pitch: float, fov: float, near: float) -> None:
+    camera = replace(FRONT, pitch_deg=pitch, fov_deg=fov, width_px=48, height_px=40)
+    image = picture(frame(actor(ActorKind.TRUCK, x + near, y + near), x=x, y=y, yaw=yaw), camera=camera, lane_map=town())
+    assert image.shape == (40, 48, 3)
+    assert image.dtype == np.uint8
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [replace(FRONT, width_px=0), replace(FRONT, fov_deg=180.0), replace(FRONT, x_m=math.nan)],
+)
+def test_cameras_that_cannot_be_are_refused(camera: CameraSpec) -> None:
+    with pytest.raises(SimulationError, match="'front'"):
+        CameraRig(OPEN_TOWN, CLEAR, [camera], around=around())
