@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Corridor"]
+__all__ = ["Corridor", "oncoming"]
 
 Floats = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _STEADY_S = 0.4
 _DRIFT_MPS = -0.7
 _POST_M = 0.4
 _POST_ROOM_M = 0.8
+_ONCOMING_M = (4.5, 21.0)
 _DT_S = 0.05
 
 
@@ -90,6 +91,15 @@ class Corridor:
         self._unseen_s += _DT_S
         if self._unseen_s > _HOLD_S:
             self.free_m = math.inf
+
+
+def oncoming(bases: Floats) -> bool:
+    """Is something coming along the lane to the left, so near that it would meet a left turn?"""
+    forward, right = bases[:, 0], bases[:, 1]
+    inside = (forward > _ONCOMING_M[0]) & (forward < _ONCOMING_M[1]) & (right > -7.0) & (right < -_LEFT_M)
+    if not inside.any():
+        return False
+    return bool((inside & ~_posts(forward, right)).sum() >= 2)
 
 
 def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:

@@ -32,10 +32,13 @@ class PlanPath:
     """Cubic pieces through the plan's points, sampled every half metre.
 
     The plan gives a point where a junction is entered and one where it is left, and the turn between them; on roads
-    it gives one every 50 m, so that the path cuts bends by a metre or so. `points` is (n, 2) metres.
+    it gives one every 50 m, so that the path cuts bends by a metre or so. `points` is (n, 2) metres. Raises
+    `ValueError` for a plan without points.
     """
 
     def __init__(self, plan: GlobalPlan, start_yaw_rad: float) -> None:
+        if not plan.points:
+            raise ValueError("the plan has no points, expected at least one: was reset called?")
         knots = np.array([(point.x_m, point.y_m) for point in plan.points], dtype=np.float64).reshape(-1, 2)
         commands = [point.command for point in plan.points]
         headings = _headings(knots, commands, start_yaw_rad)

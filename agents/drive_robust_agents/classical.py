@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._corridor import Corridor
+from drive_robust_agents._junction import FRONT_M, JunctionRules
 from drive_robust_agents._lane import LaneTracker
 from drive_robust_agents._route import Junction, PlanPath
-from drive_robust_agents._vision import CAMERA, Ground, signals
+from drive_robust_agents._vision import CAMERA, Ground
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
 
 __all__ = ["Classical"]
@@ -26,14 +27,10 @@ Floats = NDArray[np.float64]
 
 _DT_S = 0.05
 _WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
-_FRONT_M = 2.45
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 10.5, 5.0, 7.0
-_BRAKE_MPS2, _STOP_LINE_MPS2 = 3.6, 2.5
-_STANDOFF_M, _BEFORE_LIGHT_M, _BEFORE_SIGN_M = 3.5, 1.5, 1.2
-_LINE_TO_JUNCTION_M = 5.0
-_LOOK_FOR_SIGNALS_M = 40.0
-_LANE_SHARE = 0.75
-_RED_LASTS_S = 8.0
+_BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
+_LANE_SHARE = 0.85
+_OFF_LANE_M = 0.6
 _AHEAD_POINTS = 44
 
 
@@ -54,11 +51,9 @@ class Classical:
         self._plan = route
         self._path: PlanPath | None = None
         self._ground, self._lane, self._corridor = Ground(), LaneTracker(), Corridor()
+        self._rules = JunctionRules()
         self._yaw_rad = 0.0
         self._on_road = False
-        self._red_s, self._sign_ticks, self._standing_s = 0.0, 0, 0.0
-        self._stopped_for: Junction | None = None
-        self._junction: Junction | None = None
         self._integral = 0.0
         self._way: Floats = np.zeros((1, 2))
 
@@ -79,8 +74,10 @@ class Classical:
         course = self._path.ahead(observation.gps.x_m, observation.gps.y_m, yaw, _AHEAD_POINTS)
         self._way = self._correct(course, pixels, at, junction, travelled, turned)
         inside = junction is not None and at > junction.entry_m - 3.0
-        self._corridor.update(self._ground.bases(pixels), self._way, travelled, may_dodge=not inside)
-        target = min(self._road_speed(at, junction), self._obstacle_speed(), self._signal_speed(pixels, at, junction, speed))
+        bases = self._ground.bases(pixels)
+        self._corridor.update(bases, self._way, travelled, may_dodge=not inside)
+        rules = self._rules.speed(pixels, bases, junction, at, speed)
+        target = min(self._road_speed(at, junction), self._obstacle_speed(), rules)
         return self._control(target, speed)
 
     def _correct(
@@ -91,10 +88,9 @@ class Classical:
         to_entry = math.inf if junction is None else junction.entry_m - at
         on_road = to_entry > -1.0
         if on_road and not self._on_road:
-            offset, slope = _line(course)
-            self._lane.forget(offset, slope)
+            self._lane.forget(*_line(course))
         self._on_road = on_road
-        way = course.copy()
+        way: Floats = course.copy()
         if on_road:
             self._lane.move(travelled, turned)
             self._lane.see(pixels, self._ground.level)
@@ -115,32 +111,8 @@ class Classical:
         return target
 
     def _obstacle_speed(self) -> float:
-        gap = self._corridor.free_m - _FRONT_M - _STANDOFF_M
+        gap = self._corridor.free_m - FRONT_M - _STANDOFF_M
         return math.sqrt(2.0 * _BRAKE_MPS2 * gap) if gap > 0.0 else 0.0
-
-    def _signal_speed(self, pixels: NDArray[np.uint8], at: float, junction: Junction | None, speed: float) -> float:
-        """Stop before the junction while red is seen, and once for a stop sign."""
-        if junction is not self._junction:
-            self._junction, self._red_s, self._sign_ticks, self._standing_s = junction, 0.0, 0, 0.0
-        if junction is None or not 0.0 <= junction.entry_m - at < _LOOK_FOR_SIGNALS_M:
-            return math.inf
-        seen = signals(pixels)
-        to_line = junction.entry_m - at - _FRONT_M - _LINE_TO_JUNCTION_M
-        if seen.green >= 3:
-            self._red_s = 0.0
-        elif seen.red >= 3:
-            self._red_s = _RED_LASTS_S
-        else:  # hidden by something: it is red until it is seen green
-            self._red_s = max(0.0, self._red_s - _DT_S)
-        self._sign_ticks += seen.sign >= 8 and seen.sign > 3 * seen.red
-        if self._red_s > 0.0 and to_line > -0.5:
-            return _stopping(to_line - _BEFORE_LIGHT_M)
-        if self._sign_ticks >= 4 and self._stopped_for is not junction:
-            self._standing_s = self._standing_s + _DT_S if abs(speed) < 0.05 else 0.0
-            if self._standing_s > 0.4 and to_line < 3.5:
-                self._stopped_for = junction
-            return _stopping(to_line - _BEFORE_SIGN_M)
-        return math.inf
 
     # --- control ---
 
@@ -159,13 +131,9 @@ class Classical:
         return Control(throttle=throttle, steer=min(max(steer, -1.0), 1.0), brake=brake)
 
 
-def _stopping(distance_m: float) -> float:
-    """The speed from which a comfortable stop in this distance is possible [m/s]."""
-    return math.sqrt(2.0 * _STOP_LINE_MPS2 * distance_m) if distance_m > 0.1 else 0.0
-
-
 def _line(course: Floats) -> tuple[float, float]:
-    """(offset, slope) of a straight line through the first ten metres of a course."""
+    """(offset, slope) of a line through the first ten metres of a course, no farther off than a lane allows."""
     dx, dy = course[10] - course[0]
     slope = float(dy) / max(float(dx), 1.0)
-    return float(course[0, 1]) - slope * float(course[0, 0]), slope
+    offset = float(course[0, 1]) - slope * float(course[0, 0])
+    return min(max(offset, -_OFF_LANE_M), _OFF_LANE_M), slope

@@ -70,9 +70,7 @@ def drive_episode(
 class _Drive:
     """An episode under way: whose fault its end is, and what was recorded until then."""
 
-    def __init__(
-        self, simulator: Simulator, agent: Agent, route: Route, setting: Setting, seed: int
-    ) -> None:
+    def __init__(self, simulator: Simulator, agent: Agent, route: Route, setting: Setting, seed: int) -> None:
         self.simulator = simulator
         self.agent = agent
         self.route = route

@@ -94,7 +94,8 @@ class CameraRig:
         view = View.of(camera, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
         draw_ground(image, self._texture.texels, self._texture.levels, _FAR_PACKED, view, air, lamps)
         draw_shadows(image, frame.actors, view, air.shadow)
-        draw_boxes(image, self._depth[camera.name], self._rows, count, view, air, lamps, self._clear)
+        still = len(self._furniture.rows)
+        draw_boxes(image, self._depth[camera.name], self._rows, still, count, view, air, lamps, self._clear)
         if air.rain > 0.0:
             draw_rain(image, frame.tick, air.rain)
         return image

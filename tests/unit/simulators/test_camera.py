@@ -70,7 +70,9 @@ def changed(one: Pixels, other: Pixels) -> NDArray[np.bool_]:
     return found
 
 
-@pytest.mark.parametrize("camera", [FRONT, CameraSpec("wide", fov_deg=110.0, width_px=320, height_px=160, yaw_deg=20.0)])
+@pytest.mark.parametrize(
+    "camera", [FRONT, CameraSpec("wide", fov_deg=110.0, width_px=320, height_px=160, yaw_deg=20.0)]
+)
 @pytest.mark.parametrize(
     ("kind", "x", "y", "yaw"),
     [
@@ -110,7 +112,7 @@ def test_what_is_behind_a_box_is_not_seen() -> None:
 
 def test_what_is_behind_a_building_is_not_seen() -> None:
     with_buildings = town()
-    x, y, _, length, width, _ = with_buildings.buildings[0]
+    x, y, _, _, width, _ = with_buildings.buildings[0]
     ego = {"x": float(x), "y": 1.75, "yaw": math.copysign(math.pi / 2, y)}
     behind = actor(ActorKind.CAR, float(x), float(y + math.copysign(width / 2 + 4.0, y)), number=3)
     assert not changed(
@@ -198,7 +200,8 @@ def test_other_pictures_before_change_nothing() -> None:
 
 def digests() -> list[str]:
     weathers = (CLEAR, NIGHT, Weather(precipitation=80.0, fog_density=40.0))
-    return [hashlib.blake2b(picture(busy_frame(3), weather=weather, lane_map=town())).hexdigest() for weather in weathers]
+    drawn = (picture(busy_frame(3), weather=weather, lane_map=town()) for weather in weathers)
+    return [hashlib.blake2b(image).hexdigest() for image in drawn]
 
 
 def test_another_process_draws_the_same_bytes() -> None:
@@ -232,7 +235,9 @@ def test_any_number_of_cameras_of_any_size(sizes: list[tuple[int, int]]) -> None
 )
 def test_no_pose_breaks_it(x: float, y: float, yaw: float, pitch: float, fov: float, near: float) -> None:
     camera = replace(FRONT, pitch_deg=pitch, fov_deg=fov, width_px=48, height_px=40)
-    image = picture(frame(actor(ActorKind.TRUCK, x + near, y + near), x=x, y=y, yaw=yaw), camera=camera, lane_map=town())
+    image = picture(
+        frame(actor(ActorKind.TRUCK, x + near, y + near), x=x, y=y, yaw=yaw), camera=camera, lane_map=town()
+    )
     assert image.shape == (40, 48, 3)
     assert image.dtype == np.uint8
 

@@ -7,7 +7,6 @@ import numpy as np
 from gymnasium.utils.env_checker import check_env
 
 import pytest_drive_robust.simulators.gymnasium_ids  # noqa: F401 -- registers the id
-
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
 

@@ -45,7 +45,10 @@ class Air(NamedTuple):
         sky_top = _mix(_mix((9, 12, 30), (88, 142, 205), day), _mix((14, 15, 20), (150, 156, 164), day), grey)
         haze = _mix(_mix((22, 26, 44), (196, 214, 230), day), _mix((24, 26, 32), (182, 186, 190), day), grey)
         haze = _mix(haze, (224, 150, 96), low_sun * 0.6 * (1.0 - grey))
-        sun_rad, around_rad = math.radians(max(weather.sun_altitude_angle, 15.0)), math.radians(weather.sun_azimuth_angle)
+        sun_rad, around_rad = (
+            math.radians(max(weather.sun_altitude_angle, 15.0)),
+            math.radians(weather.sun_azimuth_angle),
+        )
         return cls(
             sky_top=_mix(sky_top, (0, 0, 0), 0.3 * rain),
             haze=_mix(haze, (0, 0, 0), 0.25 * rain),

@@ -99,12 +99,12 @@ def _set_colour(
         red, green, blue, glow = (255.0, 44.0, 30.0, 1.0) if state & _BRAKING else (112.0, 10.0, 14.0, 0.9 * night)
     elif role == _HEADLAMP:
         red, green, blue, glow = 236.0 + 19.0 * night, 238.0 + 17.0 * night, 224.0 + 10.0 * night, night
-    elif role == _LEFT_INDICATOR or role == _RIGHT_INDICATOR:
+    elif role in (_LEFT_INDICATOR, _RIGHT_INDICATOR):
         wanted = _LEFT if role == _LEFT_INDICATOR else _RIGHT
         if not state & wanted or (tick // _BLINK_TICKS) % 2:
             return False
         glow = 1.0
-    elif role == _LEFT_BEACON or role == _RIGHT_BEACON:
+    elif role in (_LEFT_BEACON, _RIGHT_BEACON):
         turn = (tick // _FLASH_TICKS) % 2 == (0 if role == _LEFT_BEACON else 1)
         if state & _SIREN and turn:
             red, green, blue, glow = 120.0, 190.0, 255.0, 1.0

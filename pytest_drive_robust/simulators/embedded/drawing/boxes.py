@@ -32,12 +32,12 @@ __all__ = [
     "SEED",
     "SIDES",
     "WIDE",
-    "X",
-    "Y",
     "YAW",
-    "Z",
     "Box",
     "Material",
+    "X",
+    "Y",
+    "Z",
     "box_rows",
 ]
 

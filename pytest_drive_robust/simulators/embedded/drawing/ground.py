@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
 
+    Walk = tuple[int, int, int, int, int, int, int]
+
 __all__ = ["draw_ground"]
 
 _MOST_LINES = 4
@@ -26,12 +28,12 @@ _LEVEL_ONE_M = 12.0
 _FRACTION_BITS = 20
 _FLATTEST = -1e-4
 _WIDE = 2
-_LOW = np.uint32(0x00FF00FF)
-_EIGHT = np.uint32(8)
-_SIXTEEN = np.uint32(16)
+_RED_BLUE, _GREEN, _GREEN_SHIFT = np.uint64(0x00FF00FF), np.uint64(0x0000FF00), np.uint64(24)
+_LANES, _LANE = np.uint64(0x00FF00FF00FF), np.uint64(0xFFFF)
+_ONE, _EIGHT, _SIXTEEN, _THIRTYTWO = np.uint64(1), np.uint64(8), np.uint64(16), np.uint64(32)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def draw_ground(
     image: NDArray[np.uint8],
     texels: NDArray[np.uint32],
@@ -43,8 +45,8 @@ def draw_ground(
 ) -> None:
     """Fills every pixel of `image` (height, width, 3). `far` is the packed colour outside of the texture."""
     height, width = image.shape[0], image.shape[1]
-    low, high = np.empty(width, np.uint32), np.empty(width, np.uint32)
-    sin_pitch, cos_pitch = math.sin(view.pitch_rad), math.cos(view.pitch_rad)
+    sums = np.empty(width, np.uint64)
+    sin_pitch, cos_pitch = view.sin_pitch, view.cos_pitch
     for row in range(height):
         rise = sin_pitch + (height / 2.0 - row - 0.5) / view.focal_px * cos_pitch
         if rise > _FLATTEST:
@@ -55,26 +57,34 @@ def draw_ground(
         along_m = across_m * depth / view.z_m
         lines = min(max(int(along_m / across_m / 3.0) + 1, 1), _MOST_LINES)
         level = _level(levels, max(across_m, along_m / lines / 2.5))
-        low[:] = 0
-        high[:] = 0
+        sums[:] = 0
         for line in range(lines):
             up = (height / 2.0 - row - (line + 0.5) / lines) / view.focal_px
             line_rise = min(sin_pitch + up * cos_pitch, _FLATTEST)
             line_depth = -view.z_m / line_rise
             ahead = line_depth * (cos_pitch - up * sin_pitch)
-            _walk(low, high, texels, levels, level, far, view, line_depth, ahead)
-        _ground_row(image, row, low, high, lines, depth, depth * (cos_pitch - (height / 2.0 - row - 0.5)
-                    / view.focal_px * sin_pitch), view, air, lamps)
+            _walk(sums, texels, levels, level, far, view, line_depth, ahead)
+        _ground_row(
+            image,
+            row,
+            sums,
+            lines,
+            depth,
+            depth * (cos_pitch - (height / 2.0 - row - 0.5) / view.focal_px * sin_pitch),
+            view,
+            air,
+            lamps,
+        )
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _level(levels: NDArray[np.float64], footprint_m: float) -> int:
     """The level whose texels are nearest to the footprint of a pixel."""
-    level = int(math.floor(math.log2(max(footprint_m / levels[0, 5], 1.0)) + 0.35))
+    level = math.floor(math.log2(max(footprint_m / levels[0, 5], 1.0)) + 0.35)
     return min(level, len(levels) - 1)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _sky_row(image: NDArray[np.uint8], row: int, rise: float, air: Air) -> None:
     share = min(max(rise, 0.0) / 0.45, 1.0) ** 0.7
     for channel in range(3):
@@ -82,10 +92,9 @@ def _sky_row(image: NDArray[np.uint8], row: int, rise: float, air: Air) -> None:
         image[row, :, channel] = np.uint8(colour + 0.5)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _walk(
-    low: NDArray[np.uint32],
-    high: NDArray[np.uint32],
+    sums: NDArray[np.uint64],
     texels: NDArray[np.uint32],
     levels: NDArray[np.float64],
     level: int,
@@ -94,55 +103,61 @@ def _walk(
     depth: float,
     ahead: float,
 ) -> None:
-    """Adds one line of bilinear samples to `low` (red, blue) and `high` (green), 16 bits a channel."""
-    width = len(low)
-    sin_yaw, cos_yaw = math.sin(view.yaw_rad), math.cos(view.yaw_rad)
+    """Adds one line of bilinear samples to `sums`: red, blue and green in 16 bits each (see `_spread`)."""
+    width = len(sums)
+    sin_yaw, cos_yaw = view.sin_yaw, view.cos_yaw
     step = depth / view.focal_px
     start = (0.5 - width / 2.0) * step
     x, y = view.x_m + ahead * cos_yaw - start * sin_yaw, view.y_m + ahead * sin_yaw + start * cos_yaw
     if abs(x) > 1e7 or abs(y) > 1e7:
         x, y, step = 1e7, 1e7, 0.0
-    one = 1 << _FRACTION_BITS
-    i, j, di, dj, columns, rows, base = _line(levels, level, x, y, -sin_yaw * step, cos_yaw * step)
-    wi, wj, wdi, wdj, wide_columns, wide_rows, wide_base = _line(
-        levels, max(level, _WIDE), x, y, -sin_yaw * step, cos_yaw * step
-    )
-    far_low, far_high = np.uint32(far) & _LOW, (np.uint32(far) >> _EIGHT) & _LOW
+    walk = _line(levels, level, x, y, -sin_yaw * step, cos_yaw * step)
+    if _inside(walk, 0) and _inside(walk, width - 1):
+        # both ends of a straight line inside: so is the rest
+        for u in range(width):
+            sums[u] += _sample(texels, walk, u)
+        return
+    wide = _line(levels, max(level, _WIDE), x, y, -sin_yaw * step, cos_yaw * step)
+    outside = _spread(np.uint64(far))
     for u in range(width):
-        ci, cj, stride, first = i, j, columns, base
-        inside = 0 <= ci < (columns - 1) * one and 0 <= cj < (rows - 1) * one
-        if not inside:
-            ci, cj, stride, first = wi, wj, wide_columns, wide_base
-            inside = 0 <= ci < (wide_columns - 1) * one and 0 <= cj < (wide_rows - 1) * one
-        if inside:
-            at = first + (cj >> _FRACTION_BITS) * stride + (ci >> _FRACTION_BITS)
-            a = np.uint32((ci >> (_FRACTION_BITS - 4)) & 15)
-            b = np.uint32((cj >> (_FRACTION_BITS - 4)) & 15)
-            w00, w01 = (_SIXTEEN - a) * (_SIXTEEN - b), a * (_SIXTEEN - b)
-            w10, w11 = (_SIXTEEN - a) * b, a * b
-            t00, t01, t10, t11 = texels[at], texels[at + 1], texels[at + stride], texels[at + stride + 1]
-            red_blue = (t00 & _LOW) * w00 + (t01 & _LOW) * w01 + (t10 & _LOW) * w10 + (t11 & _LOW) * w11
-            green = (
-                ((t00 >> _EIGHT) & _LOW) * w00
-                + ((t01 >> _EIGHT) & _LOW) * w01
-                + ((t10 >> _EIGHT) & _LOW) * w10
-                + ((t11 >> _EIGHT) & _LOW) * w11
-            )
-            low[u] += np.uint32(red_blue >> _EIGHT) & _LOW
-            high[u] += np.uint32(green >> _EIGHT) & _LOW
+        if _inside(walk, u):
+            sums[u] += _sample(texels, walk, u)
+        elif _inside(wide, u):
+            sums[u] += _sample(texels, wide, u)
         else:
-            low[u] += far_low
-            high[u] += far_high
-        i += di
-        j += dj
-        wi += wdi
-        wj += wdj
+            sums[u] += outside
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _line(
-    levels: NDArray[np.float64], level: int, x: float, y: float, dx: float, dy: float
-) -> tuple[int, int, int, int, int, int, int]:
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _inside(walk: Walk, u: int) -> bool:
+    i, j, di, dj, columns, rows, _ = walk
+    return 0 <= i + u * di < (columns - 1) << _FRACTION_BITS and 0 <= j + u * dj < (rows - 1) << _FRACTION_BITS
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _spread(texel: np.uint64) -> np.uint64:
+    """0x00BBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for sums and products."""
+    lanes: np.uint64 = (texel & _RED_BLUE) | ((texel & _GREEN) << _GREEN_SHIFT)
+    return lanes
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _sample(texels: NDArray[np.uint32], walk: Walk, u: int) -> np.uint64:
+    """The bilinear mean of the four texels around step `u` of a walk, weights in sixteenths."""
+    i, j, di, dj, columns, _, first = walk
+    i += u * di
+    j += u * dj
+    at = first + (j >> _FRACTION_BITS) * columns + (i >> _FRACTION_BITS)
+    upper, lower = np.uintp(at), np.uintp(at + columns)
+    a, b = np.uint64((i >> (_FRACTION_BITS - 4)) & 15), np.uint64((j >> (_FRACTION_BITS - 4)) & 15)
+    top = _spread(np.uint64(texels[upper])) * (_SIXTEEN - a) + _spread(np.uint64(texels[upper + _ONE])) * a
+    bottom = _spread(np.uint64(texels[lower])) * (_SIXTEEN - a) + _spread(np.uint64(texels[lower + _ONE])) * a
+    mean: np.uint64 = ((top * (_SIXTEEN - b) + bottom * b) >> _EIGHT) & _LANES
+    return mean
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _line(levels: NDArray[np.float64], level: int, x: float, y: float, dx: float, dy: float) -> Walk:
     """A walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
     scale = (1 << _FRACTION_BITS) / levels[level, 5]
     half = 1 << (_FRACTION_BITS - 1)
@@ -157,12 +172,11 @@ def _line(
     )
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _ground_row(
     image: NDArray[np.uint8],
     row: int,
-    low: NDArray[np.uint32],
-    high: NDArray[np.uint32],
+    sums: NDArray[np.uint64],
     lines: int,
     depth: float,
     ahead: float,
@@ -183,17 +197,16 @@ def _ground_row(
         air.haze[1] * (1.0 - clear) + 0.5,
         air.haze[2] * (1.0 - clear) + 0.5,
     )
-    width = len(low)
-    mask = np.uint32(0xFFFF)
+    width = len(sums)
     turn = view.yaw_rad - lamps.yaw_rad
     sin_turn, cos_turn = math.sin(turn), math.cos(turn)
     dx, dy = view.x_m - lamps.x_m, view.y_m - lamps.y_m
     sin_ego, cos_ego = math.sin(lamps.yaw_rad), math.cos(lamps.yaw_rad)
     from_x, from_y = cos_ego * dx + sin_ego * dy, cos_ego * dy - sin_ego * dx
     for u in range(width):
-        r = np.float64(low[u] & mask)
-        g = np.float64(high[u])
-        b = np.float64(low[u] >> _SIXTEEN)
+        r = np.float64(np.int64(sums[u] & _LANE))
+        g = np.float64(np.int64(sums[u] >> _THIRTYTWO))
+        b = np.float64(np.int64((sums[u] >> _SIXTEEN) & _LANE))
         extra = 0.0
         if lamps.strength > 0.0:
             side = (u + 0.5 - width / 2.0) * depth / view.focal_px
@@ -205,7 +218,7 @@ def _ground_row(
         image[row, u, 2] = np.uint8(min(b * (blue + extra * 0.9) + haze_blue, 255.0))
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _headlamp(forward_m: float, right_m: float) -> float:
     """How much light the ego's headlamps throw on a place, 0..1: a cone that widens and fades."""
     if forward_m < 2.0:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
 
     Floats = NDArray[np.float64]
+    Triple = tuple[float, float, float]
     Surface = tuple[float, float, float, float, float, float, float, float]
 
 __all__ = ["CORNERS", "draw_boxes", "draw_shadows"]
@@ -32,42 +33,45 @@ _NEAR_M = 0.1
 _STRIPES, _RIBS = int(box.Material.STRIPES), int(box.Material.RIBS)
 _KIND, _X, _Y, _YAW, _LENGTH, _WIDTH = Frame.KIND, Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH
 _BUILDING = int(ActorKind.BUILDING)
+_BOTTOM = 5
 _SHADOW_MARGIN_M = 0.12
+_FLOOR_M, _BAY_M = 3.1, 3.2
 
-CORNERS = np.array(
-    ((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7), (0, 1, 2, 3)), np.int64
-)
+CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7), (0, 1, 2, 3)), np.int64)
 """The corners of the front, right, rear, left, top and bottom face of a box (see `_corners`)."""
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def draw_boxes(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
     rows: Floats,
+    first: int,
     count: int,
     view: View,
     air: Air,
     lamps: Headlamps,
     clear: Floats,
 ) -> None:
-    """Draws the first `count` of `rows` into `image` (height, width, 3).
+    """Draws the first `count` of `rows` into `image` (height, width, 3), row `first` first and those before it last.
 
+    Actors before furniture: what they hide of buildings is then never shaded. (Sorting all boxes by distance costs more
+    than it saves, and lets touching faces of one actor swap with the pose.)
     `depth` (height, width) is scratch: the inverse depth in 1/m of what is seen, 0 where no box is. `clear` is the
     share of a surface's colour that survives the air, by whole metres of depth.
     """
     depth[:] = 0.0
-    corners, polygon, clipped = np.empty((8, 3)), np.empty((8, 3)), np.empty((8, 3))
-    for at in range(count):
-        b = rows[at]
+    corners, clipped = np.empty((8, 3)), np.empty((8, 3))
+    for step in range(count):
+        b = rows[(first + step) % count]
         if not _may_be_seen(b, view, image.shape[1], image.shape[0]):
             continue
-        _corners(corners, b, view)
+        middle = _corners(corners, b, view)
         for face in range(6):
-            _draw_face(image, depth, corners, polygon, clipped, face, b, view, air, lamps, clear)
+            _draw_face(image, depth, corners, middle, clipped, face, b, view, air, lamps, clear)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _may_be_seen(b: Floats, view: View, width: int, height: int) -> bool:
     """False when the sphere around the box is behind the camera, beside the picture or beyond the box's reach."""
     grow = max(-b[box.FRONT], 0.0) + max(-b[box.REAR], 0.0) + 2.0 * max(-b[box.SIDES], 0.0)
@@ -82,38 +86,43 @@ def _may_be_seen(b: Floats, view: View, width: int, height: int) -> bool:
     return abs(up) - half * forward <= radius * math.sqrt(1.0 + half * half)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _to_camera(x: float, y: float, z: float, view: View) -> tuple[float, float, float]:
     dx, dy, dz = x - view.x_m, y - view.y_m, z - view.z_m
-    cos_yaw, sin_yaw = math.cos(view.yaw_rad), math.sin(view.yaw_rad)
-    cos_pitch, sin_pitch = math.cos(view.pitch_rad), math.sin(view.pitch_rad)
+    cos_yaw, sin_yaw = view.cos_yaw, view.sin_yaw
+    cos_pitch, sin_pitch = view.cos_pitch, view.sin_pitch
     ahead = dx * cos_yaw + dy * sin_yaw
     return dy * cos_yaw - dx * sin_yaw, dz * cos_pitch - ahead * sin_pitch, ahead * cos_pitch + dz * sin_pitch
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _corners(corners: Floats, b: Floats, view: View) -> None:
-    """Camera coordinates of front left, front right, rear right, rear left at the bottom, then the same at the top."""
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _corners(corners: Floats, b: Floats, view: View) -> Triple:
+    """Camera coordinates of front left, front right, rear right, rear left at the bottom, then the same at the top.
+
+    Returns their mean.
+    """
     c, s = math.cos(b[box.YAW]), math.sin(b[box.YAW])
+    mean_right, mean_up, mean_forward = 0.0, 0.0, 0.0
     for corner in range(8):
         top = 1.0 if corner >= 4 else 0.0
         place = corner % 4
-        forward = 0.5 * b[box.ALONG] - top * b[box.FRONT] if place < 2 else -0.5 * b[box.ALONG] + top * b[box.REAR]
-        right = 0.5 * b[box.WIDE] - top * b[box.SIDES]
+        ahead = 0.5 * b[box.ALONG] - top * b[box.FRONT] if place < 2 else -0.5 * b[box.ALONG] + top * b[box.REAR]
+        aside = 0.5 * b[box.WIDE] - top * b[box.SIDES]
         if place == 0 or place == 3:
-            right = -right
-        x, y = b[box.X] + c * forward - s * right, b[box.Y] + s * forward + c * right
-        corners[corner, 0], corners[corner, 1], corners[corner, 2] = _to_camera(
-            x, y, b[box.Z] + top * b[box.HIGH], view
-        )
+            aside = -aside
+        x, y = b[box.X] + c * ahead - s * aside, b[box.Y] + s * ahead + c * aside
+        right, up, forward = _to_camera(x, y, b[box.Z] + top * b[box.HIGH], view)
+        corners[corner, 0], corners[corner, 1], corners[corner, 2] = right, up, forward
+        mean_right, mean_up, mean_forward = mean_right + right, mean_up + up, mean_forward + forward
+    return mean_right / 8.0, mean_up / 8.0, mean_forward / 8.0
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _draw_face(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
     corners: Floats,
-    polygon: Floats,
+    middle: Triple,
     clipped: Floats,
     face: int,
     b: Floats,
@@ -122,56 +131,41 @@ def _draw_face(
     lamps: Headlamps,
     clear: Floats,
 ) -> None:
-    p0, p1, p2, p3 = (
-        corners[CORNERS[face, 0]],
-        corners[CORNERS[face, 1]],
-        corners[CORNERS[face, 2]],
-        corners[CORNERS[face, 3]],
-    )
+    first, second, third, fourth = CORNERS[face, 0], CORNERS[face, 1], CORNERS[face, 2], CORNERS[face, 3]
+    px, py, pz = corners[first, 0], corners[first, 1], corners[first, 2]
     # the diagonals span the plane, also where an edge has shrunk to nothing
-    nx, ny, nz = _cross(p2, p0, p3, p1)
+    ax, ay, az = corners[third, 0] - px, corners[third, 1] - py, corners[third, 2] - pz
+    bx, by, bz = (
+        corners[fourth, 0] - corners[second, 0],
+        corners[fourth, 1] - corners[second, 1],
+        corners[fourth, 2] - corners[second, 2],
+    )
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     size = math.sqrt(nx * nx + ny * ny + nz * nz)
     if size < 1e-9:
         return
+    if nx * (px - middle[0]) + ny * (py - middle[1]) + nz * (pz - middle[2]) < 0.0:
+        size = -size
     nx, ny, nz = nx / size, ny / size, nz / size
-    inner = 0.0
-    for axis in range(3):
-        middle = 0.0
-        for corner in range(8):
-            middle += corners[corner, axis]
-        inner += (nx if axis == 0 else ny if axis == 1 else nz) * (p0[axis] - middle / 8.0)
-    if inner < 0.0:
-        nx, ny, nz = -nx, -ny, -nz
-    distance = nx * p0[0] + ny * p0[1] + nz * p0[2]
+    distance = nx * px + ny * py + nz * pz
     if distance > -1e-6:
         return
-    for corner in range(4):
-        polygon[corner] = corners[CORNERS[face, corner]]
-    count = _clip_and_project(polygon, clipped, view, image.shape[1], image.shape[0])
+    count = _clip_and_project(corners, face, clipped, view, image.shape[1], image.shape[0])
     if count < 3:
         return
     shade, extra = _shade(nx, ny, nz, b, view, air, lamps)
     focal = view.focal_px
     plane = (nx / (focal * distance), -ny / (focal * distance), 0.0)
     offset = nz / distance - plane[0] * image.shape[1] / 2.0 - plane[1] * image.shape[0] / 2.0
-    surface = _surface(p0, p1, distance, b, face, view, image.shape[1], image.shape[0])
+    surface = _surface(corners, first, second, distance, b, face, view, image.shape[1], image.shape[0])
     _fill(image, depth, clipped, count, (plane[0], plane[1], offset), b, shade, extra, surface, view, air, clear)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _cross(a1: Floats, a0: Floats, b1: Floats, b0: Floats) -> tuple[float, float, float]:
-    ax, ay, az = a1[0] - a0[0], a1[1] - a0[1], a1[2] - a0[2]
-    bx, by, bz = b1[0] - b0[0], b1[1] - b0[1], b1[2] - b0[2]
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _shade(
-    nx: float, ny: float, nz: float, b: Floats, view: View, air: Air, lamps: Headlamps
-) -> tuple[float, float]:
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _shade(nx: float, ny: float, nz: float, b: Floats, view: View, air: Air, lamps: Headlamps) -> tuple[float, float]:
     """Sun and sky on a face whose normal in camera coordinates is (nx, ny, nz), and the ego's headlamps on it."""
-    cos_yaw, sin_yaw = math.cos(view.yaw_rad), math.sin(view.yaw_rad)
-    cos_pitch, sin_pitch = math.cos(view.pitch_rad), math.sin(view.pitch_rad)
+    cos_yaw, sin_yaw = view.cos_yaw, view.sin_yaw
+    cos_pitch, sin_pitch = view.cos_pitch, view.sin_pitch
     ahead, world_z = nz * cos_pitch - ny * sin_pitch, nz * sin_pitch + ny * cos_pitch
     world_x, world_y = ahead * cos_yaw - nx * sin_yaw, ahead * sin_yaw + nx * cos_yaw
     sun = world_x * air.sun[0] + world_y * air.sun[1] + world_z * air.sun[2]
@@ -188,19 +182,20 @@ def _shade(
     return shade, lamps.strength * min(beam * 1.6, 1.0) * facing / (1.0 + (forward / 24.0) ** 2)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _clip_and_project(polygon: Floats, clipped: Floats, view: View, width: int, height: int) -> int:
-    """Cuts `polygon` (4 corners, camera coordinates) at the near plane; `clipped` gets u, v, 1/depth. Their number."""
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _clip_and_project(corners: Floats, face: int, clipped: Floats, view: View, width: int, height: int) -> int:
+    """Cuts a face (camera coordinates) at the near plane; `clipped` gets u, v, 1/depth of its corners. Their number."""
     count = 0
-    for corner in range(4):
-        here, there = polygon[corner], polygon[(corner + 1) % 4]
-        if here[2] >= _NEAR_M:
-            clipped[count] = here
+    for place in range(4):
+        here, there = CORNERS[face, place], CORNERS[face, (place + 1) % 4]
+        z, next_z = corners[here, 2], corners[there, 2]
+        if z >= _NEAR_M:
+            clipped[count, 0], clipped[count, 1], clipped[count, 2] = corners[here, 0], corners[here, 1], z
             count += 1
-        if (here[2] >= _NEAR_M) != (there[2] >= _NEAR_M):
-            share = (_NEAR_M - here[2]) / (there[2] - here[2])
+        if (z >= _NEAR_M) != (next_z >= _NEAR_M):
+            share = (_NEAR_M - z) / (next_z - z)
             for axis in range(2):
-                clipped[count, axis] = here[axis] + share * (there[axis] - here[axis])
+                clipped[count, axis] = corners[here, axis] + share * (corners[there, axis] - corners[here, axis])
             clipped[count, 2] = _NEAR_M
             count += 1
     for corner in range(count):
@@ -211,7 +206,7 @@ def _clip_and_project(polygon: Floats, clipped: Floats, view: View, width: int, 
     return count
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _span(corners: Floats, count: int, v: float) -> tuple[float, float]:
     """Where a convex polygon meets the horizontal line `v`: lowest and highest u (low > high: nowhere)."""
     low, high = 1e30, -1e30
@@ -225,7 +220,7 @@ def _span(corners: Floats, count: int, v: float) -> tuple[float, float]:
     return low, high
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _bounds(corners: Floats, count: int, column: int) -> tuple[float, float]:
     low, high = 1e30, -1e30
     for corner in range(count):
@@ -233,7 +228,7 @@ def _bounds(corners: Floats, count: int, column: int) -> tuple[float, float]:
     return low, high
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _pixels(low: float, high: float, size: int) -> tuple[int, int]:
     """First and last pixel whose centre lies in low..high; the one in the middle where that is none."""
     first, last = math.ceil(low - 0.5), math.floor(high - 0.5)
@@ -242,7 +237,7 @@ def _pixels(low: float, high: float, size: int) -> tuple[int, int]:
     return int(max(first, 0.0)), int(min(last, size - 1.0))
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _fill(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -260,12 +255,18 @@ def _fill(
     """Fills a projected face; thin ones keep at least one pixel a row, so that poles do not break up far away."""
     height, width = image.shape[0], image.shape[1]
     v_low, v_high = _bounds(corners, count, 1)
-    if v_high < 0.0 or v_low > height:
-        return
     u_low, u_high = _bounds(corners, count, 0)
-    nearest, farthest = _bounds(corners, count, 2)[1], _bounds(corners, count, 2)[0]
-    glow, material = b[box.GLOW], int(b[box.MATERIAL])
-    patterned = material != 0 and surface[7] > 0.0
+    if v_high < 0.0 or v_low > height or u_high < 0.0 or u_low > width:
+        return
+    farthest, nearest = _bounds(corners, count, 2)
+    glow = b[box.GLOW]
+    light = (shade * air.light[0] + extra, shade * air.light[1] + extra, shade * air.light[2] + extra)
+    colour = (
+        b[box.RED] * (glow + (1.0 - glow) * light[0]),
+        b[box.GREEN] * (glow + (1.0 - glow) * light[1]),
+        b[box.BLUE] * (glow + (1.0 - glow) * light[2]),
+    )
+    patterned = surface[7] > 0.0
     first_row, last_row = _pixels(v_low, v_high, height)
     for row in range(first_row, last_row + 1):
         v = row + 0.5
@@ -275,52 +276,110 @@ def _fill(
         if high < 0.0 or low > width:
             continue
         first, last = _pixels(low, high, width)
-        for column in range(first, last + 1):
-            u = column + 0.5
-            inverse = min(max(plane[0] * u + plane[1] * v + plane[2], farthest), nearest)
-            if inverse <= depth[row, column]:
-                continue
-            depth[row, column] = inverse
-            red, green, blue, own = b[box.RED], b[box.GREEN], b[box.BLUE], glow
-            if patterned:
-                red, green, blue, own = _pattern(material, surface, u, v, inverse, b, view.focal_px, air.night)
-            left = clear[min(int(1.0 / inverse), len(clear) - 1)]
-            # a lamp is seen farther through haze than what it does not light
-            left += (1.0 - left) * 0.35 * own
-            lost = 1.0 - left
-            plain = (1.0 - own) * left
-            own *= left
-            image[row, column, 0] = np.uint8(
-                min(red * (own + plain * (shade * air.light[0] + extra)) + air.haze[0] * lost + 0.5, 255.0)
+        across = (plane[0], plane[1] * v + plane[2])
+        if patterned:
+            _patterned_row(
+                image, depth, row, first, last, across, (farthest, nearest), b, light, surface, view, air, clear
             )
-            image[row, column, 1] = np.uint8(
-                min(green * (own + plain * (shade * air.light[1] + extra)) + air.haze[1] * lost + 0.5, 255.0)
-            )
-            image[row, column, 2] = np.uint8(
-                min(blue * (own + plain * (shade * air.light[2] + extra)) + air.haze[2] * lost + 0.5, 255.0)
-            )
+        else:
+            _plain_row(image, depth, row, first, last, across, (farthest, nearest), colour, glow, air.haze, clear)
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _plain_row(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    row: int,
+    first: int,
+    last: int,
+    across: tuple[float, float],
+    limits: tuple[float, float],
+    colour: Triple,
+    glow: float,
+    haze: Triple,
+    clear: Floats,
+) -> None:
+    """Fills columns `first` to `last` of a row with a lit `colour`; inverse depth is across[0] * u + across[1]."""
+    farthest = len(clear) - 1
+    for column in range(first, last + 1):
+        inverse = min(max(across[0] * (column + 0.5) + across[1], limits[0]), limits[1])
+        if inverse <= depth[row, column]:
+            continue
+        depth[row, column] = inverse
+        left = clear[min(int(1.0 / inverse), farthest)]
+        # a lamp is seen farther through haze than what it does not light
+        left += (1.0 - left) * 0.35 * glow
+        lost = 1.0 - left
+        image[row, column, 0] = np.uint8(min(colour[0] * left + haze[0] * lost + 0.5, 255.0))
+        image[row, column, 1] = np.uint8(min(colour[1] * left + haze[1] * lost + 0.5, 255.0))
+        image[row, column, 2] = np.uint8(min(colour[2] * left + haze[2] * lost + 0.5, 255.0))
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _patterned_row(
+    image: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+    row: int,
+    first: int,
+    last: int,
+    across: tuple[float, float],
+    limits: tuple[float, float],
+    b: Floats,
+    light: Triple,
+    surface: Surface,
+    view: View,
+    air: Air,
+    clear: Floats,
+) -> None:
+    """As `_plain_row`, for a box with a pattern: `light` is what its colours are multiplied with."""
+    farthest, material, seed = len(clear) - 1, int(b[box.MATERIAL]), int(b[box.SEED])
+    own = (b[box.RED], b[box.GREEN], b[box.BLUE])
+    v, haze, night, focal = row + 0.5, air.haze, air.night, view.focal_px
+    for column in range(first, last + 1):
+        inverse = min(max(across[0] * (column + 0.5) + across[1], limits[0]), limits[1])
+        if inverse <= depth[row, column]:
+            continue
+        depth[row, column] = inverse
+        depth_m = 1.0 / inverse
+        (red, green, blue), glow = _pattern(material, seed, own, surface, column + 0.5, v, depth_m, focal, night)
+        left = clear[min(int(depth_m), farthest)]
+        left += (1.0 - left) * 0.35 * glow
+        lost, plain, glow = 1.0 - left, (1.0 - glow) * left, glow * left
+        image[row, column, 0] = np.uint8(min(red * (glow + plain * light[0]) + haze[0] * lost + 0.5, 255.0))
+        image[row, column, 1] = np.uint8(min(green * (glow + plain * light[1]) + haze[1] * lost + 0.5, 255.0))
+        image[row, column, 2] = np.uint8(min(blue * (glow + plain * light[2]) + haze[2] * lost + 0.5, 255.0))
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _surface(
-    p0: Floats, p1: Floats, distance: float, b: Floats, face: int, view: View, width: int, height: int
+    corners: Floats,
+    first: int,
+    second: int,
+    distance: float,
+    b: Floats,
+    face: int,
+    view: View,
+    width: int,
+    height: int,
 ) -> Surface:
-    """How a place in the picture maps to metres along the face (from its corner p0) and up from the box's bottom.
+    """How a place in the picture maps to metres along the face (from its first corner on) and up from the box's bottom.
 
     along = (s0 * u + s1 * v + s2) / inverse depth - s3, up = (s4 * v + s5) / inverse depth + s6; s7 is the distance of
     the camera to the face's plane, 0 for faces without a pattern.
     """
     if b[box.MATERIAL] == 0.0 or face > 3:
         return (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    size = max(math.sqrt((p1[0] - p0[0]) ** 2 + (p1[1] - p0[1]) ** 2 + (p1[2] - p0[2]) ** 2), 1e-6)
-    ax, ay, az = (p1[0] - p0[0]) / size, (p1[1] - p0[1]) / size, (p1[2] - p0[2]) / size
+    px, py, pz = corners[first, 0], corners[first, 1], corners[first, 2]
+    ax, ay, az = corners[second, 0] - px, corners[second, 1] - py, corners[second, 2] - pz
+    size = max(math.sqrt(ax * ax + ay * ay + az * az), 1e-6)
+    ax, ay, az = ax / size, ay / size, az / size
     focal = view.focal_px
-    cos_pitch, sin_pitch = math.cos(view.pitch_rad), math.sin(view.pitch_rad)
+    cos_pitch, sin_pitch = view.cos_pitch, view.sin_pitch
     return (
         ax / focal,
         -ay / focal,
         az - ax * width / 2.0 / focal + ay * height / 2.0 / focal,
-        p0[0] * ax + p0[1] * ay + p0[2] * az,
+        px * ax + py * ay + pz * az,
         -cos_pitch / focal,
         sin_pitch + cos_pitch * height / 2.0 / focal,
         view.z_m - b[box.Z],
@@ -328,48 +387,63 @@ def _surface(
     )
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def _pattern(
-    material: int, surface: Surface, u: float, v: float, inverse: float, b: Floats, focal: float, night: float
-) -> tuple[float, float, float, float]:
+    material: int,
+    seed: int,
+    own: Triple,
+    surface: Surface,
+    u: float,
+    v: float,
+    depth_m: float,
+    focal: float,
+    night: float,
+) -> tuple[Triple, float]:
     """Colour and glow of a place on a patterned face; a pattern that is too fine for the pixel fades to its mean."""
-    along = (surface[0] * u + surface[1] * v + surface[2]) / inverse - surface[3]
-    up = (surface[4] * v + surface[5]) / inverse + surface[6]
-    footprint = 1.0 / (inverse * focal) / max(surface[7] * inverse, 0.05)
-    red, green, blue = b[box.RED], b[box.GREEN], b[box.BLUE]
+    along = (surface[0] * u + surface[1] * v + surface[2]) * depth_m - surface[3]
+    up = (surface[4] * v + surface[5]) * depth_m + surface[6]
+    pixels_per_m = focal * max(surface[7], 0.05 * depth_m) / (depth_m * depth_m)
+    red, green, blue = own
     if material == _STRIPES:
-        white = _wave(along + 0.6 * up, 0.5, 0.5, footprint)
-        return red + (240.0 - red) * white, green + (240.0 - green) * white, blue + (236.0 - blue) * white, 0.0
+        white = _wave(along + 0.6 * up, 0.5, 0.5, pixels_per_m)
+        return (red + (240.0 - red) * white, green + (240.0 - green) * white, blue + (236.0 - blue) * white), 0.0
     if material == _RIBS:
-        dark = 1.0 - 0.28 * _wave(along, 0.45, 0.4, footprint)
-        return red * dark, green * dark, blue * dark, 0.0
-    window = _wave(along - 1.0, 3.2, 0.45, footprint) * _wave(up - 1.0, 3.1, 0.5, footprint)
-    floor, bay = math.floor((up - 1.0) / 3.1), math.floor((along - 1.0) / 3.2)
-    word = (int(b[box.SEED]) * 7919 + int(floor) * 104729 + int(bay) * 1299709) & 0x7FFFFFFF
-    lit = night if ((word ^ (word >> 7)) * 40503 >> 4) % 100 < 35 else 0.0
+        dark = 1.0 - 0.28 * _wave(along, 0.45, 0.4, pixels_per_m)
+        return (red * dark, green * dark, blue * dark), 0.0
+    window = _wave(up - 1.0, _FLOOR_M, 0.5, pixels_per_m)
+    if window > 0.0:
+        window *= _wave(along - 1.0, _BAY_M, 0.45, pixels_per_m)
+    if window == 0.0:
+        return own, 0.0
+    lit = 0.0
+    if night > 0.0:
+        floor, bay = np.floor((up - 1.0) / _FLOOR_M), np.floor((along - 1.0) / _BAY_M)
+        word = (seed * 7919 + int(floor) * 104729 + int(bay) * 1299709) & 0x7FFFFFFF
+        lit = night if ((word ^ (word >> 7)) * 40503 >> 4) % 100 < 35 else 0.0
     red += (52.0 + 198.0 * lit - red) * window
     green += (66.0 + 139.0 * lit - green) * window
     blue += (84.0 + 36.0 * lit - blue) * window
-    return red, green, blue, 0.75 * lit * window
+    return (red, green, blue), 0.75 * lit * window
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
-def _wave(place: float, period: float, share: float, footprint: float) -> float:
-    """1 on the first `share` of every period, else 0, with edges as wide as a pixel's footprint."""
-    phase = place / period
-    phase = (phase - math.floor(phase)) * period
-    soft = max(footprint, 1e-3)
-    if soft > 0.5 * period:
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+def _wave(place_m: float, period_m: float, share: float, pixels_per_m: float) -> float:
+    """1 on the first `share` of every period, else 0, with edges as wide as a pixel."""
+    steep = period_m * pixels_per_m
+    if steep < 2.0:
         return share
-    rise = min(max(phase / soft + 0.5, 0.0), 1.0) + min(max((phase - period) / soft + 0.5, 0.0), 1.0)
-    fall = min(max((phase - share * period) / soft + 0.5, 0.0), 1.0)
-    return min(max(rise - fall, 0.0), 1.0)
+    phase = place_m * (1.0 / period_m)
+    phase -= np.floor(phase)
+    rise = min(max(phase * steep + 0.5, 0.0), 1.0) + min(max((phase - 1.0) * steep + 0.5, 0.0), 1.0)
+    fall = min(max((phase - share) * steep + 0.5, 0.0), 1.0)
+    wave: float = min(max(rise - fall, 0.0), 1.0)
+    return wave
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
 def draw_shadows(image: NDArray[np.uint8], actors: Floats, view: View, factor: float) -> None:
     """Darkens the ground below `actors` (k, 10): their outline, a little grown. Call it before `draw_boxes`."""
-    polygon, clipped = np.empty((8, 3)), np.empty((8, 3))
+    corners, clipped = np.empty((8, 3)), np.empty((8, 3))
     height, width = image.shape[0], image.shape[1]
     for k in range(len(actors)):
         if actors[k, _KIND] == _BUILDING:
@@ -380,10 +454,10 @@ def draw_shadows(image: NDArray[np.uint8], actors: Floats, view: View, factor: f
         for corner in range(4):
             forward = ahead if corner < 2 else -ahead
             right = aside if corner == 1 or corner == 2 else -aside
-            polygon[corner, 0], polygon[corner, 1], polygon[corner, 2] = _to_camera(
+            corners[corner, 0], corners[corner, 1], corners[corner, 2] = _to_camera(
                 actors[k, _X] + c * forward - s * right, actors[k, _Y] + s * forward + c * right, 0.0, view
             )
-        count = _clip_and_project(polygon, clipped, view, width, height)
+        count = _clip_and_project(corners, _BOTTOM, clipped, view, width, height)
         if count < 3:
             continue
         low_v, high_v = _bounds(clipped, count, 1)

@@ -115,9 +115,7 @@ def pack_sheet(sheet: GroundSheet) -> Packed:
     """The colours of a sheet, (rows, columns) uint32, 0x00BBGGRR."""
     column = round(sheet.region.x_m / sheet.region.texel_m)
     row = round(sheet.region.y_m / sheet.region.texel_m)
-    packed: Packed = _pack(
-        sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW
-    )
+    packed: Packed = _pack(sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW)
     return packed
 
 

@@ -16,6 +16,8 @@ _LOWEST_M = 0.05
 class View(NamedTuple):
     """A camera in the world: metres, radians (yaw clockwise from east, pitch up), focal length in pixels.
 
+    Sines and cosines are kept beside the angles: the kernels need them for every corner.
+
     A point `forward`, `right`, `up` of the camera is seen at u = width / 2 + focal * right / forward and
     v = height / 2 - focal * up / forward; the centre of pixel (row, column) is (column + 0.5, row + 0.5).
     """
@@ -26,18 +28,27 @@ class View(NamedTuple):
     yaw_rad: float
     pitch_rad: float
     focal_px: float
+    cos_yaw: float
+    sin_yaw: float
+    cos_pitch: float
+    sin_pitch: float
 
     @classmethod
     def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> View:
         """The view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
         return cls(
             x_m + c * camera.x_m - s * camera.y_m,
             y_m + s * camera.x_m + c * camera.y_m,
             max(float(camera.z_m), _LOWEST_M),
-            yaw_rad + math.radians(camera.yaw_deg),
-            math.radians(camera.pitch_deg),
+            yaw,
+            pitch,
             camera.width_px / 2.0 / math.tan(math.radians(camera.fov_deg) / 2.0),
+            math.cos(yaw),
+            math.sin(yaw),
+            math.cos(pitch),
+            math.sin(pitch),
         )
 
 

@@ -1,0 +1,258 @@
+"""The classical agent and its parts: path, road, lane, corridor, signals, and a few routes as a whole."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from drive_robust_agents._corridor import Corridor, oncoming
+from drive_robust_agents._lane import LaneTracker
+from drive_robust_agents._route import PlanPath
+from drive_robust_agents._vision import CAMERA, Ground, ground_pixels, signals
+from drive_robust_agents.classical import Classical
+from pytest_drive_robust import Compass, Control, GlobalPlan, Gps, Image, Imu, Observation, PlanPoint, RoadOption, Speed
+from pytest_drive_robust.metrics.score import is_success
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.routes import named_routes
+
+ASPHALT, WHITE, TYRE, SKY = (98, 98, 100), (232, 232, 228), (22, 22, 24), (140, 180, 220)
+STRAIGHT = GlobalPlan(tuple(PlanPoint(x, 0.0, RoadOption.LANE_FOLLOW) for x in (0.0, 50.0, 100.0)))
+LEFT_TURN = GlobalPlan(
+    (
+        PlanPoint(0.0, 0.0, RoadOption.LANE_FOLLOW),
+        PlanPoint(30.0, 0.0, RoadOption.LEFT),
+        PlanPoint(42.0, -12.0, RoadOption.LANE_FOLLOW),
+        PlanPoint(42.0, -40.0, RoadOption.LANE_FOLLOW),
+    )
+)
+PATH = np.column_stack((np.arange(44.0), np.zeros(44)))
+
+
+def _road(lane_right_m: float = 0.0) -> NDArray[np.uint8]:
+    """A straight grey road with solid white lines 1.75 m beside the middle of a lane."""
+    image = np.empty((CAMERA.height_px, CAMERA.width_px, 3), dtype=np.uint8)
+    image[: CAMERA.height_px // 2] = SKY
+    image[CAMERA.height_px // 2 :] = ASPHALT
+    for side in (-1.75, 1.75):
+        _paint(image, (4.0, 40.0), (lane_right_m + side - 0.1, lane_right_m + side + 0.1), WHITE)
+    return image
+
+
+def _paint(
+    image: NDArray[np.uint8], forward_m: tuple[float, float], right_m: tuple[float, float], colour: tuple[int, int, int]
+) -> None:
+    """Paint a rectangle of the ground."""
+    grid = np.meshgrid(np.arange(*forward_m, 0.02), np.linspace(*right_m, 100), indexing="ij")
+    rows, columns = ground_pixels(*grid)
+    image[rows, columns] = colour
+
+
+def _observation(image: NDArray[np.uint8], *, tick: int = 0, speed_mps: float = 0.0, x_m: float = 0.0) -> Observation:
+    return Observation(
+        tick=tick,
+        gps=Gps(x_m, 0.0, tick),
+        compass=Compass(math.pi / 2.0, tick),
+        imu=Imu(0.0, 0.0, 0.0, tick),
+        speed=Speed(speed_mps, tick),
+        cameras={CAMERA.name: Image(image, tick)},
+    )
+
+
+def _act(image: NDArray[np.uint8], *, speed_mps: float, plan: GlobalPlan = STRAIGHT, ticks: int = 5) -> Control:
+    agent = Classical()
+    agent.reset(plan, 0)
+    control = Control()
+    for tick in range(ticks):
+        control = agent.act(_observation(image, tick=tick, speed_mps=speed_mps))
+    return control
+
+
+def test_a_left_turn_becomes_a_quarter_circle() -> None:
+    path = PlanPath(LEFT_TURN, 0.0)
+    away = np.hypot(path.points[:, 0] - 30.0, path.points[:, 1] + 12.0)
+    turning = (path.points[:, 0] > 30.5) & (path.points[:, 1] > -11.5)
+    assert turning.sum() > 20
+    assert np.allclose(away[turning], 12.0, atol=0.15)
+
+
+def test_the_path_passes_every_point_of_the_plan() -> None:
+    path = PlanPath(LEFT_TURN, 0.0)
+    for point in LEFT_TURN.points:
+        assert np.hypot(path.points[:, 0] - point.x_m, path.points[:, 1] - point.y_m).min() < 0.3
+
+
+def test_the_junction_begins_where_the_command_changes() -> None:
+    path = PlanPath(LEFT_TURN, 0.0)
+    (junction,) = path.junctions
+    assert junction.entry_m == pytest.approx(30.0, abs=0.1)
+    assert junction.exit_m - junction.entry_m == pytest.approx(12.0 * math.pi / 2.0, abs=0.3)
+    assert path.next_junction(20.0) is junction
+    assert path.next_junction(junction.exit_m + 1.0) is None
+
+
+def test_raw_gps_moves_the_place_on_the_path_both_ways() -> None:
+    path = PlanPath(STRAIGHT, 0.0)
+    assert [path.locate(x, 3.0) for x in (5.0, 12.0, 8.0)] == [5.0, 12.0, 8.0]
+
+
+def test_a_dark_base_is_found_where_it_stands() -> None:
+    image = _road()
+    _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
+    bases = Ground().bases(image)
+    in_front = bases[np.abs(bases[:, 1]) < 0.8]
+    assert len(in_front) > 5
+    assert np.allclose(in_front[:, 0], 12.0, atol=0.8)
+
+
+def test_markings_and_asphalt_are_free_road() -> None:
+    assert len(Ground().bases(_road())) == 0
+
+
+def test_dead_pixels_hide_what_is_behind_them_and_are_no_obstacle() -> None:
+    image = _road()
+    _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
+    image[CAMERA.height_px - 30 :] = 0
+    assert len(Ground().bases(image)) == 0
+
+
+@pytest.mark.parametrize("offset_m", [-0.6, 0.0, 0.5])
+def test_the_lane_is_found_between_its_markings(offset_m: float) -> None:
+    lane, image = LaneTracker(), _road(offset_m)
+    for _ in range(40):
+        lane.see(image, 98.0)
+    assert lane.middle(np.array([8.0]))[0] == pytest.approx(offset_m, abs=0.12)
+    assert lane.quality > 0.5
+
+
+def test_the_lane_moves_with_the_vehicle() -> None:
+    lane = LaneTracker()
+    lane.forget(1.0, 0.1)
+    lane.move(2.0, 0.1)
+    assert lane.middle(np.array([0.0, 10.0])) == pytest.approx([1.2, 1.2])
+
+
+def test_no_markings_no_confidence() -> None:
+    lane, image = LaneTracker(), np.full((CAMERA.height_px, CAMERA.width_px, 3), 98, dtype=np.uint8)
+    for _ in range(40):
+        lane.see(image, 98.0)
+    assert lane.quality == 0.0
+
+
+def test_the_corridor_ends_at_what_blocks_it() -> None:
+    corridor = Corridor()
+    block = np.array([(15.0, -0.5), (15.2, 0.0), (15.0, 0.5)])
+    corridor.update(block, PATH, 0.0, may_dodge=True)
+    assert corridor.free_m == pytest.approx(15.0, abs=0.3)
+
+
+def test_the_corridor_forgets_what_it_no_longer_sees() -> None:
+    corridor, nothing = Corridor(), np.empty((0, 2))
+    corridor.update(np.array([(15.0, -0.5), (15.2, 0.0)]), PATH, 0.0, may_dodge=True)
+    corridor.update(nothing, PATH, 0.5, may_dodge=True)
+    assert corridor.free_m == pytest.approx(14.7, abs=0.3)
+    for _ in range(10):
+        corridor.update(nothing, PATH, 0.5, may_dodge=True)
+    assert corridor.free_m == math.inf
+
+
+def test_it_steps_aside_for_something_still_at_the_right_edge() -> None:
+    corridor = Corridor()
+    parked = np.array([(20.0, right) for right in (0.6, 0.9, 1.2)])
+    for _ in range(40):
+        corridor.update(parked, PATH, 0.0, may_dodge=True)
+    assert corridor.aside_m == pytest.approx(-0.9, abs=0.1)
+    assert corridor.free_m == math.inf
+
+
+def test_it_waits_for_something_that_walks_in_from_the_right() -> None:
+    corridor = Corridor()
+    for tick in range(8):
+        right = 1.6 - 2.0 * 0.05 * tick
+        corridor.update(np.array([(12.0, right), (12.0, right + 0.2)]), PATH, 0.0, may_dodge=True)
+    assert corridor.free_m == pytest.approx(12.0, abs=0.3)
+
+
+def test_a_car_in_the_lane_to_the_left_is_oncoming_and_a_post_is_not() -> None:
+    assert oncoming(np.array([(12.0, -4.0), (12.0, -3.4), (12.0, -2.8)]))
+    assert not oncoming(np.array([(12.0, -3.4), (12.0, -3.3)]))
+    assert not oncoming(np.empty((0, 2)))
+
+
+def test_a_lamp_that_faces_the_camera_counts_and_one_seen_from_the_side_does_not() -> None:
+    image = _road()
+    image[40:44, 150:154] = (255, 36, 28)
+    image[40:46, 200:201] = (255, 36, 28)
+    image[30:36, 180:182] = (40, 255, 90)
+    seen = signals(image)
+    assert (seen.red, seen.green, seen.sign) == (16, 0, 0)
+
+
+def test_a_stop_sign_is_of_a_darker_red() -> None:
+    image = _road()
+    image[60:66, 180:186] = (170, 18, 25)
+    seen = signals(image)
+    assert seen.sign == 36
+    assert seen.red == 0
+
+
+def test_it_brakes_for_an_obstacle() -> None:
+    image = _road()
+    _paint(image, (11.0, 13.0), (-0.9, 0.9), TYRE)
+    assert _act(image, speed_mps=10.0).brake > 0.5
+    assert _act(_road(), speed_mps=8.0).throttle > 0.2
+
+
+def test_a_speed_that_reads_low_makes_it_push() -> None:
+    assert _act(_road(), speed_mps=10.5).throttle < 0.1
+    assert _act(_road(), speed_mps=2.1).throttle > 0.7
+
+
+def test_a_red_lamp_stops_it_and_green_lets_it_go() -> None:
+    red, green = _road(), _road()
+    red[45:49, 150:154] = (255, 36, 28)
+    green[45:49, 150:154] = (40, 255, 90)
+    plan = GlobalPlan(LEFT_TURN.points[:1] + tuple(
+        PlanPoint(p.x_m - 18.0, p.y_m, p.command) for p in LEFT_TURN.points[1:]
+    ))  # fmt: skip
+    assert _act(red, speed_mps=6.0, plan=plan).brake > 0.3
+    assert _act(green, speed_mps=3.0, plan=plan).brake == 0.0
+
+
+def test_gps_beside_the_path_steers_back() -> None:
+    agent = Classical()
+    agent.reset(STRAIGHT, 0)
+    plain = np.full((CAMERA.height_px, CAMERA.width_px, 3), 98, dtype=np.uint8)
+    observation = _observation(plain, speed_mps=5.0)
+    left = Observation(
+        tick=0, gps=Gps(10.0, -1.0, 0), compass=observation.compass, imu=observation.imu, speed=observation.speed,
+        cameras=observation.cameras,
+    )  # fmt: skip
+    agent.act(observation)
+    assert agent.act(left).steer > 0.05
+    assert agent.plan().path[0][1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_an_empty_plan_is_refused() -> None:
+    agent = Classical()
+    agent.reset(GlobalPlan(()), 0)
+    with pytest.raises(ValueError, match="no points"):
+        agent.act(_observation(_road()))
+
+
+@pytest.mark.parametrize("route_id", ["101", "601", "1001", "1101"])
+def test_it_drives_a_route_of_each_kind_and_again_the_same_way(route_id: str) -> None:
+    """A pedestrian, a parked car, a stop sign, a red light; the second episode keeps nothing of the first."""
+    route = next(route for route in named_routes("bench24") if route.id == route_id)
+    simulator, agent = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0)), Classical()
+    first, second = (
+        drive_episode(simulator, agent, route=route, setting=Setting.CLEAN, seed=0, agent_name="classical")
+        for _ in range(2)
+    )
+    assert is_success(first), first.end_detail
+    assert first.ticks == second.ticks
