@@ -28,7 +28,7 @@ class CompiledTown:
         centres = [_sample(town, key) for key in keys]
         neighbours = _neighbours(town, keys, centres)
         lanes = tuple(_lane(town, keys, k, centres, neighbours) for k in range(len(keys)))
-        stops = tuple(_stop_line(k, lanes[index[key]], what) for k, (key, what) in enumerate(town.controls))
+        stops = tuple(_stop_line(k, lanes[index[key]], what, lanes) for k, (key, what) in enumerate(town.controls))
         crosswalks = np.array(town.crosswalks).reshape(-1, 4, 2)
         buildings = _buildings(town, centres, [lane.width_m for lane in lanes])
         self.lane_map = LaneMap(town.name, lanes, stops, crosswalks, buildings)
@@ -136,17 +136,32 @@ def _neighbours(town: Town, keys: list[LaneKey], centres: list[Floats]) -> Float
     return found
 
 
-def _stop_line(k: int, lane: Lane, what: str) -> StopLine:
+def _stop_line(k: int, lane: Lane, what: str, lanes: tuple[Lane, ...]) -> StopLine:
     """At the end of the lane, 5 m before the junction box so that the crosswalk stays free.
 
-    The pole stands to the right.
+    A light stands at the far corner of the junction, where a driver at the line can see it; a sign stands at the line.
+    Both stand to the right of the outermost lane.
     """
     length = arc_lengths(lane.centre)[-1]
     x, y, heading = place(lane.centre, length - 5.0)
-    # a light hangs behind the crossing, where a driver at the line can see it; a sign stands at the line
-    beside = lane.width_m / 2.0 + 1.0
-    pole = place(lane.centre, length + (14.0 if what == "light" else -4.5), beside if what == "stop" else beside + 1.0)
+    to_right, to_left = _same_way(lanes, lane, "right"), _same_way(lanes, lane, "left")
+    edge = (to_right + 0.5) * lane.width_m
+    if what == "light":
+        half_box = max(arc_lengths(lanes[after].centre)[-1] for after in lane.successors) / 2.0
+        pole = place(lane.centre, length + half_box + (to_left + 1 + to_right) * lane.width_m + 1.0, edge + 2.0)
+    else:
+        pole = place(lane.centre, length - 4.5, edge + 1.0)
     return StopLine(k, lane.index, x, y, heading, lane.width_m, what == "light", pole[0], pole[1])
+
+
+def _same_way(lanes: tuple[Lane, ...], lane: Lane, side: str) -> int:
+    """How many driving lanes of the same way lie to that side."""
+    count = 0
+    while True:
+        index, same_way = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
+        if index < 0 or not same_way or lanes[index].kind is not LaneKind.DRIVING:
+            return count
+        lane, count = lanes[index], count + 1
 
 
 def _buildings(town: Town, centres: list[Floats], widths: list[float]) -> Floats:

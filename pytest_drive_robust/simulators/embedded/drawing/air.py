@@ -50,7 +50,7 @@ class Air(NamedTuple):
             math.radians(weather.sun_azimuth_angle),
         )
         return cls(
-            sky_top=_mix(sky_top, (0, 0, 0), 0.3 * rain),
+            sky_top=_mix(_mix(sky_top, haze, _share(weather.fog_density) ** 0.6), (0, 0, 0), 0.3 * rain),
             haze=_mix(haze, (0, 0, 0), 0.25 * rain),
             light=(light[0] * dark, light[1] * dark, light[2] * dark),
             sun=(

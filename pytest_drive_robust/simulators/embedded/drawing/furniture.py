@@ -110,10 +110,16 @@ def _stop_sign(line: StopLine) -> list[Box]:
     back = [replace(box, colour=_POLE) for box in _octagon(line, _SIGN_BOTTOM_M, _SIGN_M, 0.0)]
     rim = [replace(box, colour=_WHITE) for box in _octagon(line, _SIGN_BOTTOM_M, _SIGN_M, 0.04)]
     face = _octagon(line, _SIGN_BOTTOM_M + 0.05, _SIGN_M - 0.1, 0.07)
-    # a white bar stands for the word
-    x, y = x - 0.1 * math.cos(heading), y - 0.1 * math.sin(heading)
-    bar = Box(x, y, _SIGN_BOTTOM_M + _SIGN_M / 2.0 - 0.1, heading, 0.03, _SIGN_M * 0.66, 0.2, _WHITE)
-    return [pole, *back, *rim, *(replace(box, colour=_STOP_RED) for box in face), bar]
+    word = [_letter(line, place) for place in (-1.5, -0.5, 0.5, 1.5)]
+    return [pole, *back, *rim, *(replace(box, colour=_STOP_RED) for box in face), *word]
+
+
+def _letter(line: StopLine, place: float) -> Box:
+    """A white block for a letter of the word on a stop sign."""
+    c, s = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    x, y = line.pole_x_m - 0.1 * c - 0.18 * place * s, line.pole_y_m - 0.1 * s + 0.18 * place * c
+    bottom = _SIGN_BOTTOM_M + _SIGN_M / 2.0 - 0.14
+    return Box(x, y, bottom, line.heading_rad, 0.03, 0.1, 0.28, _WHITE, reach_m=40.0)
 
 
 def _octagon(line: StopLine, bottom_m: float, size_m: float, before_m: float) -> list[Box]:

@@ -158,7 +158,9 @@ def _draw_face(
     plane = (nx / (focal * distance), -ny / (focal * distance), 0.0)
     offset = nz / distance - plane[0] * image.shape[1] / 2.0 - plane[1] * image.shape[0] / 2.0
     surface = _surface(corners, first, second, distance, b, face, view, image.shape[1], image.shape[0])
-    _fill(image, depth, clipped, count, (plane[0], plane[1], offset), b, shade, extra, surface, view, air, clear)
+    away = math.sqrt(px * px + py * py + pz * pz)
+    keep = face < 4 and -distance > 0.4 * away
+    _fill(image, depth, clipped, count, (plane[0], plane[1], offset), b, shade, extra, surface, view, air, clear, keep)
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
@@ -229,10 +231,10 @@ def _bounds(corners: Floats, count: int, column: int) -> tuple[float, float]:
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
-def _pixels(low: float, high: float, size: int) -> tuple[int, int]:
-    """First and last pixel whose centre lies in low..high; the one in the middle where that is none."""
+def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
+    """First and last pixel whose centre lies in low..high; where that is none and `keep`, the one in the middle."""
     first, last = math.ceil(low - 0.5), math.floor(high - 0.5)
-    if last < first:
+    if last < first and keep:
         first = last = math.floor((low + high) / 2.0)
     return int(max(first, 0.0)), int(min(last, size - 1.0))
 
@@ -251,8 +253,9 @@ def _fill(
     view: View,
     air: Air,
     clear: Floats,
+    keep: bool,
 ) -> None:
-    """Fills a projected face; thin ones keep at least one pixel a row, so that poles do not break up far away."""
+    """Fills a projected face. With `keep` it has at least one pixel a row: poles do not break up far away."""
     height, width = image.shape[0], image.shape[1]
     v_low, v_high = _bounds(corners, count, 1)
     u_low, u_high = _bounds(corners, count, 0)
@@ -267,7 +270,7 @@ def _fill(
         b[box.BLUE] * (glow + (1.0 - glow) * light[2]),
     )
     patterned = surface[7] > 0.0
-    first_row, last_row = _pixels(v_low, v_high, height)
+    first_row, last_row = _pixels(v_low, v_high, height, keep)
     for row in range(first_row, last_row + 1):
         v = row + 0.5
         low, high = _span(corners, count, v)
@@ -275,7 +278,7 @@ def _fill(
             low, high = u_low, u_high
         if high < 0.0 or low > width:
             continue
-        first, last = _pixels(low, high, width)
+        first, last = _pixels(low, high, width, keep)
         across = (plane[0], plane[1] * v + plane[2])
         if patterned:
             _patterned_row(
