@@ -48,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     replay.add_argument("route", metavar="ROUTE", help="the id of a route")
     replay.add_argument("--agent", required=True, metavar="NAME", help="a name out of `list agents`, or module:Factory")
     replay.add_argument("--setting", default="clean", metavar="SENTENCE", help='such as "200 ms latency"')
+    replay.add_argument("--stuck-stop", metavar="SECONDS", help="as --drive-stuck-stop of the run that is replayed")
     replay.set_defaults(command=_replay)
 
     for command in (check, replay):
@@ -115,13 +116,17 @@ def _replay(options: argparse.Namespace) -> int:
     from pytest_drive_robust.requirements.evaluate import first_divergence_s
     from pytest_drive_robust.runner.loop import drive_episode
     from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+    from pytest_drive_robust.settings import positive_seconds
+    from pytest_drive_robust.simulators.base import SimulatorOptions
 
     registry = default_registry()
     setting = Setting.parse(options.setting, registry.perturbations())
     routes = {route.id: route for route in resolve_routes(options.routes or DEFAULT_ROUTES)}
     if options.route not in routes:
         raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
-    agent, simulator = registry.agent(options.agent), registry.simulator(options.sim)
+    stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)
+    agent = registry.agent(options.agent)
+    simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s))
     results = []
     try:
         for each in (setting,) if setting.is_clean else (setting.baseline, setting):

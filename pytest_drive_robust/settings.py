@@ -11,7 +11,16 @@ from typing import Any, Protocol
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 
-__all__ = ["DEFAULT_AGENT", "DEFAULT_ROUTES", "DEFAULT_SIMULATOR", "METRIC_MODES", "OPTIONS", "Option", "Settings"]
+__all__ = [
+    "DEFAULT_AGENT",
+    "DEFAULT_ROUTES",
+    "DEFAULT_SIMULATOR",
+    "METRIC_MODES",
+    "OPTIONS",
+    "Option",
+    "Settings",
+    "positive_seconds",
+]
 
 DEFAULT_AGENT = "classical"
 DEFAULT_ROUTES = "bench24"
@@ -76,7 +85,7 @@ class Settings:
             seeds=parse_seeds(given["drive_seeds"], source="--drive-seeds"),
             simulator=given["drive_sim"],
             metrics=_metric_mode(given["drive_metrics"]),
-            stuck_stop_s=_seconds(given["drive_stuck_stop"]),
+            stuck_stop_s=positive_seconds("--drive-stuck-stop", text) if (text := given["drive_stuck_stop"]) else None,
             json_path=_writable_file(given["drive_json"]),
         )
 
@@ -129,15 +138,14 @@ def _metric_mode(given: str) -> str:
     return given
 
 
-def _seconds(given: str) -> float | None:
-    if not given:
-        return None
+def positive_seconds(option: str, given: str) -> float:
+    """The number of seconds that an option was given. Raises `UsageError`."""
     try:
         seconds = float(given)
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds > 0):
-        raise UsageError(f"--drive-stuck-stop is {given!r}, expected seconds > 0, as in --drive-stuck-stop 60.")
+        raise UsageError(f"{option} is {given!r}, expected seconds > 0, as in {option} 60.")
     return seconds
 
 

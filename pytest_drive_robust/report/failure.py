@@ -45,6 +45,8 @@ def replay_command(worst: WorstRoute, agent: str, setting: str, settings: Settin
     words += ["--seed", str(worst.seed)]
     if routes_spec != Settings().routes:
         words += ["--routes", routes_spec]
+    if settings.stuck_stop_s is not None:
+        words += ["--stuck-stop", f"{settings.stuck_stop_s:g}"]
     if settings.simulator != DEFAULT_SIMULATOR:
         words += ["--sim", settings.simulator]
     return " ".join(_quoted(word) for word in words)

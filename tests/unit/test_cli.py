@@ -130,3 +130,10 @@ def test_the_module_runs_as_a_program() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert "embedded" in done.stdout
+
+
+def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", "601", "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop", "5"]) == 0
+    assert "stopped early" in capsys.readouterr().out
+    assert main(["replay", "601", "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop", "soon"]) == 4
+    assert "--stuck-stop is 'soon', expected seconds > 0" in capsys.readouterr().err
