@@ -252,7 +252,10 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
         scope = driver.scopes.of(_marker_of(item))
         callspec = getattr(item, "callspec", None)
         params = callspec.params.values() if callspec is not None else ()
-        tasks.update(scope.plan(value for value in params if isinstance(value, Requirement)))
+        wanted = [value for value in params if isinstance(value, Requirement)]
+        for requirement in wanted:
+            driver.scopes.check_setting(requirement.setting)
+        tasks.update(scope.plan(wanted))
 
     for item in _driving(session.items):
         _check(session.config, item.nodeid, partial(add, item))

@@ -11,6 +11,7 @@ from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.settings import Settings
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.registry import Registry
 
 __all__ = ["Scopes"]
@@ -25,6 +26,7 @@ class Scopes:
         self._load_routes = load_routes
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._known: set[tuple[str, str]] = set()
+        self._dt_s: float | None = None
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """The routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -43,6 +45,14 @@ class Scopes:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
         self._require("simulators", self._settings.simulator)
         self.of(MarkerOptions())
+
+    def check_setting(self, setting: Setting) -> None:
+        """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
+        if self._dt_s is None:
+            simulator = self._registry.simulator(self._settings.simulator)
+            self._dt_s = simulator.dt_s
+            simulator.close()
+        setting.start(route_id="", seed=0, dt_s=self._dt_s, cameras=())
 
     def _require(self, kind: str, name: str) -> None:
         if (kind, name) not in self._known:

@@ -139,3 +139,10 @@ def test_a_broken_third_party_agent_is_named_and_stops_nothing_else(suite, monke
     output = refused(folder, "--drive-agent", "sad")
     assert "sad-agents 1.2" in output
     assert "not_there" in output
+
+
+@processes
+def test_a_severity_below_one_tick_is_refused_before_anything_is_driven(suite, driven, workers):
+    output = refused(suite("RD under 20 ms latency <= 0.30"), *workers)
+    assert "InferenceLatency: ms is 20.0, expected 0 or at least one tick, which lasts 0.05 s" in output
+    assert driven() == []
