@@ -2,9 +2,9 @@
 
 Semantics are our own (highway-env's are not those of a judge): speed never becomes negative, gaps run from bumper to
 bumper with real lengths, contact is the overlap of two boxes at the end of the tick, and it stops bodies instead of
-moving them.
-Everything is a plain loop over `state.State`; the same inputs give the same bits. It stays in one file on purpose: numba's
-cache notices changes of the file of a kernel only, not of its helpers'.
+moving them. Everything is a plain loop over `state.State`; the same inputs give the same bits.
+
+It stays in one file on purpose: numba's cache notices changes of the file of a kernel only, not of its helpers'.
 """
 
 from __future__ import annotations
