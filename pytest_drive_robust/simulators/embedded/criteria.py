@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.events import note
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["finish", "judge", "nearest_lane"]
@@ -65,16 +66,6 @@ def nearest_lane(statics: Statics, x: float, y: float) -> tuple[int, float, floa
     if abs(along) > 1.0:  # beyond the end of the lane
         beside = math.hypot(beside, abs(along))
     return statics.lane_of[at], beside, heading
-
-
-@_jit
-def _note(state: State, kind: int, actor: float, value: float) -> None:
-    count = state.criteria_ints[c.CI_EVENTS]
-    if count < len(state.events):
-        row = state.events[count]
-        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, state.clock[0], actor, value
-        row[c.EV_X], row[c.EV_Y] = state.ego[c.EGO_X], state.ego[c.EGO_Y]
-        state.criteria_ints[c.CI_EVENTS] = count + 1
 
 
 @_jit
@@ -169,7 +160,7 @@ def _red_lights(statics: Statics, state: State) -> None:
         rx, ry = -math.sin(heading) * 0.6 * width, math.cos(heading) * 0.6 * width
         if _crosses(ax, ay, bx, by, x - rx, y - ry, x + rx, y + ry):
             state.criteria_ints[c.CI_LAST_LIGHT] = k
-            _note(state, c.EVENT_RED_LIGHT, float(k), 0.0)
+            note(state, c.EVENT_RED_LIGHT, float(k), 0.0)
 
 
 @_jit
@@ -196,7 +187,7 @@ def _stop_signs(statics: Statics, state: State) -> None:
     away = math.hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y])
     if beyond > front and away > STOP_RADIUS_M:
         if ints[c.CI_STOPPED] == 0:
-            _note(state, c.EVENT_STOP_SIGN, float(current), ego[c.EGO_V])
+            note(state, c.EVENT_STOP_SIGN, float(current), ego[c.EGO_V])
         ints[c.CI_STOP_LINE] = -1
 
 
@@ -225,7 +216,7 @@ def _speed_event(state: State) -> None:
     ratio = 100.0
     if ints[c.CI_SAMPLES] > 0 and criteria[c.C_TRAFFIC_SUM] > 0.0:
         ratio = round(100.0 * criteria[c.C_EGO_SUM] / criteria[c.C_TRAFFIC_SUM], 2)
-    _note(state, c.EVENT_SPEED, -1.0, ratio)
+    note(state, c.EVENT_SPEED, -1.0, ratio)
     criteria[c.C_EGO_SUM], criteria[c.C_TRAFFIC_SUM] = 0.0, 0.0
     ints[c.CI_SAMPLES] = 0
 
@@ -252,7 +243,7 @@ def _close_yield(statics: Statics, state: State) -> None:
     dx, dy = state.actors[e, c.A_X] - ego[c.EGO_X], state.actors[e, c.A_Y] - ego[c.EGO_Y]
     ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
     if ahead <= 0.0 and state.actor_ints[e, c.I_ACTIVE] == 1:
-        _note(state, c.EVENT_YIELD, float(e), ahead)
+        note(state, c.EVENT_YIELD, float(e), ahead)
     state.criteria_ints[c.CI_YIELD_SEEN] = 2
 
 
@@ -271,7 +262,6 @@ def _off_route_m(statics: Statics, state: State) -> float:
 def _end(statics: Statics, state: State) -> int:
     ego, criteria, ints = state.ego, state.criteria, state.criteria_ints
     away = _off_route_m(statics, state)
-    criteria[c.C_DRIVEN_M] += ego[c.EGO_V] * statics.dt_s
     if away > DEVIATION_SOFT_M:
         criteria[c.C_OFFROUTE_M] += ego[c.EGO_V] * statics.dt_s
     criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + statics.dt_s if ego[c.EGO_V] < STANDING_MPS else 0.0

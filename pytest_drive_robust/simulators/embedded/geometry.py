@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["arc_lengths", "offset", "place", "project", "resample", "reverse"]
+__all__ = ["arc_lengths", "place", "project", "resample"]
 
 Floats = NDArray[np.float64]
 
@@ -27,21 +27,6 @@ def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
     x, y = np.interp(at, s, xy[:, 0]), np.interp(at, s, xy[:, 1])
     heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
     return np.stack([x, y, heading], axis=1)
-
-
-def offset(line: Floats, right_m: float) -> Floats:
-    """The line shifted to the right (negative: to the left)."""
-    moved = line.copy()
-    moved[:, 0] -= right_m * np.sin(line[:, 2])
-    moved[:, 1] += right_m * np.cos(line[:, 2])
-    return resample(moved)
-
-
-def reverse(line: Floats) -> Floats:
-    """The same line driven the other way."""
-    turned: Floats = line[::-1].copy()
-    turned[:, 2] += np.pi
-    return turned
 
 
 def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float, float]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.events import note
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["actor_rows", "advance", "fill_flows", "pose_actors"]
@@ -395,16 +396,6 @@ def overlap(
 
 
 @_jit
-def _note(state: State, kind: int, actor: float, value: float) -> None:
-    count = state.criteria_ints[c.CI_EVENTS]
-    if count < len(state.events):
-        row = state.events[count]
-        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, state.clock[0], actor, value
-        row[c.EV_X], row[c.EV_Y] = state.ego[c.EGO_X], state.ego[c.EGO_Y]
-        state.criteria_ints[c.CI_EVENTS] = count + 1
-
-
-@_jit
 def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i: int) -> None:
     """Contact: at most one event per 5 s and actor, per 5 m of road, and none while standing; the ego is pushed out."""
     ego, criteria = state.ego, state.criteria
@@ -412,7 +403,7 @@ def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i
     near = math.hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
     again = i >= 0 and (state.clock[0] - state.actor_ints[i, c.I_LAST_HIT]) * statics.dt_s < SAME_ACTOR_S
     if not near and not again and v >= STANDING_MPS:
-        _note(state, c.EVENT_COLLISION, float(i), v)
+        note(state, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
             state.actor_ints[i, c.I_LAST_HIT] = state.clock[0]

@@ -1,6 +1,9 @@
 """The world as arrays: what the kernels read (`Statics`) and what they write (`State`), and the names of the columns.
 
 `snapshot` is a copy of `State`, so branching a world costs microseconds.
+
+After a change in this file delete the compiled kernels (`find . -name "*.nb[ci]" -delete`): numba's cache looks at the
+kernel's own file only and would go on with the old columns.
 """
 
 from __future__ import annotations
@@ -46,12 +49,12 @@ FI_PATH, FI_FIRST_SLOT, FI_LAST_SLOT, FI_LATEST, FI_DRAWN = range(5)
 FLOW_INTS = 5
 
 # --- criteria: one row of floats and one of ints ---
-C_OUTSIDE_M, C_DRIVEN_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(6)
-C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(6, 10)
-CRITERIA_COLUMNS = 10
-CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_ACTIVATED, CI_SAMPLES = range(7)
-CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN = range(7, 12)
-CRITERIA_INTS = 12
+C_OUTSIDE_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(5)
+C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(5, 9)
+CRITERIA_COLUMNS = 9
+CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_SAMPLES = range(6)
+CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN = range(6, 11)
+CRITERIA_INTS = 11
 
 END_NONE, END_COMPLETED, END_DEVIATED, END_BLOCKED, END_TICK_CAP, END_STUCK = range(6)
 
@@ -104,8 +107,8 @@ class State(NamedTuple):
     flows: Floats  # (f, 4)
     flow_ints: Ints  # (f, 5)
     lights: Ints  # (stop lines,)
-    criteria: Floats  # (10,)
-    criteria_ints: Ints  # (12,)
+    criteria: Floats  # (9,)
+    criteria_ints: Ints  # (11,)
     events: Floats  # (EVENT_CAPACITY, 6)
 
 
