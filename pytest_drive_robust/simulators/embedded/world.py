@@ -34,7 +34,7 @@ class World:
     Raises `RouteError` when the route cannot be laid or its scenario cannot be staged there.
     """
 
-    def __init__(self, route: Route, *, seed: int, options: SimulatorOptions = SimulatorOptions()) -> None:  # noqa: B008
+    def __init__(self, route: Route, *, seed: int, options: SimulatorOptions | None = None) -> None:
         self.dense = lay_route(route)
         kind = SCENARIOS.get(route.scenario.type)
         if kind is None:
@@ -42,7 +42,7 @@ class World:
         self.stage = Stage(self.dense, seed=seed)
         kind.build(self.stage)
         actors, actor_ints, flows, flow_ints, gaps = self.stage.cast.freeze()
-        self.statics = _statics(self.dense, self.stage, kind, gaps, options)
+        self.statics = _statics(self.dense, self.stage, kind, gaps, options or SimulatorOptions())
         floats, ints = criteria_arrays()
         self.state = State(
             clock=np.array([0, -1], dtype=np.int64),

@@ -33,7 +33,7 @@ _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def assemble(
     rows: Floats,
     first: int,
@@ -61,7 +61,7 @@ def assemble(
     return at
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int) -> None:
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
     forward, right = parts[p, 0] * length, parts[p, 1] * width
@@ -85,7 +85,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
     rows[at, box.REACH] = parts[p, 14]
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:

@@ -33,7 +33,7 @@ _LANES, _LANE = np.uint64(0x00FF00FF00FF), np.uint64(0xFFFF)
 _ONE, _EIGHT, _SIXTEEN, _THIRTYTWO = np.uint64(1), np.uint64(8), np.uint64(16), np.uint64(32)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def draw_ground(
     image: NDArray[np.uint8],
     texels: NDArray[np.uint32],
@@ -77,14 +77,14 @@ def draw_ground(
         )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _level(levels: NDArray[np.float64], footprint_m: float) -> int:
     """The level whose texels are nearest to the footprint of a pixel."""
     level = math.floor(math.log2(max(footprint_m / levels[0, 5], 1.0)) + 0.35)
     return min(level, len(levels) - 1)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _sky_row(image: NDArray[np.uint8], row: int, rise: float, air: Air) -> None:
     share = min(max(rise, 0.0) / 0.45, 1.0) ** 0.7
     for channel in range(3):
@@ -92,7 +92,7 @@ def _sky_row(image: NDArray[np.uint8], row: int, rise: float, air: Air) -> None:
         image[row, :, channel] = np.uint8(colour + 0.5)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _walk(
     sums: NDArray[np.uint64],
     texels: NDArray[np.uint32],
@@ -128,20 +128,20 @@ def _walk(
             sums[u] += outside
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _inside(walk: Walk, u: int) -> bool:
     i, j, di, dj, columns, rows, _ = walk
     return 0 <= i + u * di < (columns - 1) << _FRACTION_BITS and 0 <= j + u * dj < (rows - 1) << _FRACTION_BITS
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _spread(texel: np.uint64) -> np.uint64:
     """0x00BBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for sums and products."""
     lanes: np.uint64 = (texel & _RED_BLUE) | ((texel & _GREEN) << _GREEN_SHIFT)
     return lanes
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _sample(texels: NDArray[np.uint32], walk: Walk, u: int) -> np.uint64:
     """The bilinear mean of the four texels around step `u` of a walk, weights in sixteenths."""
     i, j, di, dj, columns, _, first = walk
@@ -156,7 +156,7 @@ def _sample(texels: NDArray[np.uint32], walk: Walk, u: int) -> np.uint64:
     return mean
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _line(levels: NDArray[np.float64], level: int, x: float, y: float, dx: float, dy: float) -> Walk:
     """A walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
     scale = (1 << _FRACTION_BITS) / levels[level, 5]
@@ -172,7 +172,7 @@ def _line(levels: NDArray[np.float64], level: int, x: float, y: float, dx: float
     )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _ground_row(
     image: NDArray[np.uint8],
     row: int,
@@ -218,7 +218,7 @@ def _ground_row(
         image[row, u, 2] = np.uint8(min(b * (blue + extra * 0.9) + haze_blue, 255.0))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _headlamp(forward_m: float, right_m: float) -> float:
     """How much light the ego's headlamps throw on a place, 0..1: a cone that widens and fades."""
     if forward_m < 2.0:

@@ -97,7 +97,7 @@ def paint_of(number: int) -> Colour:
     return red, green, blue
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def paint_index(number: int) -> int:
     """The row of `PAINTS` of the actor whose id is `number`."""
     return (number * 5 + 1) % len(PAINTS)

@@ -17,7 +17,7 @@ _LENGTH_SHARE = 0.07
 _OPACITY = 0.3
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def draw_rain(image: NDArray[np.uint8], tick: int, strength: float) -> None:
     """Thin bright streaks, `strength` 0..1 of the densest; a function of `tick` and the picture's size only."""
     height, width = image.shape[0], image.shape[1]

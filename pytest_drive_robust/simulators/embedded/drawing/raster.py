@@ -41,7 +41,7 @@ CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 
 """The corners of the front, right, rear, left, top and bottom face of a box (see `_corners`)."""
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def draw_boxes(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -71,7 +71,7 @@ def draw_boxes(
             _draw_face(image, depth, corners, middle, clipped, face, b, view, air, lamps, clear)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _may_be_seen(b: Floats, view: View, width: int, height: int) -> bool:
     """False when the sphere around the box is behind the camera, beside the picture or beyond the box's reach."""
     grow = max(-b[box.FRONT], 0.0) + max(-b[box.REAR], 0.0) + 2.0 * max(-b[box.SIDES], 0.0)
@@ -86,7 +86,7 @@ def _may_be_seen(b: Floats, view: View, width: int, height: int) -> bool:
     return abs(up) - half * forward <= radius * math.sqrt(1.0 + half * half)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _to_camera(x: float, y: float, z: float, view: View) -> tuple[float, float, float]:
     dx, dy, dz = x - view.x_m, y - view.y_m, z - view.z_m
     cos_yaw, sin_yaw = view.cos_yaw, view.sin_yaw
@@ -95,7 +95,7 @@ def _to_camera(x: float, y: float, z: float, view: View) -> tuple[float, float, 
     return dy * cos_yaw - dx * sin_yaw, dz * cos_pitch - ahead * sin_pitch, ahead * cos_pitch + dz * sin_pitch
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _corners(corners: Floats, b: Floats, view: View) -> Triple:
     """Camera coordinates of front left, front right, rear right, rear left at the bottom, then the same at the top.
 
@@ -117,7 +117,7 @@ def _corners(corners: Floats, b: Floats, view: View) -> Triple:
     return mean_right / 8.0, mean_up / 8.0, mean_forward / 8.0
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _draw_face(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -163,7 +163,7 @@ def _draw_face(
     _fill(image, depth, clipped, count, (plane[0], plane[1], offset), b, shade, extra, surface, view, air, clear, keep)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _shade(nx: float, ny: float, nz: float, b: Floats, view: View, air: Air, lamps: Headlamps) -> tuple[float, float]:
     """Sun and sky on a face whose normal in camera coordinates is (nx, ny, nz), and the ego's headlamps on it."""
     cos_yaw, sin_yaw = view.cos_yaw, view.sin_yaw
@@ -184,7 +184,7 @@ def _shade(nx: float, ny: float, nz: float, b: Floats, view: View, air: Air, lam
     return shade, lamps.strength * min(beam * 1.6, 1.0) * facing / (1.0 + (forward / 24.0) ** 2)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _clip_and_project(corners: Floats, face: int, clipped: Floats, view: View, width: int, height: int) -> int:
     """Cuts a face (camera coordinates) at the near plane; `clipped` gets u, v, 1/depth of its corners. Their number."""
     count = 0
@@ -208,7 +208,7 @@ def _clip_and_project(corners: Floats, face: int, clipped: Floats, view: View, w
     return count
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _span(corners: Floats, count: int, v: float) -> tuple[float, float]:
     """Where a convex polygon meets the horizontal line `v`: lowest and highest u (low > high: nowhere)."""
     low, high = 1e30, -1e30
@@ -222,7 +222,7 @@ def _span(corners: Floats, count: int, v: float) -> tuple[float, float]:
     return low, high
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _bounds(corners: Floats, count: int, column: int) -> tuple[float, float]:
     low, high = 1e30, -1e30
     for corner in range(count):
@@ -230,7 +230,7 @@ def _bounds(corners: Floats, count: int, column: int) -> tuple[float, float]:
     return low, high
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
     """First and last pixel whose centre lies in low..high; where that is none and `keep`, the one in the middle."""
     first, last = math.ceil(low - 0.5), math.floor(high - 0.5)
@@ -239,7 +239,7 @@ def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
     return int(max(first, 0.0)), int(min(last, size - 1.0))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _fill(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -288,7 +288,7 @@ def _fill(
             _plain_row(image, depth, row, first, last, across, (farthest, nearest), colour, glow, air.haze, clear)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _plain_row(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -318,7 +318,7 @@ def _plain_row(
         image[row, column, 2] = np.uint8(min(colour[2] * left + haze[2] * lost + 0.5, 255.0))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _patterned_row(
     image: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -353,7 +353,7 @@ def _patterned_row(
         image[row, column, 2] = np.uint8(min(blue * (glow + plain * light[2]) + haze[2] * lost + 0.5, 255.0))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _surface(
     corners: Floats,
     first: int,
@@ -390,7 +390,7 @@ def _surface(
     )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _pattern(
     material: int,
     seed: int,
@@ -429,7 +429,7 @@ def _pattern(
     return (red, green, blue), 0.75 * lit * window
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def _wave(place_m: float, period_m: float, share: float, pixels_per_m: float) -> float:
     """1 on the first `share` of every period, else 0, with edges as wide as a pixel."""
     steep = period_m * pixels_per_m
@@ -443,7 +443,7 @@ def _wave(place_m: float, period_m: float, share: float, pixels_per_m: float) ->
     return wave
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[misc, unused-ignore]
+@njit(cache=True, error_model="numpy")
 def draw_shadows(image: NDArray[np.uint8], actors: Floats, view: View, factor: float) -> None:
     """Darkens the ground below `actors` (k, 10): their outline, a little grown. Call it before `draw_boxes`."""
     corners, clipped = np.empty((8, 3)), np.empty((8, 3))

@@ -124,7 +124,7 @@ def unpack(packed: Packed) -> NDArray[np.uint8]:
     return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def _pack(
     material: NDArray[np.uint8],
     white: NDArray[np.uint8],
@@ -156,7 +156,7 @@ def _pack(
     return packed
 
 
-@njit(cache=True)  # type: ignore[misc, unused-ignore]
+@njit(cache=True)
 def _halved(picture: Packed) -> Packed:
     """Each 2 x 2 block of texels averaged, channels rounded to nearest."""
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
