@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.settings import Settings
@@ -13,6 +15,7 @@ from pytest_drive_robust.settings import Settings
 if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["Scopes"]
 
@@ -26,12 +29,12 @@ class Scopes:
         self._load_routes = load_routes
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._known: set[tuple[str, str]] = set()
-        self._dt_s: float | None = None
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """The routes of a spec. Raises `UsageError` when there is no such set or file."""
         if spec not in self._routes:
             self._routes[spec] = self._load_routes(spec)
+            self._check_routes(self._routes[spec])
         return self._routes[spec]
 
     def of(self, marker: MarkerOptions) -> Scope:
@@ -48,13 +51,32 @@ class Scopes:
 
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
-        if self._dt_s is None:
-            simulator = self._registry.simulator(self._settings.simulator)
-            self._dt_s = simulator.dt_s
-            simulator.close()
-        setting.start(route_id="", seed=0, dt_s=self._dt_s, cameras=())
+        setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
+
+    def _check_routes(self, routes: tuple[Route, ...]) -> None:
+        """Raise one `RouteError` that names every route that the simulator cannot drive."""
+        check = getattr(self._simulator, "check_route", None)
+        if check is None:
+            return
+        problems = [problem for route in routes if (problem := _problem(check, route)) is not None]
+        if problems:
+            raise RouteError("\n  ".join([f"{len(problems)} of {len(routes)} routes cannot be driven:", *problems]))
+
+    @cached_property
+    def _simulator(self) -> Simulator:
+        """One that is asked and never driven."""
+        self._require("simulators", self._settings.simulator)
+        return self._registry.simulator(self._settings.simulator)
 
     def _require(self, kind: str, name: str) -> None:
         if (kind, name) not in self._known:
             self._registry.require(kind, name)
             self._known.add((kind, name))
+
+
+def _problem(check: Callable[[Route], object], route: Route) -> str | None:
+    try:
+        check(route)
+    except UsageError as error:
+        return str(error)
+    return None

@@ -46,6 +46,8 @@ class Simulator(Protocol):
     """One world, one episode at a time. No globals; everything seeded by (route, seed).
 
     The order of calls is `reset`, then for each tick `observe` (at most once) and `step`, until `done` is not None.
+    An optional `check_route(route)` is called at collection, before anything is driven, and raises `RouteError` for a
+    route that cannot be driven here.
     """
 
     name: str

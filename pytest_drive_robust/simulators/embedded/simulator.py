@@ -55,6 +55,10 @@ class EmbeddedSimulator:
         self._frame = world.frame()
         return self._frame
 
+    def check_route(self, route: Route) -> None:
+        """Raise `UsageError` when the route's town, way or scenario cannot be built; builds it once to see."""
+        World(route, seed=0, options=self.options)
+
     def plan(self) -> GlobalPlan:
         """The sparse plan of the current route."""
         return self.world.dense.plan()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -110,3 +113,28 @@ def test_a_route_off_its_town_is_refused() -> None:
         lay_route(Route(route.id, route.town, aside, route.scenario))
     with pytest.raises(UnknownNameError, match="Street"):
         lay_route(Route(route.id, "Streat1", route.waypoints, route.scenario))
+
+
+STREET, SCENARIO = ROUTES[0], ROUTES[2].scenario
+
+
+@pytest.mark.parametrize(
+    ("route", "message"),
+    [
+        (replace(STREET, town="Steet1"), "Did you mean 'Street'?"),
+        (replace(STREET, scenario=replace(SCENARIO, type="HardBrakeRoute")), "Did you mean 'HardBreakRoute'?"),
+        (replace(STREET, scenario=replace(SCENARIO, type="PedestrianCrossing")), "needs a junction on its route"),
+    ],
+    ids=["town", "scenario", "place"],
+)
+def test_a_route_that_cannot_be_driven_ends_the_run_before_it_begins(
+    tmp_path: Path, route: Route, message: str
+) -> None:
+    save_routes([route], tmp_path / "one.xml")
+    (tmp_path / "test_it.py").write_text("def test_it(drive): drive.rd('clean')", encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", str(tmp_path)]
+    command += ["--drive-routes", "one.xml", "--drive-agent", "drive_robust_agents.constant:Constant"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 4
+    assert "1 of 1 routes cannot be driven:" in ended.stderr
+    assert message in ended.stderr
