@@ -1,8 +1,8 @@
 """The towns: small maps written with highway-env's road network and lane classes.
 
 A town is named `<Style><number>`; the number seeds its proportions, so `Street7` is the same town in every process.
-Each style is one function that draws roads with `_Sketch`. highway-env knows no lane kinds, junctions, stop lines or
-buildings: the sketch notes them beside the network.
+Each style is one function that draws roads with `_road`. highway-env knows no lane kinds, junctions, stop lines or
+buildings: `Town` notes them beside the network.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _road(town: Town, name: str, start: Pose, pieces: list[tuple[float, float]],
     """Draw a road of (length, curvature) pieces; fills `town.chains` with every lane's keys from end to end.
 
     The reference line is the divider between the two ways. Chains are `<name>.f0` (forward, nearest to the divider),
-    `<name>.f1`, ..., `<name>.b0`, ..., and `<name>.park`, `<name>.walk` to the right.
+    `<name>.f1`, ..., `<name>.b0`, ..., and to the right of each way `<name>.fpark`, `<name>.fwalk`, `<name>.bpark`, ...
     """
     pose = start
     for number, (length, curvature) in enumerate(pieces):

@@ -30,10 +30,9 @@ class Site:
 class ScenarioType:
     """One of the 44 situations.
 
-    `parameters` are the ranges from which the generator draws the XML's parameter elements; an element whose two
-    numbers
-    are themselves an interval (`flow gaps`) is listed in `intervals`. `blocked_test_off` and `two_ways` are what the
-    scenario does to the criteria while it runs (Bench2Drive `scenario_runner/srunner/scenarios`).
+    `parameters` are the ranges from which the generator draws the XML's parameter elements; elements that hold an
+    interval (`source_dist_interval`, `frequency`) are listed in `intervals`. `blocked_test_off` and `two_ways` are what
+    the scenario does to the criteria while it runs (Bench2Drive `scenario_runner/srunner/scenarios`).
     """
 
     name: str
