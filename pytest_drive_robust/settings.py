@@ -41,7 +41,13 @@ class Option:
 
 OPTIONS = (
     Option("--drive-agent", "drive_agent", "NAME", DEFAULT_AGENT, "the agent under test"),
-    Option("--drive-routes", "drive_routes", "SPEC", DEFAULT_ROUTES, "a named route set or a route XML file"),
+    Option(
+        "--drive-routes",
+        "drive_routes",
+        "SPEC",
+        DEFAULT_ROUTES,
+        "a named route set, a route XML file, or route ids as in 101,601",
+    ),
     Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator"),
     Option("--drive-metrics", "drive_metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),

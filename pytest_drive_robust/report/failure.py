@@ -84,11 +84,12 @@ def _summaries(verdict: Verdict) -> list[str]:
 def _worst(verdict: Verdict) -> list[str]:
     """Each of the worst routes with its story, or both stories and the second at which they parted."""
     lines = ["  worst routes"] if verdict.worst else []
-    compared = verdict.clean is not None and not verdict.requirement.setting.is_clean
+    under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
+    compared = verdict.clean is not None and under != "clean"
     for item in verdict.worst:
         head = f"  {item.route_id} {item.scenario}" + (f", seed {item.seed}" if verdict.seeds > 1 else "")
         if not compared:
-            lines += [head, _story("", item.perturbed_score, item.perturbed_outcome)]
+            lines += [head, _story(under, item.perturbed_score, item.perturbed_outcome)]
             continue
         parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s"
         lines += [

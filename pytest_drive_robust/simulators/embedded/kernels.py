@@ -243,10 +243,12 @@ def _move_actor(statics: Statics, state: State, i: int) -> None:
         actor[c.A_V] = actor[c.A_TARGET_V]
         accel = 0.0
     else:
-        gap, leader_v = _nearest_leader(statics, state, i)
-        accel = idm(actor[c.A_V], _wanted_speed(state, i), gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
         if actor[c.A_SYNC_M] > 0.0:
             accel = _abreast(state, i)
+        else:
+            gap, leader_v = _nearest_leader(statics, state, i)
+            wanted = _wanted_speed(state, i)
+            accel = idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
     actor[c.A_ACCEL] = accel
     actor[c.A_S] += actor[c.A_V] * dt
