@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -43,12 +44,16 @@ def test_your_own_agent_runs_from_an_empty_folder(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_your_own_perturbation_runs_from_an_empty_folder(tmp_path: Path) -> None:
-    for name in ("conftest.py", "test_dimmed.py", "my_agent.py"):
+    for name in ("conftest.py", "test_dimmed.py"):
         (tmp_path / name).write_text(block(name), encoding="utf-8")
-    command = "pytest --drive-robust test_dimmed.py --drive-agent my_agent:MyAgent --drive-routes 101,601"
-    driven = shell(command, tmp_path)
+    # an agent with a camera, or nothing would be dimmed
+    options = "--drive-agent classical --drive-routes 101,601 --drive-json run.json"
+    driven = shell(f"pytest --drive-robust test_dimmed.py {options}", tmp_path)
     assert driven.returncode == 0, driven.stdout + driven.stderr
-    assert "dimmed camera 0.3 and" in driven.stdout
+    episodes = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["episodes"]
+    digests = {(episode["route_id"], episode["setting"]): episode["trace_digest"] for episode in episodes}
+    for route in ("101", "601"):
+        assert digests[route, "dimmed camera 0.3"] != digests[route, "clean"]
 
 
 def test_the_agent_is_twenty_lines_and_the_perturbation_ten() -> None:
