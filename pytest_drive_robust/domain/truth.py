@@ -40,6 +40,8 @@ class ActorKind(IntEnum):
     CONTAINER = 8
     WARNING_SIGN = 9
     BUILDING = 10
+    DOOR = 11
+    DIRT = 12
 
     @property
     def collision_class(self) -> str:
@@ -74,6 +76,7 @@ class LaneKind(IntEnum):
     DRIVING = 0
     PARKING = 1
     SIDEWALK = 2
+    BIKING = 3
 
 
 @dataclass(frozen=True, slots=True)

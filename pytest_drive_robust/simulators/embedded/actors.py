@@ -25,6 +25,8 @@ SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
     ActorKind.CONTAINER: (2.4, 1.6, 2.2),
     ActorKind.WARNING_SIGN: (0.3, 1.0, 1.6),
     ActorKind.BUILDING: (12.0, 10.0, 9.0),
+    ActorKind.DOOR: (0.9, 0.9, 1.1),
+    ActorKind.DIRT: (4.0, 3.0, 0.02),
 }
 """Length, width, height in metres."""
 
@@ -74,17 +76,26 @@ class Cast:
         leash: bool = False,
         sync_m: float = 0.0,
         appears: bool = False,
+        blind: bool = False,
+        yaw_rad: float = 0.0,
     ) -> int:
-        """Add one actor on a path; returns its number. Without a script it just does what its mode says."""
+        """Add one actor on a path; returns its number. Without a script it just does what its mode says.
+
+        `background` actors count for the driving efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far
+        ahead of the ego; one that `appears` does not exist before its script starts; a `blind` one drives on whatever
+        is ahead of it; `yaw_rad` turns a standing one against its path.
+        """
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
         row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[kind]
         row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = s_m, right_m, right_m
         row[[c.A_V, c.A_TARGET_V]] = speed_mps, speed_mps if target_mps is None else target_mps
         row[[c.A_LAT_RATE, c.A_END_S, c.A_SYNC_M]] = lateral_mps, end_m, sync_m
-        row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX]] = brake_mps2, accel_mps2
+        row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = brake_mps2, accel_mps2, yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH, c.I_AT_END]] = int(kind), mode, path, at_end
         whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if appears else 1, 1, -100000, -1
-        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = background, obeys_lights, leash
+        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH, c.I_BLIND]] = background, obeys_lights, leash, blind
+        if kind is ActorKind.DIRT:
+            whole[c.I_SOLID] = 0
         whole[c.I_PHASE] = c.PHASE_DONE
         if kind is ActorKind.EMERGENCY:
             whole[c.I_STATE] = int(ActorState.SIREN)
@@ -116,7 +127,9 @@ class Cast:
         speed_mps: float,
         gaps_m: NDArray[np.float64],
         background: bool,
-        kinds: tuple[ActorKind, ...] = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR),
+        right_m: float,
+        kinds: tuple[ActorKind, ...],
+        obeys_lights: bool,
     ) -> None:
         """A source and a sink on a path; `gaps_m` are the distances between one car and the next, drawn beforehand."""
         slots = int((sink_m - source_m) / float(np.min(gaps_m))) + 3
@@ -127,13 +140,15 @@ class Cast:
                 mode=c.MODE_DRIVE,
                 path=path,
                 s_m=source_m,
+                right_m=right_m,
                 speed_mps=speed_mps,
                 end_m=sink_m,
                 at_end=c.AT_END_LEAVE,
                 background=background,
+                obeys_lights=obeys_lights,
             )
             self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
-        self.flow_rows.append([source_m, sink_m, speed_mps, float(gaps_m[0])])
+        self.flow_rows.append([source_m, sink_m, speed_mps, float(gaps_m[0]), right_m])
         self.flow_ints.append([path, first, first + slots, -1, 1])
         self.flow_gaps.append(gaps_m)
 

@@ -54,11 +54,14 @@ def _between(angle: float, other: float) -> float:
 def nearest_lane(statics: Statics, x: float, y: float) -> tuple[int, float, float]:
     """(lane, distance to its centre line [m], heading there) of the nearest driving or parking lane."""
     best, at = 1e18, 0
-    for k in range(len(statics.lanes)):
-        dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
-        d = dx * dx + dy * dy
-        if d < best:
-            best, at = d, k
+    for lane in range(len(statics.lane_start) - 1):
+        k, end = statics.lane_start[lane], statics.lane_start[lane + 1]
+        while k < end:
+            d = math.hypot(x - statics.lanes[k, 0], y - statics.lanes[k, 1])
+            if d < best:
+                best, at = d, k
+            # no point can be nearer than `best` before the lane has gone the difference
+            k += max(1, int((d - best) / statics.lane_step_m))
     heading = statics.lanes[at, 2]
     dx, dy = x - statics.lanes[at, 0], y - statics.lanes[at, 1]
     along = dx * math.cos(heading) + dy * math.sin(heading)

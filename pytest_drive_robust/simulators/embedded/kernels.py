@@ -42,9 +42,11 @@ IDM_GAP_M = 2.0
 IDM_HEADWAY_S = 1.1
 IDM_COMFORT_MPS2 = 2.5
 LOOK_AHEAD_M = 70.0
+ON_PATH_M = 6.0
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
 
 SIDEWAYS_SHARE = 0.5
+DIRT_M = 2.0
 STUN_TICKS = 40
 SAME_ACTOR_S = 5.0
 SAME_PLACE_M = 5.0
@@ -87,15 +89,17 @@ def gap_along_path(
     """Bumper-to-bumper distance along the path to the body at (x, y), or infinity when it is not in the way."""
     first, last = statics.path_start[path], statics.path_start[path + 1]
     step = statics.path_step[path]
-    start = first + max(0, int(s / step) - 2)
     stop = min(last, first + int((s + LOOK_AHEAD_M) / step))
-    best, at = 1e18, start
-    for k in range(start, stop, 2):
+    k = at = first + max(0, int(s / step) - 2)
+    best = 1e18
+    while k < stop:
         dx, dy = x - statics.paths[k, 0], y - statics.paths[k, 1]
         d = dx * dx + dy * dy
         if d < best:
             best, at = d, k
-    if best > 36.0:
+        # the body cannot come nearer than ON_PATH_M before the path has gone the rest of the way towards it
+        k += 2 if d < 100.0 else max(2, int((math.sqrt(d) - ON_PATH_M) / step))
+    if best > ON_PATH_M * ON_PATH_M:
         return math.inf
     yaw = statics.paths[at, 2]
     dx, dy = x - statics.paths[at, 0], y - statics.paths[at, 1]
@@ -148,10 +152,16 @@ def _nearest_leader(statics: Statics, state: State, i: int) -> tuple[float, floa
             continue
         turn = yaw - actor[c.A_YAW]
         ct, st = abs(math.cos(turn)), abs(math.sin(turn))
-        found = gap_along_path(
-            statics, path, actor[c.A_S], actor[c.A_LAT], actor[c.A_LENGTH], actor[c.A_WIDTH], x, y,
-            ct * length + st * width, ct * width + st * length,
-        )  # fmt: skip
+        long, wide = ct * length + st * width, ct * width + st * length
+        if j >= 0 and state.actor_ints[j, c.I_PATH] == path:
+            found = math.inf
+            ahead = state.actors[j, c.A_S] - actor[c.A_S]
+            if ahead > 0.0 and abs(state.actors[j, c.A_LAT] - actor[c.A_LAT]) <= (actor[c.A_WIDTH] + wide) / 2.0 + 0.2:
+                found = ahead - (actor[c.A_LENGTH] + long) / 2.0
+        else:
+            found = gap_along_path(
+                statics, path, actor[c.A_S], actor[c.A_LAT], actor[c.A_LENGTH], actor[c.A_WIDTH], x, y, long, wide
+            )
         if found < gap:
             gap, speed = found, max(0.0, v * math.cos(turn))
     line = statics.path_stop_line[path]
@@ -192,7 +202,7 @@ def _run_script(statics: Statics, state: State, i: int) -> None:
             phase, actor[c.A_TIMER_S] = c.PHASE_SCRIPT, actor[c.A_SCRIPT_S]
             if whole[c.I_ACTIVE] == 2:
                 whole[c.I_ACTIVE] = 1
-                actor[c.A_V] = state.ego[c.EGO_V]
+                actor[c.A_V] = 0.0 if whole[c.I_MODE] == c.MODE_STATIC else state.ego[c.EGO_V]
             scale = state.ego[c.EGO_V] if whole[c.I_RELATIVE] == 1 else 1.0
             actor[c.A_TARGET_V] = actor[c.A_SCRIPT_V] * scale
             actor[c.A_TARGET_LAT] = actor[c.A_SCRIPT_LAT]
@@ -245,6 +255,9 @@ def _move_actor(statics: Statics, state: State, i: int) -> None:
     else:
         if actor[c.A_SYNC_M] > 0.0:
             accel = _abreast(state, i)
+        elif whole[c.I_BLIND] == 1:
+            wanted = _wanted_speed(state, i)
+            accel = idm(actor[c.A_V], wanted, math.inf, 0.0, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
         else:
             gap, leader_v = _nearest_leader(statics, state, i)
             wanted = _wanted_speed(state, i)
@@ -305,9 +318,10 @@ def _run_flows(statics: Statics, state: State) -> None:
 def _spawn(statics: Statics, state: State, f: int, slot: int, s: float) -> None:
     flow, whole = state.flows[f], state.flow_ints[f]
     actor = state.actors[slot]
-    actor[c.A_S], actor[c.A_LAT], actor[c.A_V], actor[c.A_ACCEL] = s, 0.0, flow[c.F_SPEED], 0.0
-    actor[c.A_TARGET_V], actor[c.A_TARGET_LAT], actor[c.A_END_S] = flow[c.F_SPEED], 0.0, flow[c.F_SINK_S]
-    actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = path_pose(statics, whole[c.FI_PATH], s, 0.0)
+    lat = flow[c.F_LAT]
+    actor[c.A_S], actor[c.A_LAT], actor[c.A_V], actor[c.A_ACCEL] = s, lat, flow[c.F_SPEED], 0.0
+    actor[c.A_TARGET_V], actor[c.A_TARGET_LAT], actor[c.A_END_S] = flow[c.F_SPEED], lat, flow[c.F_SINK_S]
+    actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = path_pose(statics, whole[c.FI_PATH], s, lat)
     state.actor_ints[slot, c.I_ACTIVE] = 1
     state.actor_ints[slot, c.I_STUN] = 0
     state.actor_ints[slot, c.I_LAST_HIT] = -100000
@@ -343,6 +357,19 @@ def _set_lights(statics: Statics, state: State) -> None:
             while phase < phases - 1 and since >= statics.light_until_s[k, phase]:
                 phase += 1
             state.lights[k] = statics.light_states[k, phase]
+
+
+@_jit
+def _on_dirt(statics: Statics, state: State, throttle: float, steer: float) -> tuple[float, float]:
+    """Dirt within `DIRT_M` of the ego disturbs its controls."""
+    for k in range(len(statics.patches)):
+        dx, dy = statics.patches[k, 0] - state.ego[c.EGO_X], statics.patches[k, 1] - state.ego[c.EGO_Y]
+        if dx * dx + dy * dy < DIRT_M * DIRT_M:
+            noise = statics.patch_noise[state.clock[0] % len(statics.patch_noise)]
+            throttle = min(max(throttle + noise[0], 0.0), 1.0)
+            steer = min(max(steer + noise[1], -1.0), 1.0)
+            break
+    return throttle, steer
 
 
 @_jit
@@ -464,6 +491,7 @@ def advance(statics: Statics, state: State, throttle: float, steer: float, brake
     _run_flows(statics, state)
     for i in range(len(state.actors)):
         _move_actor(statics, state, i)
+    throttle, steer = _on_dirt(statics, state, throttle, steer)
     _move_ego(statics, state.ego, throttle, steer, brake)
     _contacts(statics, state)
 
@@ -476,7 +504,7 @@ def pose_actors(statics: Statics, state: State) -> None:
         whole, actor = state.actor_ints[i], state.actors[i]
         if whole[c.I_PATH] >= 0:
             x, y, yaw = path_pose(statics, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
-            actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw
+            actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
 
 
 @_jit

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LightState
 
-__all__ = ["GREEN", "RED", "Program", "compile_programs", "red_then_green"]
+__all__ = ["GREEN", "RED", "Program", "compile_programs", "green_then_red", "red_then_green"]
 
 MAX_PHASES = 4
+_YELLOW_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +33,19 @@ RED = Program(LightState.RED, ((LightState.RED, np.inf),))
 def red_then_green(red_s: float) -> Program:
     """Red until `red_s` seconds after the scenario woke up, green from then on."""
     return Program(LightState.RED, ((LightState.RED, red_s), (LightState.GREEN, np.inf)))
+
+
+def green_then_red(green_s: float, red_s: float) -> Program:
+    """Green until `green_s` seconds after the scenario woke up, a second of yellow, `red_s` seconds of red, green."""
+    return Program(
+        LightState.GREEN,
+        (
+            (LightState.GREEN, green_s),
+            (LightState.YELLOW, green_s + _YELLOW_S),
+            (LightState.RED, green_s + _YELLOW_S + red_s),
+            (LightState.GREEN, np.inf),
+        ),
+    )
 
 
 def compile_programs(

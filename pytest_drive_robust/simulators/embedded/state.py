@@ -30,12 +30,12 @@ A_TARGET_V, A_TARGET_LAT, A_LAT_RATE, A_END_S = range(10, 14)
 # what a trigger starts: a speed and a lateral target, for so many seconds, then another speed
 A_SCRIPT_V, A_SCRIPT_LAT, A_SCRIPT_S, A_AFTER_V, A_DELAY_S, A_TIMER_S = range(14, 20)
 A_TRIGGER_TTA_S, A_TRIGGER_M, A_TRIGGER_X, A_TRIGGER_Y, A_TRIGGER_PROGRESS_M = range(20, 25)
-A_SYNC_M, A_BRAKE_MAX, A_ACCEL_MAX = range(25, 28)
-ACTOR_COLUMNS = 28
+A_SYNC_M, A_BRAKE_MAX, A_ACCEL_MAX, A_TURNED = range(25, 29)
+ACTOR_COLUMNS = 29
 
 I_KIND, I_ACTIVE, I_MODE, I_PATH, I_STATE, I_PHASE, I_STUN, I_LAST_HIT, I_TRIGGER, I_AT_END = range(10)
-I_BACKGROUND, I_OBEYS_LIGHTS, I_SOLID, I_LEASH, I_FLOW, I_RELATIVE = range(10, 16)
-ACTOR_INTS = 16
+I_BACKGROUND, I_OBEYS_LIGHTS, I_SOLID, I_LEASH, I_FLOW, I_RELATIVE, I_BLIND = range(10, 17)
+ACTOR_INTS = 17
 
 MODE_STATIC, MODE_DRIVE, MODE_WALK = range(3)
 TRIGGER_NONE, TRIGGER_ARRIVAL, TRIGGER_PROGRESS = range(3)
@@ -43,8 +43,8 @@ PHASE_WAITING, PHASE_DELAYED, PHASE_SCRIPT, PHASE_DONE = range(4)
 AT_END_STAY, AT_END_LEAVE = range(2)
 
 # --- flows: sources of cars at constant speed ---
-F_SOURCE_S, F_SINK_S, F_SPEED, F_NEXT_GAP_M = range(4)
-FLOW_COLUMNS = 4
+F_SOURCE_S, F_SINK_S, F_SPEED, F_NEXT_GAP_M, F_LAT = range(5)
+FLOW_COLUMNS = 5
 FI_PATH, FI_FIRST_SLOT, FI_LAST_SLOT, FI_LATEST, FI_DRAWN = range(5)
 FLOW_INTS = 5
 
@@ -86,6 +86,8 @@ class Statics(NamedTuple):
     path_stop_line: Ints  # (paths,): which stop line that is, or -1
     lanes: Floats  # (total, 3): centre points of driving and parking lanes
     lane_of: Ints  # (total,): lane index of each centre point
+    lane_start: Ints  # (usable lanes + 1,): where each of those lanes begins among the points
+    lane_step_m: float  # no two points of a lane that follow each other are farther apart
     lane_width: Floats  # (lanes,)
     lane_junction: Ints  # (lanes,)
     stop_lines: Floats  # (stop lines, 4): x, y, heading, width
@@ -95,6 +97,8 @@ class Statics(NamedTuple):
     light_before: Ints  # (stop lines,): state before the scenario wakes up
     flow_gaps: Floats  # (flows, draws): distances between two cars [m]
     buildings: Floats  # (b, 6)
+    patches: Floats  # (p, 2): dirt on the road
+    patch_noise: Floats  # (n, 2): throttle and steer that a patch adds, one row a tick, over and over
 
 
 class State(NamedTuple):
@@ -102,9 +106,9 @@ class State(NamedTuple):
 
     clock: Ints  # (2,): tick, tick at which the scenario woke up (-1: not yet)
     ego: Floats  # (9,)
-    actors: Floats  # (k, 28)
-    actor_ints: Ints  # (k, 16)
-    flows: Floats  # (f, 4)
+    actors: Floats  # (k, 29)
+    actor_ints: Ints  # (k, 17)
+    flows: Floats  # (f, 5)
     flow_ints: Ints  # (f, 5)
     lights: Ints  # (stop lines,)
     criteria: Floats  # (9,)

@@ -26,6 +26,7 @@ EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
 """`vehicle.lincoln.mkz_2020`, the leaderboard's ego."""
 
 Floats = NDArray[np.float64]
+_NOISE_TICKS = 199
 
 
 class World:
@@ -46,7 +47,7 @@ class World:
         floats, ints = criteria_arrays()
         self.state = State(
             clock=np.array([0, -1], dtype=np.int64),
-            ego=_ego_at_start(self.dense),
+            ego=_ego_at_start(self.dense, self.stage),
             actors=actors,
             actor_ints=actor_ints,
             flows=flows,
@@ -110,9 +111,12 @@ class World:
             mine[...] = theirs
 
 
-def _ego_at_start(dense: DenseRoute) -> Floats:
+def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
     ego = np.zeros(c.EGO_COLUMNS)
-    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]] = dense.rows[0, :3]
+    x, y, yaw = dense.rows[0, :3]
+    right = stage.start_right_m
+    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]] = x - right * np.sin(yaw), y + right * np.cos(yaw), yaw
+    ego[c.EGO_V] = stage.start_mps
     ego[c.EGO_YAW] = np.remainder(ego[c.EGO_YAW] + np.pi, 2.0 * np.pi) - np.pi
     return ego
 
@@ -133,7 +137,7 @@ def _clear_start(statics: Statics, state: State) -> None:
 
 def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, options: SimulatorOptions) -> Statics:
     lane_map = dense.lane_map
-    usable = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]
+    usable = [lane for lane in lane_map.lanes if lane.kind in (LaneKind.DRIVING, LaneKind.PARKING)]
     stops = lane_map.stop_lines
     before, states, until = compile_programs([stage.programs.get(line.index, RED) for line in stops])
     stop_s, stop_line = _path_stops(stage.paths, dense)
@@ -161,6 +165,8 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         path_stop_line=stop_line,
         lanes=np.concatenate([lane.centre for lane in usable]),
         lane_of=np.concatenate([np.full(len(lane.centre), lane.index) for lane in usable]).astype(np.int64),
+        lane_start=np.concatenate([[0], np.cumsum([len(lane.centre) for lane in usable])]).astype(np.int64),
+        lane_step_m=max(float(np.hypot(*np.diff(lane.centre[:, :2], axis=0).T).max()) for lane in usable),
         lane_width=np.array([lane.width_m for lane in lane_map.lanes]),
         lane_junction=np.array([int(lane.junction) for lane in lane_map.lanes], dtype=np.int64),
         stop_lines=np.array([[s.x_m, s.y_m, s.heading_rad, s.width_m] for s in stops]).reshape(-1, 4),
@@ -170,7 +176,21 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         light_before=before,
         flow_gaps=gaps,
         buildings=lane_map.buildings,
+        patches=np.array(stage.patches).reshape(-1, 2),
+        patch_noise=_patch_noise(stage),
     )
+
+
+def _patch_noise(stage: Stage) -> Floats:
+    """(n, 2): what dirt adds to throttle and steer (Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`).
+
+    The side to which it pulls is drawn once per episode.
+    """
+    draws = stage.draws("dirt")
+    side = 1.0 if draws.random() < 0.5 else -1.0
+    throttle = draws.normal(0.03, 0.01, size=_NOISE_TICKS)
+    steer = draws.normal(side * 0.055, 0.015, size=_NOISE_TICKS)
+    return np.column_stack([throttle, steer])
 
 
 def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:

@@ -1,0 +1,81 @@
+"""`reactive`: follows its lane and brakes for what is ahead in it, nothing else. The bar that a bench must be above.
+
+It sees the ground truth, yet reads no lights and no signs, yields to nobody and overtakes nothing: what it passes
+needs no thought. A bench on which it does well measures lane keeping only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drive_robust_agents._control import Floats, look_ahead_m, pedals, speed_profile, steer_to
+from drive_robust_agents._forecast import nearest_ahead
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+from pytest_drive_robust.domain.truth import ActorKind, Frame, GroundTruth
+
+__all__ = ["Reactive"]
+
+_LATERAL_MPS2, _BRAKE_MPS2 = 2.8, 2.0
+# IDM (Treiber, Hennecke, Helbing 2000)
+_GAP_M, _HEADWAY_S, _ACCEL_MPS2, _COMFORT_MPS2, _HARDEST_MPS2 = 2.0, 1.2, 2.5, 2.5, 8.0
+_CORRIDOR_MARGIN_M = 0.2
+
+
+class Reactive:
+    """The intelligent driver model on the nearest body in the ego's corridor along the route."""
+
+    privileged = True
+    consumes: frozenset[str] = frozenset()
+
+    def __init__(self) -> None:
+        self._limits: Floats | None = None
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        """No cameras: it sees the ground truth."""
+        return ()
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        """Forget the last episode."""
+        self._limits = None
+
+    def act(self, observation: Observation) -> Control:
+        """Follow the route. Raises `ValueError` without ground truth (the loop gives it to privileged agents)."""
+        truth = observation.truth
+        if truth is None:
+            raise ValueError("reactive needs Observation.truth: it is a privileged agent")
+        if self._limits is None:
+            self._limits = speed_profile(truth.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
+        ego = truth.frame.ego
+        wanted = self._limits[min(truth.progress + int(0.3 * ego.speed_mps) + 1, len(self._limits) - 1)]
+        x, y = _point(truth.route, truth.progress + look_ahead_m(ego.speed_mps))
+        gap, speed = _leader(truth)
+        return pedals(ego, _idm(ego.speed_mps, float(wanted), gap, speed), steer_to(ego, x, y))
+
+
+def _leader(truth: GroundTruth) -> tuple[float, float]:
+    """(bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, infinity without one."""
+    frame, ego = truth.frame, truth.frame.ego
+    rows = frame.actors[frame.actors[:, Frame.KIND] != ActorKind.DIRT]
+    boxes = np.ascontiguousarray(rows[:, [Frame.X, Frame.Y, Frame.YAW, Frame.SPEED, Frame.LENGTH, Frame.WIDTH]])
+    pose = (ego.x_m, ego.y_m, ego.length_m, ego.width_m + 2.0 * _CORRIDOR_MARGIN_M)
+    return nearest_ahead(truth.route, truth.progress, pose, boxes)
+
+
+def _idm(v: float, wanted: float, gap: float, leader: float) -> float:
+    """Acceleration of the intelligent driver model [m/s2]."""
+    free = _ACCEL_MPS2 * (1.0 - (v / max(wanted, 0.1)) ** 4)
+    if math.isfinite(gap):
+        closing = v * (v - leader) / (2.0 * math.sqrt(_ACCEL_MPS2 * _COMFORT_MPS2))
+        desired = _GAP_M + max(0.0, v * _HEADWAY_S + closing)
+        free = min(free, _ACCEL_MPS2 * (1.0 - (desired / max(gap, 0.1)) ** 2))
+    return max(free, -_HARDEST_MPS2)
+
+
+def _point(route: Floats, row: float) -> tuple[float, float]:
+    """x, y of a place of the route, prolonged straight on beyond its end."""
+    k = min(max(int(row), 0), len(route) - 1)
+    x, y, yaw, _ = route[k]
+    return float(x + (row - k) * math.cos(yaw)), float(y + (row - k) * math.sin(yaw))

@@ -1,0 +1,152 @@
+"""Where things are on a scenario's stage: places along the route, lanes as paths for actors, the junction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.route import ScenarioSpec
+from pytest_drive_robust.domain.truth import Lane, LaneKind
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
+from pytest_drive_robust.simulators.embedded.map import follow, join
+
+__all__ = ["Places"]
+
+Floats = NDArray[np.float64]
+_BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
+"""Heading of traffic that comes from there, relative to the ego's own way into the junction."""
+
+
+class Places:
+    """A route on its town as scenario definitions see it.
+
+    Distances `ahead_m` are metres along the route after the scenario's trigger point; `right_m` is metres to the
+    right of the route. A *path* is a number: a line that actors can follow.
+    """
+
+    def __init__(self, dense: DenseRoute) -> None:
+        self.dense = dense
+        self.spec: ScenarioSpec = dense.route.scenario
+        self.paths: list[Floats] = []
+        line, self._start_m = dense.driven_line()
+        self.ego_path = self.add_path(line)
+
+    @property
+    def trigger_m(self) -> float:
+        """Where the scenario wakes up, in metres of the route."""
+        return self.dense.trigger_m
+
+    @property
+    def lane_width_m(self) -> float:
+        """Width of the ego's lane at the trigger."""
+        return self.lane_at(0.0).width_m
+
+    @property
+    def speed_limit_mps(self) -> float:
+        """Speed limit of the ego's lane at the trigger."""
+        return self.lane_at(0.0).speed_limit_mps
+
+    def lane_at(self, ahead_m: float) -> Lane:
+        """The lane under the route."""
+        s = self.trigger_m + ahead_m
+        row = int(np.clip(np.searchsorted(self.dense.s, s), 0, len(self.dense.s) - 1))
+        return self.dense.lane_map.lanes[int(self.dense.lanes[row])]
+
+    # --- along the route ---
+
+    def on_ego_path(self, ahead_m: float) -> float:
+        """Distance along the ego's way (`ego_path`), which begins long before the route does."""
+        return self._start_m + self.trigger_m + ahead_m
+
+    def spot(self, ahead_m: float, right_m: float = 0.0) -> tuple[float, float]:
+        """x, y of a place on or beside the ego's way."""
+        return place(self.paths[self.ego_path], self.on_ego_path(ahead_m), right_m)[:2]
+
+    def junction_ahead_m(self) -> float:
+        """Distance from the trigger to where the route enters its first junction. Raises `RouteError` without one."""
+        return float(self.dense.s[self._junction_rows()[0]]) - self.trigger_m
+
+    def exit_ahead_m(self) -> float:
+        """Distance from the trigger to where the route leaves its first junction. Raises `RouteError` without one."""
+        return float(self.dense.s[self._junction_rows()[1]]) - self.trigger_m
+
+    def _junction_rows(self) -> tuple[int, int]:
+        """(first row in, first row behind) of the route's first junction."""
+        first = self.dense.first_junction_row()
+        if first is None:
+            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")
+        inside = [self.dense.lane_map.lanes[k].junction for k in self.dense.lanes[first:]]
+        return first, first + (inside.index(False) if False in inside else len(inside) - 1)
+
+    # --- paths ---
+
+    def add_path(self, line: Floats) -> int:
+        """Make a line drivable for actors; its number."""
+        self.paths.append(resample(line))
+        return len(self.paths) - 1
+
+    def length_m(self, path: int) -> float:
+        """Length of a path."""
+        return float(arc_lengths(self.paths[path])[-1])
+
+    def along(self, path: int, ahead_m: float) -> float:
+        """Where on a path an actor is level with a place of the ego's way."""
+        return project(self.paths[path], *self.spot(ahead_m))[0]
+
+    def own(self, ahead_m: float = 0.0) -> int:
+        """The path of the lane under the route, followed straight on to both ends of the town."""
+        return self._lane_path(self.lane_at(ahead_m).index)
+
+    def beside(self, side: str, ahead_m: float = 0.0) -> int:
+        """The path of the driving lane to the `"left"` or `"right"` of the route's lane, in its own direction."""
+        lane = self.lane_at(ahead_m)
+        index = lane.left if side == "left" else lane.right
+        if index < 0 or self.dense.lane_map.lanes[index].kind is not LaneKind.DRIVING:
+            raise RouteError(
+                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of it"
+            )
+        return self._lane_path(index)
+
+    def has_lane_beside(self, side: str, ahead_m: float = 0.0) -> bool:
+        """Is there a driving lane to the `"left"` or `"right"` that leads the same way?"""
+        lane = self.lane_at(ahead_m)
+        index, same_way = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
+        return index >= 0 and same_way and self.dense.lane_map.lanes[index].kind is LaneKind.DRIVING
+
+    def oncoming(self, ahead_m: float = 0.0) -> int:
+        """The path of the nearest lane that leads the other way. Raises `RouteError` where there is none."""
+        lanes = self.dense.lane_map.lanes
+        lane = self.lane_at(ahead_m)
+        while lane.left >= 0 and lane.left_same_way:
+            lane = lanes[lane.left]
+        if lane.left < 0 or lanes[lane.left].kind is not LaneKind.DRIVING:
+            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs an oncoming lane")
+        return self._lane_path(lane.left)
+
+    def from_arm(self, bearing: str, *, into: str = "straight") -> int:
+        """A path through the route's first junction that comes from the `"left"`, `"right"` or `"opposite"`.
+
+        `into="straight"` goes straight on, `into="exit"` turns into the lane by which the route leaves the junction.
+        Raises `RouteError` when the junction has no such way.
+        """
+        lanes = self.dense.lane_map.lanes
+        first, behind = self._junction_rows()
+        here = lanes[self.dense.lanes[first]].centre[0]
+        out = lanes[self.dense.lanes[behind]].index
+        for lane in lanes:
+            if not lane.junction or np.cos(lane.centre[0, 2] - here[2] - _BEARINGS_RAD[bearing]) < 0.9:
+                continue
+            if np.hypot(*(lane.centre[0, :2] - here[:2])) > 60.0:
+                continue  # another junction of the same town
+            straight = np.cos(lane.centre[-1, 2] - lane.centre[0, 2]) > 0.99
+            # of several lanes the outermost comes first in the turn lanes' way: the last one found
+            if (into == "straight" and straight) or (into == "exit" and out in lane.successors):
+                return self._lane_path(lane.index)
+        raise RouteError(
+            f"route {self.dense.route.id}: no way from the {bearing} to {into!r} for scenario {self.spec.type}"
+        )
+
+    def _lane_path(self, lane: int) -> int:
+        return self.add_path(join(self.dense.lane_map, follow(self.dense.lane_map, lane)))
