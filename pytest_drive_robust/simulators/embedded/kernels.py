@@ -222,8 +222,9 @@ def _wanted_speed(state: State, i: int) -> float:
     target = actor[c.A_TARGET_V]
     dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
     ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
-    if whole[c.I_LEASH] == 1 and ahead > LEASH_FREE_M:
-        target *= max(0.0, 1.0 - (ahead - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M))
+    if whole[c.I_LEASH] == 1 and abs(ahead) > LEASH_FREE_M:
+        stretch = min((abs(ahead) - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M), 1.0)
+        target *= 1.0 - stretch if ahead > 0.0 else 1.0 + stretch
     if whole[c.I_RELATIVE] == 2 and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
         target = ego[c.EGO_V] + actor[c.A_SCRIPT_V]
     return float(target)

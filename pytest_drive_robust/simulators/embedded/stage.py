@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
@@ -18,6 +17,7 @@ from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 __all__ = ["Stage"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
+_SPACING_M = 15.0
 _GAPS = 63  # draws of a flow; they repeat after that
 
 
@@ -61,9 +61,7 @@ class Stage(Places):
         s = self.on_ego_path(ahead_m) if path is None else self.along(path, ahead_m)
         return self.cast.add(kind, mode=c.MODE_STATIC, path=chosen, s_m=s, right_m=right_m, yaw_rad=yaw_rad)
 
-    def appear(
-        self, kind: ActorKind, ahead_m: float, right_m: float, *, trigger: Trigger, delay_s: float = 0.0
-    ) -> int:
+    def appear(self, kind: ActorKind, ahead_m: float, right_m: float, *, trigger: Trigger, delay_s: float = 0.0) -> int:
         """Something that does not move and comes into being when its trigger fires: a door that is opened."""
         actor = self.cast.add(
             kind, mode=c.MODE_STATIC, path=self.ego_path, s_m=self.on_ego_path(ahead_m), right_m=right_m, appears=True
@@ -172,6 +170,21 @@ class Stage(Places):
             kinds=kinds,
             obeys_lights=obeys_lights,
         )
+
+    def surround(self, path: int, *, speed_mps: float, ahead: int = 2, behind: int = 2) -> None:
+        """Background traffic on one lane: cars ahead of the ego's start and behind it, 15 m apart, that stay near it.
+
+        Those ahead wait for the ego beyond 30 m and stand at 45 m, those behind catch up at up to twice their speed
+        (Bench2Drive `scenario_runner/srunner/scenarios/background_activity.py`).
+        """
+        level = self.along(path, -self.trigger_m)
+        for k in (*range(1, ahead + 1), *range(-behind, 0)):
+            s = level + _SPACING_M * k
+            if 0.0 <= s <= self.length_m(path):
+                self.drive(
+                    _CARS[k % len(_CARS)], path, s, 0.5 * speed_mps, target_mps=speed_mps,
+                    end_m=self.length_m(path), at_end=c.AT_END_LEAVE, leash=True, background=True, obeys_lights=True,
+                )  # fmt: skip
 
     def passing(self, ahead_m: float) -> Trigger:
         """The ego passes a place of the route."""
