@@ -2,25 +2,23 @@
 
 Source: Bench2Drive `scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_criteria.py` and
 `leaderboard/leaderboard/scenarios/scenario_manager.py`; the constants are theirs. Collisions are noted by
-`kernels.advance`, where the contact happens.
+`kernels.contacts`, where the contact happens.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
+from pytest_drive_robust.simulators.embedded.kernels.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["finish", "judge", "nearest_lane"]
-
-_jit = numba.njit(cache=True)
 
 ROUTE_WINDOW = 3  # the current waypoint and the next two
 COMPLETE_PCT = 99.0
@@ -43,21 +41,22 @@ YIELD_S = 10.0
 _RED = int(LightState.RED)
 
 
-@_jit
+@inner
 def _between(angle: float, other: float) -> float:
     """Unsigned difference of two angles, 0..pi."""
     turn = angle - other
     return abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
 
 
-@_jit
+@inner
 def nearest_lane(statics: Statics, x: float, y: float) -> tuple[int, float, float]:
     """(lane, distance to its centre line [m], heading there) of the nearest driving or parking lane."""
     best, at = 1e18, 0
     for lane in range(len(statics.lane_start) - 1):
         k, end = statics.lane_start[lane], statics.lane_start[lane + 1]
         while k < end:
-            d = math.hypot(x - statics.lanes[k, 0], y - statics.lanes[k, 1])
+            dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
+            d = math.sqrt(dx * dx + dy * dy)
             if d < best:
                 best, at = d, k
             # no point can be nearer than `best` before the lane has gone the difference
@@ -71,7 +70,7 @@ def nearest_lane(statics: Statics, x: float, y: float) -> tuple[int, float, floa
     return statics.lane_of[at], beside, heading
 
 
-@_jit
+@inner
 def _progress(statics: Statics, state: State) -> float:
     """Pass waypoints; returns the metres gained in this tick."""
     ints, ego = state.criteria_ints, state.ego
@@ -86,7 +85,7 @@ def _progress(statics: Statics, state: State) -> float:
     return float(statics.route_s[reached] - statics.route_s[before])
 
 
-@_jit
+@inner
 def _wake_scenario(statics: Statics, state: State) -> None:
     s = statics.route_s[state.criteria_ints[c.CI_PROGRESS]]
     if state.clock[1] < 0 and s >= statics.trigger_m - TRIGGER_RADIUS_M:
@@ -95,12 +94,12 @@ def _wake_scenario(statics: Statics, state: State) -> None:
         state.criteria_ints[c.CI_SCENARIO_OVER] = 1
 
 
-@_jit
+@inner
 def _scenario_runs(state: State) -> bool:
     return bool(state.clock[1] >= 0 and state.criteria_ints[c.CI_SCENARIO_OVER] == 0)
 
 
-@_jit
+@inner
 def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
     """Outside lanes, or against the traffic: counted in metres of route passed meanwhile."""
     ego, ints = state.ego, state.criteria_ints
@@ -122,7 +121,7 @@ def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
         state.criteria[c.C_OUTSIDE_M] += gained
 
 
-@_jit
+@inner
 def nearest_lane_heading(statics: Statics, lane: int, x: float, y: float) -> tuple[float, float, float]:
     """(x, y, heading) of the centre point of one lane that is nearest to (x, y)."""
     best, at = 1e18, 0
@@ -136,7 +135,7 @@ def nearest_lane_heading(statics: Statics, lane: int, x: float, y: float) -> tup
     return statics.lanes[at, 0], statics.lanes[at, 1], statics.lanes[at, 2]
 
 
-@_jit
+@inner
 def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, qx: float, qy: float) -> bool:
     """Do the segments a-b and p-q cross?"""
     d1 = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
@@ -146,7 +145,7 @@ def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, q
     return d1 * d2 < 0.0 and d3 * d4 < 0.0
 
 
-@_jit
+@inner
 def _red_lights(statics: Statics, state: State) -> None:
     """The tail of the ego crosses the stop line of a red light, heading with it."""
     ego = state.ego
@@ -166,7 +165,7 @@ def _red_lights(statics: Statics, state: State) -> None:
             note(state, c.EVENT_RED_LIGHT, float(k), 0.0)
 
 
-@_jit
+@inner
 def _stop_signs(statics: Statics, state: State) -> None:
     """Come to rest while a stop sign holds; leaving without is an infraction."""
     ego, ints = state.ego, state.criteria_ints
@@ -194,7 +193,7 @@ def _stop_signs(statics: Statics, state: State) -> None:
         ints[c.CI_STOP_LINE] = -1
 
 
-@_jit
+@inner
 def _speed(statics: Statics, state: State) -> None:
     """Driving efficiency: the ego's mean speed against the mean speed of the background traffic, per twentieth."""
     criteria, ints = state.criteria, state.criteria_ints
@@ -213,7 +212,7 @@ def _speed(statics: Statics, state: State) -> None:
         _speed_event(state)
 
 
-@_jit
+@inner
 def _speed_event(state: State) -> None:
     criteria, ints = state.criteria, state.criteria_ints
     ratio = 100.0
@@ -224,7 +223,7 @@ def _speed_event(state: State) -> None:
     ints[c.CI_SAMPLES] = 0
 
 
-@_jit
+@inner
 def _yield_test(statics: Statics, state: State) -> None:
     """Ten seconds after the emergency vehicle came within 50 m it must be ahead of the ego."""
     e = statics.emergency_actor
@@ -240,7 +239,7 @@ def _yield_test(statics: Statics, state: State) -> None:
             state.criteria_ints[c.CI_SCENARIO_OVER] = 1
 
 
-@_jit
+@inner
 def _close_yield(statics: Statics, state: State) -> None:
     e, ego = statics.emergency_actor, state.ego
     dx, dy = state.actors[e, c.A_X] - ego[c.EGO_X], state.actors[e, c.A_Y] - ego[c.EGO_Y]
@@ -250,7 +249,7 @@ def _close_yield(statics: Statics, state: State) -> None:
     state.criteria_ints[c.CI_YIELD_SEEN] = 2
 
 
-@_jit
+@inner
 def _off_route_m(statics: Statics, state: State) -> float:
     """Distance to the nearest of the next five waypoints [m]."""
     first = state.criteria_ints[c.CI_PROGRESS]
@@ -261,7 +260,7 @@ def _off_route_m(statics: Statics, state: State) -> float:
     return best
 
 
-@_jit
+@inner
 def _end(statics: Statics, state: State) -> int:
     ego, criteria, ints = state.ego, state.criteria, state.criteria_ints
     away = _off_route_m(statics, state)
@@ -284,9 +283,9 @@ def _end(statics: Statics, state: State) -> int:
     return c.END_NONE
 
 
-@_jit
+@inner
 def judge(statics: Statics, state: State) -> None:
-    """All criteria of one tick, after `kernels.advance`; writes `CI_END` when the episode is over."""
+    """All criteria of one tick, after everybody moved; writes `CI_END` when the episode is over."""
     gained = _progress(statics, state)
     _wake_scenario(statics, state)
     _lane_keeping(statics, state, gained)
@@ -297,7 +296,7 @@ def judge(statics: Statics, state: State) -> None:
     state.criteria_ints[c.CI_END] = _end(statics, state)
 
 
-@_jit
+@inner
 def finish(statics: Statics, state: State) -> None:
     """Close what is only known at the end: the last speed checkpoint, the emergency vehicle that never got past."""
     share = statics.route_s[state.criteria_ints[c.CI_PROGRESS]] / statics.route_s[-1]

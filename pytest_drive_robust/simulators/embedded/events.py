@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import numba
-
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State
 
 __all__ = ["note"]
 
 
-@numba.njit(cache=True)
+@inner
 def note(state: State, kind: int, actor: float, value: float) -> None:
     """Append one event with the tick and the place of the ego; beyond `EVENT_CAPACITY` events are dropped."""
     count = state.criteria_ints[c.CI_EVENTS]

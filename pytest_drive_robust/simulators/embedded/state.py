@@ -1,9 +1,6 @@
 """The world as arrays: what the kernels read (`Statics`) and what they write (`State`), and the names of the columns.
 
 `snapshot` is a copy of `State`, so branching a world costs microseconds.
-
-After a change in this file delete the compiled kernels (`find . -name "*.nb[ci]" -delete`): numba's cache looks at the
-kernel's own file only and would go on with the old columns.
 """
 
 from __future__ import annotations
@@ -58,6 +55,10 @@ CRITERIA_INTS = 11
 
 END_NONE, END_COMPLETED, END_DEVIATED, END_BLOCKED, END_TICK_CAP, END_STUCK = range(6)
 
+# --- the survey of a tick: one row for each path and body ---
+S_ALONG, S_RIGHT, S_LENGTH, S_WIDTH, S_SPEED = range(5)
+SURVEY_COLUMNS = 5
+
 # --- events: one row each ---
 EVENT_COLLISION, EVENT_RED_LIGHT, EVENT_STOP_SIGN, EVENT_YIELD, EVENT_SPEED = range(5)
 EV_KIND, EV_TICK, EV_ACTOR, EV_VALUE, EV_X, EV_Y = range(6)
@@ -99,6 +100,7 @@ class Statics(NamedTuple):
     buildings: Floats  # (b, 6)
     patches: Floats  # (p, 2): dirt on the road
     patch_noise: Floats  # (n, 2): throttle and steer that a patch adds, one row a tick, over and over
+    survey: Floats  # (paths, actors + 1, 5): scratch, written anew in every tick
 
 
 class State(NamedTuple):

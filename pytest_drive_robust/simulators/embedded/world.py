@@ -11,9 +11,9 @@ from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth, LaneK
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish, judge
+from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
-from pytest_drive_robust.simulators.embedded.kernels import actor_rows, advance, fill_flows, pose_actors
+from pytest_drive_robust.simulators.embedded.kernels.entry import actor_rows, finish, settle, tick
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
 from pytest_drive_robust.simulators.embedded.stage import Stage
@@ -58,8 +58,7 @@ class World:
             events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
         )
         self._rows = np.zeros((len(actors), 10))
-        pose_actors(self.statics, self.state)
-        fill_flows(self.statics, self.state)
+        settle(self.statics, self.state)
         _clear_start(self.statics, self.state)
 
     @property
@@ -69,8 +68,7 @@ class World:
 
     def tick(self, control: Control) -> None:
         """Advance by `DT_S` seconds."""
-        advance(self.statics, self.state, float(control.throttle), float(control.steer), float(control.brake))
-        judge(self.statics, self.state)
+        tick(self.statics, self.state, float(control.throttle), float(control.steer), float(control.brake))
 
     def close_criteria(self) -> None:
         """Note what is only known at the end; once per episode."""
@@ -178,6 +176,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         buildings=lane_map.buildings,
         patches=np.array(stage.patches).reshape(-1, 2),
         patch_noise=_patch_noise(stage),
+        survey=np.zeros((len(stage.paths), len(stage.cast.rows) + 1, c.SURVEY_COLUMNS)),
     )
 
 

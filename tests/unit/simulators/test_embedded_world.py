@@ -15,7 +15,8 @@ from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels import idm, overlap
+from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
+from pytest_drive_robust.simulators.embedded.kernels.drivers import idm
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 

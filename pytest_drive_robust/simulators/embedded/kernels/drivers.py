@@ -1,0 +1,170 @@
+"""What drivers do: the intelligent driver model, who is ahead, scripts, brake lamps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.truth import ActorState, LightState
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
+from pytest_drive_robust.simulators.embedded.kernels.scripts import run_script
+from pytest_drive_robust.simulators.embedded.state import State, Statics
+
+__all__ = ["idm", "move_actors"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+IDM_GAP_M = 2.0
+IDM_HEADWAY_S = 1.1
+IDM_COMFORT_MPS2 = 2.5
+LOOK_AHEAD_M = 70.0
+# how far the traffic around the ego may get away from it
+LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
+SIDEWAYS_SHARE = 0.5
+_RED = int(LightState.RED)
+_YELLOW = int(LightState.YELLOW)
+_BRAKING = int(ActorState.BRAKING)
+_LEFT = int(ActorState.INDICATOR_LEFT)
+_RIGHT = int(ActorState.INDICATOR_RIGHT)
+_SIREN = int(ActorState.SIREN)
+
+
+@inner
+def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, brake_max: float) -> float:
+    """Acceleration of the intelligent driver model, limited to what the actor can do [m/s2]."""
+    if target < 0.05:
+        free = -brake_max if v > 0.0 else 0.0
+    elif v > target:
+        free = -IDM_COMFORT_MPS2 * min(1.0, v / target - 1.0 + 0.2)
+    else:
+        free = accel_max * (1.0 - (v / target) ** 2 * (v / target) ** 2)
+    if gap < 1e17:
+        closing = v * (v - leader_v) / (2.0 * math.sqrt(accel_max * IDM_COMFORT_MPS2))
+        desired = IDM_GAP_M + max(0.0, v * IDM_HEADWAY_S + closing)
+        free = min(free, accel_max * (1.0 - (desired / max(gap, 0.1)) ** 2))
+    return min(max(free, -brake_max), accel_max)
+
+
+@inner
+def _leader(bodies: Floats, i: int, s: float, right: float, length: float, width: float) -> tuple[float, float]:
+    """(gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i."""
+    gap, speed = math.inf, 0.0
+    for body in range(len(bodies)):
+        ahead = bodies[body, c.S_ALONG] - s
+        if ahead <= 0.0 or ahead > LOOK_AHEAD_M or body == i:
+            continue
+        if abs(bodies[body, c.S_RIGHT] - right) > 0.5 * (width + bodies[body, c.S_WIDTH]) + 0.2:
+            continue
+        found = ahead - 0.5 * (length + bodies[body, c.S_LENGTH])
+        if found < gap:
+            gap, speed = found, bodies[body, c.S_SPEED]
+    return gap, speed
+
+
+@inner
+def _wanted_speed(actor: Floats, whole: Ints, ego: Floats) -> float:
+    """The target speed after leash (traffic stays near the ego) and chase (faster than the ego)."""
+    target = actor[c.A_TARGET_V]
+    if whole[c.I_LEASH] == 1:
+        ahead = _ahead_of_ego(actor, ego)
+        if abs(ahead) > LEASH_FREE_M:
+            stretch = min((abs(ahead) - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M), 1.0)
+            target *= 1.0 - stretch if ahead > 0.0 else 1.0 + stretch
+    if whole[c.I_RELATIVE] == 2 and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
+        target = ego[c.EGO_V] + actor[c.A_SCRIPT_V]
+    return float(target)
+
+
+@inner
+def _ahead_of_ego(actor: Floats, ego: Floats) -> float:
+    dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
+    return float(dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW]))
+
+
+@inner
+def _abreast(actor: Floats, ego: Floats) -> float:
+    """Acceleration that keeps an actor `A_SYNC_M` metres ahead of the ego [m/s2]."""
+    behind = actor[c.A_SYNC_M] - _ahead_of_ego(actor, ego)
+    wanted = ego[c.EGO_FORWARD] + 1.2 * (ego[c.EGO_V] - actor[c.A_V]) + 0.4 * behind
+    return float(min(max(wanted, -actor[c.A_BRAKE_MAX]), actor[c.A_ACCEL_MAX]))
+
+
+@inner
+def _acceleration(statics: Statics, state: State, i: int) -> float:
+    """What the driver of actor i asks for [m/s2]."""
+    actor, whole = state.actors[i], state.actor_ints[i]
+    if actor[c.A_SYNC_M] > 0.0:
+        return _abreast(actor, state.ego)
+    gap, leader_v = math.inf, 0.0
+    if whole[c.I_BLIND] == 0:
+        path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
+        gap, leader_v = _leader(statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH])
+        line = statics.path_stop_line[path]
+        if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and state.lights[line] in (_RED, _YELLOW):
+            ahead = statics.path_stop_s[path] - s - 0.5 * length
+            if -0.5 < ahead < gap:
+                gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
+    wanted = _wanted_speed(actor, whole, state.ego)
+    return idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
+
+
+@inner
+def _move(statics: Statics, state: State, i: int) -> None:
+    """One actor, one tick: along its path, sideways towards its target, lamps."""
+    actor, whole, dt = state.actors[i], state.actor_ints[i], statics.dt_s
+    if whole[c.I_STUN] > 0:
+        whole[c.I_STUN] -= 1
+        actor[c.A_V], actor[c.A_ACCEL] = 0.0, 0.0
+        return
+    accel, walks = 0.0, whole[c.I_MODE] == c.MODE_WALK
+    if walks:
+        actor[c.A_V] = actor[c.A_TARGET_V]
+    else:
+        accel = _acceleration(statics, state, i)
+        actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
+    actor[c.A_ACCEL] = accel
+    actor[c.A_S] += actor[c.A_V] * dt
+    # a car moves sideways only as fast as it drives forward
+    most = min(actor[c.A_LAT_RATE], SIDEWAYS_SHARE * actor[c.A_V]) * dt
+    shift = min(max(actor[c.A_TARGET_LAT] - actor[c.A_LAT], -most), most)
+    actor[c.A_LAT] += shift
+    if actor[c.A_S] >= actor[c.A_END_S]:
+        actor[c.A_S], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_S], 0.0, 0.0
+        if whole[c.I_AT_END] == c.AT_END_LEAVE:
+            whole[c.I_ACTIVE] = 0
+    _show(actor, whole, accel, shift)
+    path = whole[c.I_PATH]
+    first, last, step = statics.path_start[path], statics.path_start[path + 1], statics.path_step[path]
+    x, y, yaw = path_pose(statics.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
+    if shift != 0.0 and not walks:
+        # a body that shifts sideways also turns its nose that way
+        yaw += math.atan2(shift / dt, max(actor[c.A_V], 1.0))
+    actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw
+
+
+@inner
+def _show(actor: Floats, whole: Ints, accel: float, shift: float) -> None:
+    """Brake lamps, indicators, siren."""
+    shown = whole[c.I_STATE] & _SIREN
+    if accel < -0.6 or actor[c.A_V] < 0.1:
+        shown |= _BRAKING
+    if shift < 0.0:
+        shown |= _LEFT
+    elif shift > 0.0:
+        shown |= _RIGHT
+    whole[c.I_STATE] = shown
+
+
+@inner
+def move_actors(statics: Statics, state: State) -> None:
+    """Everybody but the ego, in their order: scripts first, then those who exist and are not fixed move."""
+    for i in range(len(state.actors)):
+        if state.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
+            run_script(statics, state, i)
+        if state.actor_ints[i, c.I_ACTIVE] == 1 and state.actor_ints[i, c.I_MODE] != c.MODE_STATIC:
+            _move(statics, state, i)

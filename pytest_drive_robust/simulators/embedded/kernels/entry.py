@@ -1,0 +1,111 @@
+"""The compiled entry points: what Python calls to build, advance and read a world.
+
+Semantics are our own (highway-env's are not those of a judge): speed never becomes negative, gaps run from bumper to
+bumper with real lengths, contact is the overlap of two boxes at the end of the tick, and it stops bodies instead of
+moving them. Everything is a plain loop over `state.State`; the same inputs give the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.simulators.embedded import criteria
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels import flows
+from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
+from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
+from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
+from pytest_drive_robust.simulators.embedded.kernels.jit import entry, inner, sources_digest
+from pytest_drive_robust.simulators.embedded.kernels.lights import set_lights
+from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
+from pytest_drive_robust.simulators.embedded.kernels.survey import survey
+from pytest_drive_robust.simulators.embedded.state import State, Statics
+
+__all__ = ["actor_rows", "finish", "settle", "tick"]
+
+Floats = NDArray[np.float64]
+
+
+@inner
+def _pose_actors(statics: Statics, state: State) -> None:
+    """Put every actor where its path coordinates say."""
+    for i in range(len(state.actors)):
+        whole, actor = state.actor_ints[i], state.actors[i]
+        if whole[c.I_PATH] >= 0:
+            path = whole[c.I_PATH]
+            first, last, step = statics.path_start[path], statics.path_start[path + 1], statics.path_step[path]
+            x, y, yaw = path_pose(statics.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
+            actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
+
+
+def _tick(sources: int) -> Callable[[Statics, State, float, float, float], None]:
+    @entry
+    def tick(statics: Statics, state: State, throttle: float, steer: float, brake: float) -> None:
+        _ = sources  # part of the cache's key
+        state.clock[0] += 1
+        set_lights(statics, state)
+        flows.run_flows(statics, state)
+        survey(statics, state)
+        move_actors(statics, state)
+        move_ego(statics, state, throttle, steer, brake)
+        contacts(statics, state)
+        criteria.judge(statics, state)
+
+    return tick
+
+
+def _settle(sources: int) -> Callable[[Statics, State], None]:
+    @entry
+    def settle(statics: Statics, state: State) -> None:
+        _ = sources
+        set_lights(statics, state)
+        _pose_actors(statics, state)
+        flows.fill_flows(statics, state)
+
+    return settle
+
+
+def _finish(sources: int) -> Callable[[Statics, State], None]:
+    @entry
+    def finish(statics: Statics, state: State) -> None:
+        _ = sources
+        criteria.finish(statics, state)
+
+    return finish
+
+
+def _actor_rows(sources: int) -> Callable[[State, Floats], int]:
+    @entry
+    def actor_rows(state: State, rows: Floats) -> int:
+        _ = sources
+        count = 0
+        for i in range(len(state.actors)):
+            if state.actor_ints[i, c.I_ACTIVE] != 1:
+                continue
+            actor, row = state.actors[i], rows[count]
+            row[0], row[1] = i, state.actor_ints[i, c.I_KIND]
+            row[2], row[3], row[4], row[5] = actor[c.A_X], actor[c.A_Y], actor[c.A_YAW], actor[c.A_V]
+            row[6], row[7], row[8] = actor[c.A_LENGTH], actor[c.A_WIDTH], actor[c.A_HEIGHT]
+            row[9] = state.actor_ints[i, c.I_STATE]
+            count += 1
+        return count
+
+    return actor_rows
+
+
+_SOURCES = sources_digest()
+
+tick = _tick(_SOURCES)
+"""One tick: time, lights, traffic, ego, contact, criteria."""
+
+settle = _settle(_SOURCES)
+"""Put every actor where its path coordinates say and fill the flows; once, after the world was built."""
+
+finish = _finish(_SOURCES)
+"""Close the criteria; once per episode."""
+
+actor_rows = _actor_rows(_SOURCES)
+"""Write the actors that exist now into `rows` (columns of `Frame.actors`); the number of rows written."""
