@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     )
     from pytest_drive_robust.requirements.model import Requirement, requirement
     from pytest_drive_robust.requirements.parse import requirements
+    from pytest_drive_robust.rigs import rig, rig_names
 
     __version__: str
 
@@ -61,6 +62,8 @@ __all__ = [
     "__version__",
     "requirement",
     "requirements",
+    "rig",
+    "rig_names",
 ]
 
 _MODULES = {
@@ -82,6 +85,7 @@ _MODULES = {
     ),
     "requirements.model": ("Requirement", "requirement"),
     "requirements.parse": ("requirements",),
+    "rigs": ("rig", "rig_names"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

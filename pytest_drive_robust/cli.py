@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust import cli_routes
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     listing = commands.add_parser("list", help="what is there, and where it comes from")
     listing.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(_LISTS)}; all when left out")
     listing.set_defaults(command=_list)
+    cli_routes.add_commands(commands)
 
     check = commands.add_parser("check-agent", help="does an agent keep the contract?")
     check.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
@@ -54,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     for command in (check, replay):
         command.add_argument("--seed", type=int, default=0, help="default: 0")
         command.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
-        command.add_argument("--routes", metavar="SET", help="a set (bench24), a file, or FILE:id,id")
+        command.add_argument("--routes", metavar="SET", help="a set (full, dev10), a file, or FILE:id,id")
     return parser
 
 
@@ -65,22 +67,10 @@ def _list(options: argparse.Namespace) -> int:
         if kind not in _LISTS:
             raise UnknownNameError.of("list", kind, _LISTS)
         if kind == "routes":
-            _print_routes()
+            cli_routes.print_sets()
         else:
             _print_table(kind, ("name", "origin"), default_registry().names(kind))
     return 0
-
-
-def _print_routes() -> None:
-    """Every route that we ship, then which of them each named set holds."""
-    from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
-
-    sets = {name: {route.id: route for route in named_routes(name)} for name in set_names()}
-    routes = {identifier: route for members in sets.values() for identifier, route in members.items()}
-    rows = [(route.id, route.scenario.type, route.town) for route in routes.values()]
-    _print_table("routes", ("id", "scenario", "town"), rows)
-    for name, members in sets.items():
-        print(f"{name}: {len(members)} routes: {', '.join(members)}")
 
 
 def _check_agent(options: argparse.Namespace) -> int:
@@ -115,13 +105,14 @@ def _replay(options: argparse.Namespace) -> int:
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.requirements.evaluate import first_divergence_s
     from pytest_drive_robust.runner.loop import drive_episode
-    from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+    from pytest_drive_robust.runner.routes import resolve_routes
     from pytest_drive_robust.settings import positive_seconds
     from pytest_drive_robust.simulators.base import SimulatorOptions
+    from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 
     registry = default_registry()
     setting = Setting.parse(options.setting, registry.perturbations())
-    routes = {route.id: route for route in resolve_routes(options.routes or DEFAULT_ROUTES)}
+    routes = {route.id: route for route in resolve_routes(options.routes or ALL_ROUTES)}
     if options.route not in routes:
         raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
     stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)

@@ -33,6 +33,10 @@ __all__ = [
 ]
 
 
+_MOST_NAMES = 50
+"""A message with more names than these would be read by nobody."""
+
+
 class DriveRobustError(Exception):
     """Base of every error that this package raises on purpose."""
 
@@ -52,7 +56,8 @@ class UnknownNameError(UsageError):
         message = f"there is no {what} named {given!r}."
         if close is not None:
             message += f" Did you mean {close!r}?"
-        message += f" Known: {', '.join(names) or 'none'}."
+        more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+        message += f" Known: {', '.join(names[:_MOST_NAMES]) or 'none'}{more}."
         return cls(f"{message} {hint}".rstrip())
 
 

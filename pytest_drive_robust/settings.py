@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 DEFAULT_AGENT = "classical"
-DEFAULT_ROUTES = "bench24"
+DEFAULT_ROUTES = "one-per-scenario"
 DEFAULT_SIMULATOR = "embedded"
 METRIC_MODES = ("bench2drive", "fixed")
 
@@ -46,7 +46,7 @@ OPTIONS = (
         "drive_routes",
         "SPEC",
         DEFAULT_ROUTES,
-        "a named route set, a route XML file, or route ids as in 101,601",
+        "full, one-per-scenario, dev10, a route XML file, or route ids as in 101,2301",
     ),
     Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator"),

@@ -17,6 +17,9 @@ Floats = NDArray[np.float64]
 _STEP_M = 0.5
 _WINDOW_M = 12.0
 _TURNS = {RoadOption.LEFT: -math.pi / 2.0, RoadOption.RIGHT: math.pi / 2.0, RoadOption.STRAIGHT: 0.0}
+_CHANGES = {RoadOption.CHANGE_LANE_LEFT: 0.0, RoadOption.CHANGE_LANE_RIGHT: 0.0}
+_MANOEUVRES = {**_TURNS, **_CHANGES}
+"""What a command turns the heading by; before and after it the path follows the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +34,7 @@ class Junction:
 class PlanPath:
     """Cubic pieces through the plan's points, sampled every half metre.
 
-    The plan gives a point where a junction is entered and one where it is left, and the turn between them; on roads
+    The plan gives a point where a junction or a lane change begins and one where it ends, and its command; on roads
     it gives one every 50 m, so that the path cuts bends by a metre or so. `points` is (n, 2) metres. Raises
     `ValueError` for a plan without points.
     """
@@ -59,6 +62,7 @@ class PlanPath:
         self.junctions = tuple(
             Junction(entries[k], entries[k + 1], commands[k]) for k in range(len(knots) - 1) if commands[k] in _TURNS
         )
+        self._changes = tuple((entries[k], entries[k + 1]) for k in range(len(knots) - 1) if commands[k] in _CHANGES)
         self._at = 0
 
     def locate(self, x_m: float, y_m: float) -> float:
@@ -82,22 +86,27 @@ class PlanPath:
         """The junction that lies around or ahead of a place, or None."""
         return next((junction for junction in self.junctions if along_m < junction.exit_m), None)
 
+    def to_lane_end(self, along_m: float) -> float:
+        """Metres until the path leaves the markings of its lane: a junction or a lane change; negative within one."""
+        spans = (*((junction.entry_m, junction.exit_m) for junction in self.junctions), *self._changes)
+        return min((start - along_m for start, end in spans if along_m < end), default=math.inf)
+
 
 def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -> list[float]:
-    """The heading at every point: a junction is entered along the road before it and left along the one after it."""
+    """The heading at every point: a manoeuvre is entered along the road before it and left along the one after it."""
     chords = [math.atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
     headings = [start_yaw_rad]
     for k in range(1, len(knots) - 1):
-        if commands[k] in _TURNS:
+        if commands[k] in _MANOEUVRES:
             headings.append(chords[k - 1])
-        elif commands[k - 1] in _TURNS:
+        elif commands[k - 1] in _MANOEUVRES:
             headings.append(chords[k])
         else:
             headings.append(math.atan2(*(knots[k + 1] - knots[k - 1])[::-1]))
     if chords:
         before = math.remainder(chords[-1] - headings[-1], math.tau)
-        in_turn = commands[-2] in _TURNS
-        headings.append(headings[-1] + _TURNS[commands[-2]] if in_turn else chords[-1] + before)
+        in_turn = commands[-2] in _MANOEUVRES
+        headings.append(headings[-1] + _MANOEUVRES[commands[-2]] if in_turn else chords[-1] + before)
     return headings
 
 

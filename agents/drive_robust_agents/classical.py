@@ -72,7 +72,7 @@ class Classical:
         at = self._path.locate(observation.gps.x_m, observation.gps.y_m)
         junction = self._path.next_junction(at)
         course = self._path.ahead(observation.gps.x_m, observation.gps.y_m, yaw, _AHEAD_POINTS)
-        self._way = self._correct(course, pixels, at, junction, travelled, turned)
+        self._way = self._correct(course, pixels, self._path.to_lane_end(at), travelled, turned)
         inside = junction is not None and at > junction.entry_m - 3.0
         bases = self._ground.bases(pixels)
         self._corridor.update(bases, self._way, travelled, may_dodge=not inside)
@@ -81,12 +81,10 @@ class Classical:
         return self._control(target, speed)
 
     def _correct(
-        self, course: Floats, pixels: NDArray[np.uint8], at: float, junction: Junction | None, travelled: float,
-        turned: float,
-    ) -> Floats:  # fmt: skip
-        """The plan's course moved towards the middle of the lane that the camera sees, up to the next junction."""
-        to_entry = math.inf if junction is None else junction.entry_m - at
-        on_road = to_entry > -1.0
+        self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
+    ) -> Floats:
+        """The plan's course moved towards the middle of the lane that the camera sees, as far as the path keeps it."""
+        on_road = to_lane_end > -1.0
         if on_road and not self._on_road:
             self._lane.forget(*_line(course))
         self._on_road = on_road
@@ -96,7 +94,7 @@ class Classical:
             self._lane.see(pixels, self._ground.level)
             share = _LANE_SHARE * min(self._lane.quality / 0.3, 1.0)
             shift = share * (self._lane.middle(course[:, 0]) - course[:, 1])
-            beyond = np.maximum(np.arange(len(course)) - to_entry, 0.0)
+            beyond = np.maximum(np.arange(len(course)) - to_lane_end, 0.0)
             way[:, 1] += np.clip(shift, -4.0, 4.0) * np.maximum(0.0, 1.0 - beyond / 8.0)
         return way
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drive_robust_agents._control import Floats, look_ahead_m, pedals, speed_profile, steer_to
-from drive_robust_agents._forecast import nearest_ahead
+from drive_robust_agents._planning.control import Floats, look_ahead_m, pedals, speed_profile, steer_to
+from drive_robust_agents._planning.forecast import nearest_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.truth import ActorKind, Frame, GroundTruth
 

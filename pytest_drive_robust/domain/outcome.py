@@ -29,6 +29,7 @@ class End(str, Enum):
     BLOCKED = "Failed - Agent got blocked"
     TICK_CAP = "Failed - TickRuntime"
     STUCK = "Failed - Stuck (early stop)"
+    ENVIRONMENT = "Failed - Environment ended the episode"
     AGENT_CRASHED = "Failed - Agent crashed"
     SIMULATION_CRASHED = "Failed - Simulation crashed"
 

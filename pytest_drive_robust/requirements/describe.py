@@ -15,6 +15,7 @@ _ENDS: Mapping[End, str] = {
     End.BLOCKED: "blocked",
     End.TICK_CAP: "out of time",
     End.STUCK: "stuck",
+    End.ENVIRONMENT: "ended by the environment",
     End.AGENT_CRASHED: "agent error",
     End.SIMULATION_CRASHED: "simulation crashed",
 }

@@ -6,24 +6,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.settings import DEFAULT_ROUTES
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
 
 __all__ = ["DEFAULT_ROUTES", "resolve_routes"]
 
-DEFAULT_ROUTES = "bench24"
-
 
 def resolve_routes(spec: str) -> tuple[Route, ...]:
     """The routes of a specification, in the order in which it names them.
 
     ==================== =======================================================
-    `bench24`            a named set
+    `one-per-scenario`   a named set: `full`, `one-per-scenario` or `dev10`
     `my/routes.xml`      every route of a file in the leaderboard's schema
-    `101,201`            routes of the default set by their ids
-    `bench24:101,201`    routes of a named set
-    `routes.xml:2091`    routes of a file
+    `101,2301`           routes by their ids, out of all that we ship (`full`)
+    `dev10:501`          routes of a named set by their ids
+    `routes.xml:2091`    routes of a file by their ids
     ==================== =======================================================
 
     Raises `UnknownNameError` for sets, files and ids that do not exist, `RouteError` for files that we do not
@@ -31,7 +30,7 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
     """
     text = spec.strip()
     if not text:
-        raise UsageError("no routes were named: give a set (bench24), a file (routes.xml) or ids (101,201).")
+        raise UsageError("no routes were named: give a set (one-per-scenario), a file (routes.xml) or ids (101,2301).")
     source, ids = _split(text)
     routes = _load(source)
     return routes if ids is None else _select(routes, ids, source)
@@ -39,7 +38,7 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
 
 def _split(text: str) -> tuple[str, str | None]:
     """(set or file, ids or None). A colon may also belong to a file name (`C:/routes.xml`)."""
-    from pytest_drive_robust.simulators.embedded.routes import set_names
+    from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, set_names
 
     if text in set_names() or _is_file(text):
         return text, None
@@ -47,7 +46,7 @@ def _split(text: str) -> tuple[str, str | None]:
     if colon and "/" not in ids and not ids.endswith(".xml"):
         return source.strip(), ids
     if _looks_like_ids(text):
-        return DEFAULT_ROUTES, text
+        return ALL_ROUTES, text
     return text, None
 
 
@@ -63,7 +62,7 @@ def _load(source: str) -> tuple[Route, ...]:
         folder = Path(source).parent
         beside = [str(path) for path in folder.glob("*.xml")]
         raise UnknownNameError.of("route file", source, beside, hint=f"Looked from the folder {Path.cwd()}.")
-    raise UnknownNameError.of("set of routes", source, names, hint="Or give a route file or ids, such as 101,201.")
+    raise UnknownNameError.of("set of routes", source, names, hint="Or give a route file or ids, such as 101,2301.")
 
 
 def _select(routes: tuple[Route, ...], ids: str, source: str) -> tuple[Route, ...]:
@@ -73,7 +72,8 @@ def _select(routes: tuple[Route, ...], ids: str, source: str) -> tuple[Route, ..
         raise UsageError(f"no route ids after {source!r}: give them as {source}:{','.join(list(by_id)[:2])}.")
     for name in wanted:
         if name not in by_id:
-            raise UnknownNameError.of(f"route in {source}", name, by_id)
+            hint = f"`drive-robust routes list {source}` shows them."
+            raise UnknownNameError.of(f"route in {source}", name, by_id, hint=hint)
     return tuple(by_id[name] for name in dict.fromkeys(wanted))
 
 

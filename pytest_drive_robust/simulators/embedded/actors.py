@@ -130,6 +130,7 @@ class Cast:
         right_m: float,
         kinds: tuple[ActorKind, ...],
         obeys_lights: bool,
+        blind: bool,
     ) -> None:
         """A source and a sink on a path; `gaps_m` are the distances between one car and the next, drawn beforehand."""
         slots = int((sink_m - source_m) / float(np.min(gaps_m))) + 3
@@ -146,6 +147,7 @@ class Cast:
                 at_end=c.AT_END_LEAVE,
                 background=background,
                 obeys_lights=obeys_lights,
+                blind=blind,
             )
             self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
         self.flow_rows.append([source_m, sink_m, speed_mps, float(gaps_m[0]), right_m])

@@ -37,6 +37,8 @@ _FIXED_COLOURS: dict[ActorKind, Colour] = {
     ActorKind.CONE: (255, 120, 20),
     ActorKind.BARRIER: (230, 50, 50),
     ActorKind.WARNING_SIGN: (230, 50, 50),
+    ActorKind.DOOR: (255, 120, 20),
+    ActorKind.DIRT: (126, 92, 58),
     ActorKind.BUILDING: _BUILDING,
 }
 _SUBPIXEL_BITS = 4
@@ -51,17 +53,19 @@ def draw_bev(
     metres: float = 80.0,
     centre: tuple[float, float] | None = None,
     trail: NDArray[np.float64] | None = None,
+    line_px: int = 1,
 ) -> Pixels:
     """A square of `metres` around `centre` (the ego when None) as (size_px, size_px, 3) uint8 RGB: x right, y down.
 
-    `route` (n, 2 or more) and `trail` (m, 2 or more: where the ego has been) are points in metres; either may be empty.
+    `route` (n, 2 or more) and `trail` (m, 2 or more: where the ego has been) are points in metres; either may be empty;
+    `line_px` is how thick they are drawn.
     """
     x, y = centre if centre is not None else (frame.ego.x_m, frame.ego.y_m)
     region = Region(x - metres / 2.0, y - metres / 2.0, size_px, size_px, metres / size_px)
     picture = np.ascontiguousarray(unpack(pack_sheet(paint_ground(lane_map, region))))
-    _path(picture, region, route, _ROUTE)
+    _path(picture, region, route, _ROUTE, line_px)
     if trail is not None:
-        _path(picture, region, trail, _TRAIL)
+        _path(picture, region, trail, _TRAIL, line_px)
     for row in lane_map.buildings:
         _outline(picture, region, row[:5], _BUILDING)
     for index, line in enumerate(lane_map.stop_lines):
@@ -81,10 +85,10 @@ def _whole(colour: tuple[float, float, float]) -> Colour:
     return red, green, blue
 
 
-def _path(picture: Pixels, region: Region, points: Floats, colour: Colour) -> None:
+def _path(picture: Pixels, region: Region, points: Floats, colour: Colour, line_px: int) -> None:
     if len(points) >= 2:
         pixels = region.pixels(np.asarray(points, np.float64)[:, :2])
-        cv2.polylines(picture, [pixels], False, colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+        cv2.polylines(picture, [pixels], False, colour, line_px, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
 def _corners(place: Floats) -> Floats:

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
-from pytest_drive_robust.domain.truth import LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
-from pytest_drive_robust.simulators.embedded.map import compile_town, follow, join
+from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town, follow, join
+from pytest_drive_robust.simulators.embedded.matching import lane_change_side, match_lanes
+from pytest_drive_robust.simulators.embedded.passages import Passage
 
 __all__ = ["DenseRoute", "lay_route"]
 
 Floats = NDArray[np.float64]
 _MAX_PLAN_GAP_M = 50.0
-_ON_LANE_M = 1.5
+_OFF_CENTRE_M = 0.1
+"""A lane change begins and ends where the route is nearer than this to the centre of a lane."""
 _TURN_RAD = np.radians(35.0)
 
 
@@ -37,28 +41,56 @@ class DenseRoute:
         """Length of the route in metres."""
         return float(self.s[-1])
 
+    @property
+    def town(self) -> CompiledTown:
+        """The town with its chains and passages."""
+        return compile_town(self.route.town)
+
     def chain(self) -> tuple[int, ...]:
-        """The lanes of the route in order, prolonged to where the first road begins and the last one ends."""
-        used = list(dict.fromkeys(int(k) for k in self.lanes))
-        before = follow(self.lane_map, used[0])
-        after = follow(self.lane_map, used[-1])
-        head = before[: before.index(used[0])]
-        tail = after[after.index(used[-1]) + 1 :]
+        """The lanes of the route in order, prolonged to where the first road begins and the last one ends.
+
+        Where the route changes lanes both stand in it, one after the other.
+        """
+        head, used, tail = self._parts()
         return (*head, *used, *tail)
 
     def driven_line(self) -> tuple[Floats, float]:
-        """(centre line of `chain`, where on it the route starts)."""
-        line = join(self.lane_map, self.chain())
-        return line, project(line, float(self.rows[0, 0]), float(self.rows[0, 1]))[0]
+        """(road before the start + the route with its lane changes + road after its end, where the route starts)."""
+        head, used, tail = self._parts()
+        before = join(self.lane_map, (*head, used[0]))
+        after = join(self.lane_map, (used[-1], *tail))
+        first, last = self.rows[0], self.rows[-1]
+        before = before[arc_lengths(before) < project(before, *first[:2])[0] - 0.5]
+        after = after[arc_lengths(after) > project(after, *last[:2])[0] + 0.5]
+        line = resample(np.concatenate([before[:, :2], self.rows[:, :2], after[:, :2]]))
+        return line, project(line, *first[:2])[0]
 
     def first_junction_row(self) -> int | None:
         """The first row on a junction lane, or None."""
         flags = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
         return int(np.argmax(flags)) if flags.any() else None
 
+    def passages(self) -> tuple[Passage, ...]:
+        """The ways through junctions that the route takes, in order."""
+        found = []
+        for inside in self._junction_lanes():
+            ways = (way for way in self.town.passages if _contains(way.inside, inside))
+            found.append(next(ways))
+        return tuple(found)
+
+    def first_passage(self) -> Passage | None:
+        """The way through the first junction, or None."""
+        return next(iter(self.passages()), None)
+
+    def junction_stops(self, number: int = 0) -> tuple[int, ...]:
+        """The stop lines at the entries of the route's junction `number`."""
+        junction = self.passages()[number].junction
+        entries = {way.enters for way in self.town.passages if way.junction == junction}
+        return tuple(line.index for line in self.lane_map.stop_lines if line.lane in entries)
+
     def plan(self) -> GlobalPlan:
         """Points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
-        commands = [self._command(k) for k in range(len(self.rows))]
+        commands = self._commands()
         points: list[PlanPoint] = []
         last_s = -np.inf
         for k, command in enumerate(commands):
@@ -68,14 +100,56 @@ class DenseRoute:
                 last_s = float(self.s[k])
         return GlobalPlan(tuple(points))
 
-    def _command(self, k: int) -> RoadOption:
-        lane = self.lane_map.lanes[self.lanes[k]]
-        if not lane.junction:
-            return RoadOption.LANE_FOLLOW
-        turn = lane.centre[-1, 2] - lane.centre[0, 2]
-        if abs(turn) < _TURN_RAD:
-            return RoadOption.STRAIGHT
-        return RoadOption.RIGHT if turn > 0.0 else RoadOption.LEFT
+    def _parts(self) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+        """Lanes before the route, of the route, after it."""
+        used = tuple(dict.fromkeys(int(k) for k in self.lanes))
+        before, after = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
+        return before[: before.index(used[0])], used, after[after.index(used[-1]) + 1 :]
+
+    def _junction_lanes(self) -> list[tuple[int, ...]]:
+        """For each junction on the route the lanes used in it, in order."""
+        runs = groupby((int(k) for k in self.lanes), key=lambda k: self.town.junctions.get(k, -1))
+        return [tuple(dict.fromkeys(run)) for junction, run in runs if junction >= 0]
+
+    def _commands(self) -> list[RoadOption]:
+        """The navigation command of each row."""
+        commands = [RoadOption.LANE_FOLLOW] * len(self.rows)
+        for inside in self._junction_lanes():
+            command = _turn_command(self.lane_map, inside)
+            for k in np.flatnonzero(np.isin(self.lanes, inside)):
+                commands[k] = command
+        for start, end, side in self.lane_changes():
+            option = RoadOption.CHANGE_LANE_RIGHT if side > 0 else RoadOption.CHANGE_LANE_LEFT
+            commands[start:end] = [option] * (end - start)
+        return commands
+
+    def lane_changes(self) -> list[tuple[int, int, int]]:
+        """(first row, row after the last, 1 to the right or -1 to the left) of every lane change."""
+        lanes = self.lane_map.lanes
+        aside = [abs(project(lanes[k].centre, x, y)[1]) for k, (x, y) in zip(self.lanes, self.rows[:, :2], strict=True)]
+        changes = []
+        for row in np.flatnonzero(np.diff(self.lanes)):
+            side = lane_change_side(lanes, int(self.lanes[row]), int(self.lanes[row + 1]))
+            if side:
+                start, end = int(row), int(row) + 1
+                while start > 0 and aside[start] > _OFF_CENTRE_M:
+                    start -= 1
+                while end < len(aside) - 1 and aside[end] > _OFF_CENTRE_M:
+                    end += 1
+                changes.append((start, end, side))
+        return changes
+
+
+def _contains(inside: tuple[int, ...], driven: tuple[int, ...]) -> bool:
+    """Whether the lanes driven are those of a way: all, or its end or beginning where the route is shorter."""
+    return driven in (inside[: len(driven)], inside[-len(driven) :])
+
+
+def _turn_command(lane_map: LaneMap, inside: tuple[int, ...]) -> RoadOption:
+    turn = sum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in inside)
+    if abs(turn) < _TURN_RAD:
+        return RoadOption.STRAIGHT
+    return RoadOption.RIGHT if turn > 0.0 else RoadOption.LEFT
 
 
 def lay_route(route: Route) -> DenseRoute:
@@ -84,43 +158,16 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
     lane_map = compile_town(route.town).lane_map
     line = resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
-    lanes = _match(lane_map, line, route)
+    lanes, away = match_lanes(lane_map, line)
+    if (lanes < 0).any():
+        row = int(np.argmin(lanes))
+        raise RouteError(
+            f"route {route.id}: waypoint ({line[row, 0]:.1f}, {line[row, 1]:.1f}) is {away[row]:.1f} m from the "
+            f"nearest lane of town {route.town!r}; expected half a lane and 0.5 m at most, on a lane that leads the "
+            "route's way"
+        )
     limits = np.array([lane_map.lanes[k].speed_limit_mps for k in lanes])
     rows = np.column_stack([line, limits])
     trigger = route.scenario.trigger
     trigger_m = project(line, trigger.x_m, trigger.y_m)[0]
     return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m)
-
-
-def _match(lane_map: LaneMap, line: Floats, route: Route) -> NDArray[np.int64]:
-    """The driving lane under each row: near, heading the same way; a lane that was entered is kept while it fits."""
-    driving = [lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
-    points = np.concatenate([lane.centre for lane in driving])
-    owner = np.concatenate([np.full(len(lane.centre), lane.index) for lane in driving])
-    found = np.empty(len(line), dtype=np.int64)
-    for k, (x, y, heading) in enumerate(line):
-        away = np.hypot(points[:, 0] - x, points[:, 1] - y)
-        cost = away + 3.0 * (1.0 - np.cos(points[:, 2] - heading))
-        # at forks several lanes share their first metres: the end of the route decides which one was meant
-        best = int(np.argmin(cost))
-        if away[best] > _ON_LANE_M:
-            raise RouteError(
-                f"route {route.id}: waypoint ({x:.1f}, {y:.1f}) is {away[best]:.1f} m from the nearest lane of town "
-                f"{route.town!r}, expected at most {_ON_LANE_M} m"
-            )
-        found[k] = owner[best]
-    return _clean_forks(lane_map, found)
-
-
-def _clean_forks(lane_map: LaneMap, found: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Within a junction keep the connector that the route uses longest; its siblings share only the first metres."""
-    junction = np.array([lane_map.lanes[k].junction for k in found])
-    cleaned: NDArray[np.int64] = found.copy()
-    start = 0
-    for k in range(1, len(found) + 1):
-        if k == len(found) or junction[k] != junction[start]:
-            if junction[start]:
-                values, counts = np.unique(found[start:k], return_counts=True)
-                cleaned[start:k] = values[np.argmax(counts)]
-            start = k
-    return cleaned

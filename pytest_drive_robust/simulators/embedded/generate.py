@@ -1,84 +1,148 @@
-"""Draws routes: `python -m pytest_drive_robust.simulators.embedded.generate FILE.xml --seed 0 --per-type 2`.
+"""Draws routes: `python -m pytest_drive_robust.simulators.embedded.generate FILE.xml --seed 0 --per-type 5`.
 
-Everything about a route follows from (seed, scenario type, number), so another seed gives other routes on other towns.
+Everything about a route follows from (seed, scenario type, number). Another seed gives other routes on other towns: the
+towns of seed s carry the numbers 1 + 1000 s to 1000 + 1000 s, and no others.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import re
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
+from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint
+from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, resample
+from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType, Site
+from pytest_drive_robust.simulators.embedded.weathers import WEATHERS, weather_name
+from pytest_drive_robust.simulators.embedded.weaving import weave
+from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["WEATHERS", "draw_route", "draw_routes", "main"]
+__all__ = ["ATTEMPTS", "SEEDS", "TOWNS_PER_SEED", "draw_route", "draw_routes", "main", "summary"]
 
-WEATHERS = {
-    "clear noon": Weather(cloudiness=5.0, sun_altitude_angle=60.0, fog_density=2.0),
-    "cloudy": Weather(cloudiness=70.0, sun_altitude_angle=45.0, fog_density=5.0),
-    "dusk": Weather(cloudiness=20.0, sun_altitude_angle=6.0, fog_density=5.0),
-    "fog": Weather(cloudiness=60.0, sun_altitude_angle=35.0, fog_density=45.0, wetness=10.0),
-    "rain": Weather(
-        cloudiness=90.0, precipitation=60.0, precipitation_deposits=50.0, wetness=80.0, sun_altitude_angle=40.0
-    ),
-}
-"""The plain variants that generated routes use."""
+Floats = NDArray[np.float64]
 
+ATTEMPTS = 20
+"""So often a route is drawn anew when it cannot be laid, staged or started."""
+
+SEEDS, TOWNS_PER_SEED = 999, 1000
+"""Seeds are 0 to `SEEDS` - 1; each has its own numbers of towns."""
+
+_FAIR = ("clear noon", "cloudy noon", "wet noon")
 _WAYPOINT_STEP_M = 2.0
+_ROAD_LEFT_M = 80.0
+_ELBOW_ROOM_M = 0.3
 
 
-def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> Route:
-    """One route of a scenario type."""
-    text = f"{seed}\x1f{kind.name}\x1f{number}".encode()
-    rng = np.random.Generator(
-        np.random.Philox(key=np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64))
-    )
-    site = kind.sites[number % len(kind.sites)]
-    town_name = f"{site.style}{int(rng.integers(1, 1_000_000))}"
-    town = compile_town(town_name)
-    line = town.chain(site.chain)
-    start, length = _span(town, site, line, rng)
-    at = np.append(np.arange(start, start + length, _WAYPOINT_STEP_M), start + length)
-    waypoints = tuple(Waypoint(*(round(v, 3) for v in place(line, s)[:2])) for s in at)
-    x, y, heading = place(line, start + float(rng.uniform(*site.trigger_m)))
-    trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
-    names = list(WEATHERS)
-    # the first routes of a type are in fair weather, later ones go through the variants
-    weather = WEATHERS[names[0] if number == 0 else names[int(rng.integers(len(names)))]]
-    spec = ScenarioSpec(f"{kind.name}_{number + 1}", kind.name, trigger, _parameters(kind, rng))
-    return Route(route_id, town_name, waypoints, spec, weather)
+@dataclass(frozen=True, slots=True)
+class _Draw:
+    """What names a draw."""
+
+    kind: ScenarioType
+    number: int
+    seed: int
+    attempt: int
+
+    def generator(self) -> np.random.Generator:
+        text = f"{self.seed}\x1f{self.kind.name}\x1f{self.number}\x1f{self.attempt}".encode()
+        key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
+        return np.random.Generator(np.random.Philox(key=key))
 
 
 def draw_routes(*, seed: int, per_type: int) -> list[Route]:
-    """`per_type` routes of every scenario type; ids are 101, 102 for the first type, 201, ... for the second."""
+    """`per_type` routes of every scenario type; ids are 101, 102 for the first type, 201, ... for the second.
+
+    Raises `RouteError` for a seed or a number out of range, and where no place can be found for a scenario.
+    """
+    if not 0 <= seed < SEEDS:
+        raise RouteError(f"seed {seed} draws no routes: expected 0 to {SEEDS - 1}, each with towns of its own")
+    if not 1 <= per_type <= 99:
+        raise RouteError(f"{per_type} routes per scenario type cannot be numbered: expected 1 to 99")
     return [
-        draw_route(kind, number=number, seed=seed, route_id=str(100 * (place_ + 1) + number + 1))
-        for place_, kind in enumerate(SCENARIOS[name] for name in sorted(SCENARIOS))
+        draw_route(SCENARIOS[name], number=number, seed=seed, route_id=str(100 * (k + 1) + number + 1))
+        for k, name in enumerate(sorted(SCENARIOS))
         for number in range(per_type)
     ]
 
 
-def _span(
-    town: CompiledTown, site: Site, line: np.typing.NDArray[np.float64], rng: np.random.Generator
-) -> tuple[float, float]:
-    """(start, length) along the chain."""
-    total = float(arc_lengths(line)[-1])
+def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> Route:
+    """One route of a scenario type: it can be laid and staged, and nothing stands where the ego starts.
+
+    Raises `RouteError` when `ATTEMPTS` draws found no such route.
+    """
+    reason = "it has no sites"
+    for attempt in range(ATTEMPTS if kind.sites else 0):
+        try:
+            route = _attempt(_Draw(kind, number, seed, attempt), route_id)
+            world = World(route, seed=0)
+        except RouteError as error:
+            reason = str(error)
+            continue
+        blocker = _in_the_way(world)
+        if blocker is None:
+            return route
+        reason = f"a {blocker} stands where the ego starts"
+    raise RouteError(
+        f"scenario {kind.name}, route number {number}, seed {seed}: no place found in {ATTEMPTS} draws. "
+        f"The last reason: {reason}. Change the sites of the scenario."
+    )
+
+
+def _attempt(draw: _Draw, route_id: str) -> Route:
+    kind, rng = draw.kind, draw.generator()
+    site = kind.sites[draw.number % len(kind.sites)]
+    town_name = f"{site.style}{1 + TOWNS_PER_SEED * draw.seed + int(rng.integers(TOWNS_PER_SEED))}"
+    line = _line(compile_town(town_name), site, rng)
+    length = float(arc_lengths(line)[-1])
+    at = np.append(np.arange(0.0, length - 0.1, _WAYPOINT_STEP_M), length)
+    waypoints = tuple(Waypoint(*(round(v, 3) for v in place(line, s)[:2])) for s in at)
+    x, y, heading = place(line, float(rng.uniform(*site.trigger_m)))
+    trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
+    # the first route of a type is in fair weather, later ones go through all of them
+    weather = str(rng.choice(_FAIR if draw.number == 0 else tuple(WEATHERS)))
+    spec = ScenarioSpec(f"{kind.name}_{draw.number + 1}", kind.name, trigger, _parameters(kind, rng))
+    return Route(route_id, town_name, waypoints, spec, WEATHERS[weather])
+
+
+def _line(town: CompiledTown, site: Site, rng: np.random.Generator) -> Floats:
+    """The route's line, a point every metre."""
+    chains = site.chain.split(">")
+    if len(chains) - 1 != len(site.changes_m):
+        raise RouteError(
+            f"site {site.style} {site.chain!r} changes lanes {len(chains) - 1} time(s), but its changes_m has "
+            f"{len(site.changes_m)} range(s): expected one for each '>'"
+        )
     length = float(rng.uniform(*site.length_m))
+    start = _start(town, site, chains[0], length, rng)
+    changes = [float(rng.uniform(*limits)) for limits in site.changes_m]
+    return resample(weave(town, chains, start_m=start, changes_m=changes, length_m=length))
+
+
+def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: np.random.Generator) -> float:
+    """Where on its first chain the route starts."""
+    total = float(arc_lengths(town.chain(chain))[-1])
     if site.before_m is None:
-        return float(rng.uniform(80.0, max(81.0, total - length - 80.0))), length
-    lanes = [town.lane_map.lanes[k] for k in town.chains[site.chain]]
-    before_junction = 0.0
-    for lane in lanes:
-        if lane.junction:
-            break
-        before_junction += float(arc_lengths(lane.centre)[-1])
-    return before_junction - float(rng.uniform(*site.before_m)), length
+        return float(rng.uniform(_ROAD_LEFT_M, max(_ROAD_LEFT_M + 1.0, total - length - _ROAD_LEFT_M)))
+    anchor = town.anchor_m(chain)
+    if anchor is None:
+        raise RouteError(
+            f"site {site.style} {site.chain!r} has before_m, but chain {chain!r} has no junction, bend or ramp to "
+            "measure from: leave before_m out"
+        )
+    start = anchor - float(rng.uniform(*site.before_m))
+    if start < 0.0:
+        raise RouteError(f"site {site.style} {site.chain!r}: before_m is longer than the {anchor:.0f} m of road")
+    return start
 
 
 def _parameters(kind: ScenarioType, rng: np.random.Generator) -> dict[str, dict[str, float]]:
@@ -89,17 +153,51 @@ def _parameters(kind: ScenarioType, rng: np.random.Generator) -> dict[str, dict[
     return drawn
 
 
+def _in_the_way(world: World) -> str | None:
+    """The name of what stands where the ego starts, or None."""
+    frame = world.frame()
+    ego = frame.ego
+    room = ego.length_m + 2.0 * _ELBOW_ROOM_M, ego.width_m + 2.0 * _ELBOW_ROOM_M
+    for actor in frame.actors:
+        place_ = actor[[frame.X, frame.Y, frame.YAW, frame.LENGTH, frame.WIDTH]]
+        kind = ActorKind(int(actor[frame.KIND]))
+        depth = overlap(ego.x_m, ego.y_m, ego.yaw_rad, *room, *(float(value) for value in place_))[0]
+        if depth > 0.0 and kind is not ActorKind.DIRT:
+            return kind.name.lower()
+    return None
+
+
+def summary(routes: list[Route]) -> str:
+    """Lengths, towns per style and weathers of a set of routes, for people."""
+    lengths = np.array([arc_lengths(np.array([[p.x_m, p.y_m] for p in r.waypoints]))[-1] for r in routes])
+    styles = Counter(re.sub(r"\d+$", "", route.town) for route in routes)
+    weathers = Counter(weather_name(route.weather) for route in routes)
+    return "\n".join(
+        (
+            f"lengths: {lengths.min():.0f} to {lengths.max():.0f} m, mean {lengths.mean():.1f} m",
+            f"towns: {len({route.town for route in routes})} of {len(styles)} styles",
+            *(f"  {count:4d} {style}" for style, count in sorted(styles.items())),
+            f"weathers: {len(weathers)}",
+            *(f"  {count:4d} {name}" for name, count in sorted(weathers.items())),
+        )
+    )
+
+
 def main(argv: list[str] | None = None) -> int:
     """Command line: draw a route file."""
     parser = argparse.ArgumentParser(prog="python -m pytest_drive_robust.simulators.embedded.generate")
     parser.add_argument("file", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--per-type", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0, help=f"0 to {SEEDS - 1}; no two seeds share a town")
+    parser.add_argument("--per-type", type=int, default=5, help="routes of each scenario type")
     given = parser.parse_args(argv)
-    routes = draw_routes(seed=given.seed, per_type=given.per_type)
+    try:
+        routes = draw_routes(seed=given.seed, per_type=given.per_type)
+    except RouteError as error:
+        parser.exit(1, f"{error}\n")
     given.file.parent.mkdir(parents=True, exist_ok=True)
     save_routes(routes, given.file)
     print(f"{given.file}: {len(routes)} routes of {len(SCENARIOS)} scenario types, seed {given.seed}")
+    print(summary(routes))
     return 0
 
 

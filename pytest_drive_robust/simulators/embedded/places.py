@@ -11,12 +11,14 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.map import follow, join
+from pytest_drive_robust.simulators.embedded.passages import Passage
 
 __all__ = ["Places"]
 
 Floats = NDArray[np.float64]
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
 """Heading of traffic that comes from there, relative to the ego's own way into the junction."""
+_STRAIGHT_RAD = 0.35
 
 
 class Places:
@@ -131,22 +133,30 @@ class Places:
         `into="straight"` goes straight on, `into="exit"` turns into the lane by which the route leaves the junction.
         Raises `RouteError` when the junction has no such way.
         """
-        lanes = self.dense.lane_map.lanes
-        first, behind = self._junction_rows()
-        here = lanes[self.dense.lanes[first]].centre[0]
-        out = lanes[self.dense.lanes[behind]].index
-        for lane in lanes:
-            if not lane.junction or np.cos(lane.centre[0, 2] - here[2] - _BEARINGS_RAD[bearing]) < 0.9:
+        own = self.first_passage()
+        for way in self.dense.town.passages:
+            if way.junction != own.junction or np.cos(way.heading_rad - own.heading_rad - _BEARINGS_RAD[bearing]) < 0.7:
                 continue
-            if np.hypot(*(lane.centre[0, :2] - here[:2])) > 60.0:
-                continue  # another junction of the same town
-            straight = np.cos(lane.centre[-1, 2] - lane.centre[0, 2]) > 0.99
-            # of several lanes the outermost comes first in the turn lanes' way: the last one found
-            if (into == "straight" and straight) or (into == "exit" and out in lane.successors):
-                return self._lane_path(lane.index)
+            if (into == "straight" and abs(way.turn_rad) < _STRAIGHT_RAD) or (
+                into == "exit" and way.leaves == own.leaves
+            ):
+                return self._way_path(way)
         raise RouteError(
             f"route {self.dense.route.id}: no way from the {bearing} to {into!r} for scenario {self.spec.type}"
         )
+
+    def first_passage(self) -> Passage:
+        """The route's way through its first junction. Raises `RouteError` without one."""
+        way = self.dense.first_passage()
+        if way is None:
+            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")
+        return way
+
+    def _way_path(self, way: Passage) -> int:
+        lane_map = self.dense.lane_map
+        before, after = follow(lane_map, way.enters), follow(lane_map, way.leaves)
+        chain = (*before[: before.index(way.enters) + 1], *way.inside, *after[after.index(way.leaves) :])
+        return self.add_path(join(lane_map, chain))
 
     def _lane_path(self, lane: int) -> int:
         return self.add_path(join(self.dense.lane_map, follow(self.dense.lane_map, lane)))

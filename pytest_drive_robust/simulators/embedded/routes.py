@@ -1,27 +1,52 @@
-"""Route files in the CARLA leaderboard's XML schema: reading, writing, and the sets that we ship.
+"""The routes that we ship, as named sets over one file, and route files of your own.
 
-Schema: Bench2Drive `leaderboard/data/*.xml`: `routes > route[id, town]` with `waypoints > position[x y z]`,
-`scenarios > scenario[name, type]` with `trigger_point[x y z yaw]` and parameter elements, `weathers > weather`.
+The file holds every scenario type in alphabetical order with the same number of routes each; the ids are
+100 for the first type, 200 for the second, ..., plus 1, 2, ... for its routes.
 """
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
-from dataclasses import fields
+from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
-from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
-from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 
-__all__ = ["default_set", "load_routes", "named_routes", "save_routes", "set_names"]
+__all__ = ["ALL_ROUTES", "default_set", "load_routes", "named_routes", "save_routes", "set_names", "set_summary"]
 
 _FOLDER = Path(__file__).parent / "route_files"
-_SETS = {"bench24": (0, 1), "one-per-scenario": (0,)}
-"""Named sets: which of the routes of each scenario type in `bench24.xml`."""
+_FILE = _FOLDER / "bench24.xml"
 
-default_set = "bench24"
+ALL_ROUTES = "full"
+"""The set in which route ids are looked up that stand alone."""
+
+default_set = "one-per-scenario"
+
+_DEV10 = frozenset(
+    (
+        "BlockedIntersection",
+        "ConstructionObstacleTwoWays",
+        "HazardAtSideLane",
+        "NonSignalizedJunctionLeftTurn",
+        "ParkingCrossingPedestrian",
+        "ParkingExit",
+        "SequentialLaneChange",
+        "SignalizedJunctionLeftTurnEnterFlow",
+        "StaticCutIn",
+        "YieldToEmergencyVehicle",
+    )
+)
+"""The types of Bench2Drive's Dev10: `leaderboard/data/drivetransformer_bench2drive_dev10.xml`."""
+
+_SETS: dict[str, tuple[str, Callable[[Route, int], bool]]] = {
+    "bench24": ("the first two of each scenario type", lambda route, n: n < 2),
+    "dev10": ("the first of each type of Bench2Drive's Dev10", lambda route, n: n == 0 and route.scenario.type in _DEV10),
+    "full": ("all of them", lambda route, n: True),
+    "one-per-scenario": ("the first of each scenario type", lambda route, n: n == 0),
+}
+"""By name: what it holds, in words and as a test of (route, its number among those of its type)."""
 
 
 def set_names() -> tuple[str, ...]:
@@ -29,135 +54,31 @@ def set_names() -> tuple[str, ...]:
     return tuple(sorted(_SETS))
 
 
+def set_summary(name: str) -> str:
+    """What a set holds, in words. Raises `UnknownNameError`."""
+    return _find(name)[0]
+
+
 def named_routes(name: str) -> tuple[Route, ...]:
-    """The routes of a set that we ship. Raises `UnknownNameError`."""
-    if name not in _SETS:
-        raise UnknownNameError.of("route set", name, _SETS, hint="Or give the path of a route XML file.")
+    """The routes of a set that we ship, by scenario type and number. Raises `UnknownNameError`."""
+    belongs = _find(name)[1]
     seen: dict[str, int] = {}
     chosen = []
-    for route in load_routes(_FOLDER / "bench24.xml"):
+    for route in _shipped():
         number = seen.get(route.scenario.type, 0)
         seen[route.scenario.type] = number + 1
-        if number in _SETS[name]:
+        if belongs(route, number):
             chosen.append(route)
     return tuple(chosen)
 
 
-def load_routes(path: Path) -> tuple[Route, ...]:
-    """Every route of a file, in its order. Raises `RouteError` that names file, route and element."""
-    from defusedxml.common import DefusedXmlException
-    from defusedxml.ElementTree import parse
-
-    try:
-        root = parse(path, forbid_dtd=True).getroot()
-    except FileNotFoundError:
-        raise RouteError(f"there is no route file {str(path)!r}") from None
-    except OSError as error:
-        raise RouteError(f"cannot read route file {str(path)!r}: {error}") from None
-    except (ElementTree.ParseError, DefusedXmlException, UnicodeError, ValueError) as error:
-        raise RouteError(f"{path}: not a route XML file: {error}") from None
-    if root.tag != "routes":
-        raise RouteError(f"{path}: the outermost element is <{root.tag}>, expected <routes>")
-    routes = tuple(_route(element, path) for element in root.findall("route"))
-    if not routes:
-        raise RouteError(f"{path}: holds no <route>")
-    seen: set[str] = set()
-    for route in routes:
-        if route.id in seen:
-            raise RouteError(f"{path}: two routes have the id {route.id!r}")
-        seen.add(route.id)
-    return routes
+def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
+    if name not in _SETS:
+        raise UnknownNameError.of("route set", name, _SETS, hint="Or give the path of a route XML file.")
+    return _SETS[name]
 
 
-def save_routes(routes: Iterable[Route], path: Path) -> None:
-    """Write a route file that `load_routes` reads back to equal routes."""
-    root = ElementTree.Element("routes")
-    for route in routes:
-        element = ElementTree.SubElement(root, "route", id=route.id, town=route.town)
-        waypoints = ElementTree.SubElement(element, "waypoints")
-        for point in route.waypoints:
-            ElementTree.SubElement(waypoints, "position", x=repr(point.x_m), y=repr(point.y_m), z=repr(point.z_m))
-        _write_scenario(ElementTree.SubElement(element, "scenarios"), route.scenario)
-        weathers = ElementTree.SubElement(element, "weathers")
-        values = {field.name: repr(getattr(route.weather, field.name)) for field in fields(Weather)}
-        for share in ("0", "100"):
-            ElementTree.SubElement(weathers, "weather", {"route_percentage": share, **values})
-    ElementTree.indent(root)
-    path.write_text(ElementTree.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-
-
-def _write_scenario(parent: ElementTree.Element, scenario: ScenarioSpec) -> None:
-    element = ElementTree.SubElement(parent, "scenario", name=scenario.name, type=scenario.type)
-    at = scenario.trigger
-    ElementTree.SubElement(
-        element, "trigger_point", x=repr(at.x_m), y=repr(at.y_m), z=repr(at.z_m), yaw=repr(at.yaw_deg)
-    )
-    for name, attributes in scenario.parameters.items():
-        ElementTree.SubElement(element, name, {key: repr(value) for key, value in attributes.items()})
-    for name, text in scenario.texts.items():
-        ElementTree.SubElement(element, name, value=text)
-
-
-def _route(element: ElementTree.Element, path: Path) -> Route:
-    route_id = element.get("id")
-    if not route_id:
-        raise RouteError(f"{path}: a <route> has no id")
-    where = f"{path}: route {route_id}"
-    town = element.get("town")
-    if not town:
-        raise RouteError(f"{where}: <route> has no town")
-    positions = element.findall("waypoints/position")
-    waypoints = tuple(
-        Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions
-    )
-    if len(waypoints) < 2:
-        raise RouteError(f"{where}: {len(waypoints)} waypoint(s), expected at least 2")
-    scenarios = element.findall("scenarios/scenario")
-    if len(scenarios) != 1:
-        raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
-    return Route(route_id, town, waypoints, _scenario(scenarios[0], where), _weather(element, where))
-
-
-def _scenario(element: ElementTree.Element, where: str) -> ScenarioSpec:
-    kind = element.get("type")
-    if not kind:
-        raise RouteError(f"{where}: <scenario> has no type")
-    trigger = element.find("trigger_point")
-    if trigger is None:
-        raise RouteError(f"{where}: scenario {kind} has no <trigger_point>")
-    at = TriggerPoint(*(_number(trigger, name, where) for name in ("x", "y", "z", "yaw")))
-    parameters: dict[str, dict[str, float]] = {}
-    texts: dict[str, str] = {}
-    for child in element:
-        if child.tag == "trigger_point":
-            continue
-        numbers = {name: number for name, text in child.attrib.items() if (number := _finite(text)) is not None}
-        if numbers:
-            parameters[child.tag] = numbers
-        elif "value" in child.attrib:
-            texts[child.tag] = child.attrib["value"]
-    return ScenarioSpec(element.get("name") or f"{kind}_1", kind, at, parameters, texts)
-
-
-def _weather(element: ElementTree.Element, where: str) -> Weather:
-    first = element.find("weathers/weather")
-    if first is None:
-        return Weather()
-    names = [field.name for field in fields(Weather)]
-    return Weather(**{name: _number(first, name, where) for name in names if name in first.attrib})
-
-
-def _number(element: ElementTree.Element, name: str, where: str) -> float:
-    text = element.get(name)
-    number = None if text is None else _finite(text)
-    if number is None:
-        raise RouteError(f"{where}: <{element.tag}> has {name}={text!r}, expected a finite number")
-    return number
-
-
-def _finite(text: str) -> float | None:
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
+@lru_cache(maxsize=1)
+def _shipped() -> tuple[Route, ...]:
+    """Every route that we ship: parsed once in a process, in well under a tenth of a second."""
+    return load_routes(_FILE)

@@ -38,6 +38,7 @@ class Stage(Places):
         self.start_mps = 0.0
         self.end_m = np.inf
         self._seed = seed
+        self.green_for_ego()
 
     # --- draws ---
 
@@ -84,12 +85,18 @@ class Stage(Places):
         trigger: Trigger,
         delay_s: float = 0.0,
         kind: ActorKind = ActorKind.PEDESTRIAN,
+        slant_rad: float = 0.0,
     ) -> int:
-        """Somebody who crosses the ego's way from right to left (from a negative `from_right_m`: left to right)."""
-        sign = -1.0 if from_right_m > 0.0 else 1.0
-        start, end = self.spot(ahead_m, from_right_m), self.spot(ahead_m, from_right_m + sign * walks_m)
+        """Somebody who crosses the ego's way from right to left (from a negative `from_right_m`: left to right).
+
+        They walk `walks_m` metres sideways; with a positive `slant_rad` they come towards the ego while they do.
+        """
+        to_right_m = from_right_m - float(np.copysign(walks_m, from_right_m))
+        lean = float(np.tan(slant_rad)) * float(np.sign(from_right_m))
+        start = self.spot(ahead_m + lean * from_right_m, from_right_m)
+        end = self.spot(ahead_m + lean * to_right_m, to_right_m)
         path = self.add_path(np.array([start, end]))
-        actor = self.cast.add(kind, mode=c.MODE_WALK, path=path, s_m=0.0, end_m=walks_m)
+        actor = self.cast.add(kind, mode=c.MODE_WALK, path=path, s_m=0.0, end_m=self.length_m(path))
         self.cast.script(actor, trigger, Script(speed_mps, delay_s=delay_s), at=self.spot(ahead_m))
         return actor
 
@@ -148,11 +155,12 @@ class Stage(Places):
         right_m: float = 0.0,
         kinds: tuple[ActorKind, ...] = _CARS,
         obeys_lights: bool = False,
+        blind: bool = False,
     ) -> None:
         """Cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
         Gaps are drawn from `gap_m` (front of one to rear of the next). Our flows never end, so every third gap is
-        twice as long: somebody who waits patiently gets through.
+        twice as long: somebody who waits patiently gets through. `blind` cars drive on whatever is ahead of them.
         """
         name = f"flow{len(self.cast.flow_rows)}"
         sink = self.length_m(path) if sink_m is None else sink_m
@@ -169,6 +177,7 @@ class Stage(Places):
             right_m=right_m,
             kinds=kinds,
             obeys_lights=obeys_lights,
+            blind=blind,
         )
 
     def surround(self, path: int, *, speed_mps: float, ahead: int = 2, behind: int = 2) -> None:
@@ -198,15 +207,16 @@ class Stage(Places):
 
     def lights(self, *, ego: Program, opposite: Program, crossing: Program = RED) -> None:
         """Programs for the ego's light, the opposite one, and those of the crossing road, at the first junction."""
-        lanes = self.dense.lane_map.lanes
-        here = lanes[self.dense.lanes[self._junction_rows()[0]]].centre[0]
-        for line in self.dense.lane_map.stop_lines:
-            if np.hypot(line.x_m - here[0], line.y_m - here[1]) > 60.0:
-                continue  # another junction of the same town
-            towards = np.cos(line.heading_rad - here[2])
-            self.programs[line.index] = ego if towards > 0.7 else opposite if towards < -0.7 else crossing
+        self.first_passage()  # says clearly when there is no junction
+        self._set_lights(0, ego, opposite, crossing)
 
     def green_for_ego(self) -> None:
-        """Where the junction has lights: green along the ego's road, red across."""
-        if any(line.is_light for line in self.dense.lane_map.stop_lines):
-            self.lights(ego=GREEN, opposite=GREEN)
+        """At every junction with lights: green along the ego's road, red across. So it is until a scenario says else."""
+        for number in range(len(self.dense.passages())):
+            self._set_lights(number, GREEN, GREEN, RED)
+
+    def _set_lights(self, number: int, ego: Program, opposite: Program, crossing: Program) -> None:
+        own = self.dense.passages()[number].heading_rad
+        for index in self.dense.junction_stops(number):
+            towards = np.cos(self.dense.lane_map.stop_lines[index].heading_rad - own)
+            self.programs[index] = ego if towards > 0.7 else opposite if towards < -0.7 else crossing

@@ -120,17 +120,29 @@ def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
 
 
 def _clear_start(statics: Statics, state: State) -> None:
-    """No flow car may stand where the ego starts.
+    """No flow car may stand where the ego starts, or in somebody whom the scenario put there.
 
-    Those nearer than 15 m on its own lane leave before the first tick.
+    Those nearer than 15 m on the ego's own lane leave before the first tick.
     """
-    for i in range(len(state.actors)):
-        if state.actor_ints[i, c.I_ACTIVE] != 1 or state.actor_ints[i, c.I_FLOW] < 0:
-            continue
+    active = state.actor_ints[:, c.I_ACTIVE] == 1
+    flowing = state.actor_ints[:, c.I_FLOW] >= 0
+    placed = state.actors[active & ~flowing & (state.actor_ints[:, c.I_SOLID] == 1)]
+    for i in np.flatnonzero(active & flowing):
+        if _runs_into(state.actors[i], placed):
+            state.actor_ints[i, c.I_ACTIVE] = 0
         dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
         beside = abs(-dx * np.sin(state.ego[c.EGO_YAW]) + dy * np.cos(state.ego[c.EGO_YAW]))
         if np.hypot(dx, dy) < 15.0 and beside < statics.ego_width_m:
             state.actor_ints[i, c.I_ACTIVE] = 0
+
+
+def _runs_into(actor: Floats, placed: Floats) -> bool:
+    """Does an actor overlap one of `placed`, or stand less than 2 m before or behind it?"""
+    dx, dy = actor[c.A_X] - placed[:, c.A_X], actor[c.A_Y] - placed[:, c.A_Y]
+    cos, sin = np.cos(placed[:, c.A_YAW]), np.sin(placed[:, c.A_YAW])
+    long, wide = placed[:, c.A_LENGTH] + actor[c.A_LENGTH], placed[:, c.A_WIDTH] + actor[c.A_WIDTH]
+    inside = (np.abs(dx * cos + dy * sin) < long / 2.0 + 2.0) & (np.abs(dy * cos - dx * sin) < wide / 2.0)
+    return bool(inside.any())
 
 
 def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, options: SimulatorOptions) -> Statics:

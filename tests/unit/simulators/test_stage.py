@@ -68,7 +68,7 @@ def test_dirt_disturbs_the_controls_only_near_it(staged) -> None:
     dirty = staged(STREET, lambda stage: stage.dirt(10.0))
     clean = staged(STREET, lambda stage: None)
     apart = []
-    for _ in range(90):
+    for _ in range(140):
         dirty.tick(COAST)
         clean.tick(COAST)
         away = np.hypot(*(dirty.statics.patches[0] - dirty.state.ego[:2]))
@@ -80,7 +80,7 @@ def test_dirt_disturbs_the_controls_only_near_it(staged) -> None:
 
 def test_dirt_is_driven_over_without_a_collision(staged) -> None:
     world = staged(STREET, lambda stage: stage.dirt(10.0))
-    drive(world, COAST, 100)
+    drive(world, COAST, 140)
     assert world.state.ego[c.EGO_V] > 3.0
     assert world.state.criteria_ints[c.CI_EVENTS] == 0 or not np.any(
         world.state.events[: world.state.criteria_ints[c.CI_EVENTS], c.EV_KIND] == c.EVENT_COLLISION

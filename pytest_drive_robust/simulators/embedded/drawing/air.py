@@ -1,4 +1,4 @@
-"""What the weather does to a picture: sky, light, haze, rain."""
+"""What the weather does to a picture: sky, light, haze, rain, wet roads."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ __all__ = ["Air"]
 
 Colour = tuple[float, float, float]
 
+_DUST: Colour = (206.0, 168.0, 116.0)
+_LONGEST_SHADOW = 3.0
+
 
 class Air(NamedTuple):
     """Light and visibility. Colours are RGB 0..255, `light` is RGB factors.
@@ -19,6 +22,10 @@ class Air(NamedTuple):
     A surface of colour c whose normal is n shows c * light * (ambient + diffuse * max(0, n . sun)); the share
     1 - exp(-haze_per_m * depth) of it is replaced by `haze`. `night` is 0 by day and 1 when lamps are needed,
     `rain` 0..1, `shadow` the factor of the ground below a vehicle.
+
+    `mirror` 0..1 says how wet the ground is and `sheen` what it mirrors at flat angles. `disc` is the direction to the
+    sun (east, south, up; a unit vector), `glare` 0..1 how much it dazzles, and `cast` how far a shadow runs over the
+    ground, metres east and south per metre of height. `drops` 0..1 are on the lens.
     """
 
     sky_top: Colour
@@ -31,40 +38,88 @@ class Air(NamedTuple):
     shadow: float
     night: float
     rain: float
+    mirror: float
+    sheen: Colour
+    disc: Colour
+    glare: float
+    cast: tuple[float, float]
+    drops: float
 
     @classmethod
     def of(cls, weather: Weather) -> Air:
-        """Plain variants of CARLA's weather attributes: day, dusk and night by the sun, clouds, fog, rain."""
-        day = _ramp(weather.sun_altitude_angle, -8.0, 18.0)
-        low_sun = (1.0 - abs(2.0 * day - 1.0)) * (1.0 - _share(weather.cloudiness) * 0.6)
-        grey = max(_share(weather.cloudiness) * 0.8, _share(weather.precipitation), _share(weather.fog_density))
-        rain = _share(weather.precipitation)
-        dark = 1.0 - 0.3 * rain - 0.12 * _share(weather.wetness) * (1.0 - rain)
-        light = _mix((0.15, 0.17, 0.26), (1.0, 1.0, 1.0), day)
-        light = _mix(light, (light[0] * 1.15, light[1] * 0.92, light[2] * 0.78), low_sun)
-        sky_top = _mix(_mix((9, 12, 30), (88, 142, 205), day), _mix((14, 15, 20), (150, 156, 164), day), grey)
-        haze = _mix(_mix((22, 26, 44), (196, 214, 230), day), _mix((24, 26, 32), (182, 186, 190), day), grey)
-        haze = _mix(haze, (224, 150, 96), low_sun * 0.6 * (1.0 - grey))
-        sun_rad, around_rad = (
-            math.radians(max(weather.sun_altitude_angle, 15.0)),
-            math.radians(weather.sun_azimuth_angle),
-        )
+        """Plain variants of CARLA's weather attributes: day, dusk and night by the sun, clouds, fog, rain, dust."""
+        height_deg = weather.sun_altitude_angle
+        day = _ramp(height_deg, -8.0, 18.0)
+        clouds, rain, fog = _share(weather.cloudiness), _share(weather.precipitation), _share(weather.fog_density)
+        dust = fog**0.5 * _dust(weather)
+        low_sun = (1.0 - abs(2.0 * day - 1.0)) * (1.0 - 0.6 * clouds)
+        grey = max(0.8 * clouds, rain, fog)
+        sky_top, haze = _sky(day, low_sun, grey, rain)
+        sky_top = _mix(_mix(sky_top, haze, fog**0.6), (0.0, 0.0, 0.0), 0.3 * rain)
+        dusty = _mix((0.0, 0.0, 0.0), _DUST, 0.15 + 0.85 * day)
+        haze = _mix(_mix(haze, (0.0, 0.0, 0.0), 0.25 * rain), dusty, dust)
+        direct = (1.0 - grey) * (1.0 - dust)
         return cls(
-            sky_top=_mix(_mix(sky_top, haze, _share(weather.fog_density) ** 0.6), (0, 0, 0), 0.3 * rain),
-            haze=_mix(haze, (0, 0, 0), 0.25 * rain),
-            light=(light[0] * dark, light[1] * dark, light[2] * dark),
-            sun=(
-                math.cos(sun_rad) * math.cos(around_rad),
-                math.cos(sun_rad) * math.sin(around_rad),
-                math.sin(sun_rad),
-            ),
+            sky_top=_mix(sky_top, dusty, 0.9 * dust),
+            haze=haze,
+            light=_light(weather, day, low_sun, dust),
+            sun=_direction(weather.sun_azimuth_angle, max(height_deg, 15.0)),
             ambient=0.62 + 0.2 * grey,
             diffuse=0.42 * (1.0 - 0.75 * grey),
-            haze_per_m=0.0018 + 0.004 * rain + 0.055 * _share(weather.fog_density) ** 1.7,
+            haze_per_m=0.0018 + 0.004 * rain + 0.055 * fog**1.7,
             shadow=0.5 + 0.25 * grey,
-            night=1.0 - _ramp(weather.sun_altitude_angle, -6.0, 10.0),
+            night=1.0 - _ramp(height_deg, -6.0, 10.0),
             rain=rain,
+            mirror=max(_share(weather.wetness), 0.8 * _share(weather.precipitation_deposits)),
+            sheen=_mix(haze, sky_top, 0.3),
+            disc=_direction(weather.sun_azimuth_angle, height_deg),
+            glare=_ramp(height_deg, -3.0, 3.0) * (1.0 - _ramp(height_deg, 12.0, 30.0)) * max(1.0 - 1.2 * grey, 0.0),
+            cast=_cast(weather, direct * day),
+            drops=_ramp(rain, 0.15, 1.0),
         )
+
+    @property
+    def on_lens(self) -> bool:
+        """True when something lies over the finished picture: rain, drops, a dazzling sun."""
+        return self.rain > 0.0 or self.drops > 0.0 or self.glare > 0.0
+
+
+def _sky(day: float, low_sun: float, grey: float, rain: float) -> tuple[Colour, Colour]:
+    """The colours of the zenith and of the horizon, without fog, rain and dust."""
+    top = _mix(_mix((9, 12, 34), (88, 142, 205), day), _mix((26, 24, 26), (150, 156, 164), day), grey)
+    horizon = _mix(_mix((22, 26, 46), (196, 214, 230), day), _mix((40, 36, 36), (182, 186, 190), day), grey)
+    horizon = _mix(horizon, (236, 150, 88), low_sun * 0.75 * (1.0 - grey))
+    return top, _mix(horizon, (0.0, 0.0, 0.0), 0.1 * rain)
+
+
+def _light(weather: Weather, day: float, low_sun: float, dust: float) -> Colour:
+    """Factors of a surface's colour: the moon's blue, the low sun's gold, darker under rain clouds and when wet."""
+    rain, clouds = _share(weather.precipitation), _share(weather.cloudiness)
+    dark = 1.0 - 0.3 * rain - 0.08 * _share(weather.wetness) * (1.0 - rain)
+    red, green, blue = _mix(_mix((0.16, 0.19, 0.3), (0.15, 0.145, 0.16), clouds), (1.0, 1.0, 1.0), day)
+    gold = _mix((red, green, blue), (red * 1.2, green * 0.94, blue * 0.76), low_sun)
+    red, green, blue = _mix(gold, (gold[0] * 0.96, gold[1] * 0.86, gold[2] * 0.68), dust)
+    return red * dark, green * dark, blue * dark
+
+
+def _dust(weather: Weather) -> float:
+    """0..1: haze is dust where a strong wind blows over dry ground."""
+    dry = 1.0 - _ramp(weather.wetness + weather.precipitation + weather.precipitation_deposits, 0.0, 10.0)
+    return dry * _ramp(weather.wind_intensity, 60.0, 100.0)
+
+
+def _cast(weather: Weather, strength: float) -> tuple[float, float]:
+    """Where shadows fall: away from the sun; nowhere under clouds and at night."""
+    if strength < 0.15 or weather.sun_altitude_angle < 1.0:
+        return 0.0, 0.0
+    run = min(1.0 / math.tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)
+    around = math.radians(weather.sun_azimuth_angle)
+    return -run * math.cos(around), -run * math.sin(around)
+
+
+def _direction(around_deg: float, height_deg: float) -> Colour:
+    around, height = math.radians(around_deg), math.radians(height_deg)
+    return math.cos(height) * math.cos(around), math.cos(height) * math.sin(around), math.sin(height)
 
 
 def _share(percent: float) -> float:

@@ -14,9 +14,10 @@ __all__ = ["SCENARIOS", "ScenarioType", "Site", "scenario"]
 class Site:
     """Where the generator draws routes for a scenario type.
 
-    `chain` names a chain of lanes of the town style. Where the chain has a junction, `before_m` metres lie between the
-    start and the junction; elsewhere the route starts anywhere. `length_m` and `trigger_m` are ranges, the latter
-    measured from the start of the route.
+    `chain` names a chain of lanes of the town style, or several with lane changes between them:
+    `"ramp.f0>road.right"`. `before_m` metres lie between the start and the chain's anchor (its first junction, on ramps
+    where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are ranges,
+    the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
     """
 
     style: str
@@ -24,6 +25,7 @@ class Site:
     length_m: tuple[float, float]
     trigger_m: tuple[float, float] = (4.0, 14.0)
     before_m: tuple[float, float] | None = None
+    changes_m: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

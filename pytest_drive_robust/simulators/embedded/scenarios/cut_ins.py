@@ -1,59 +1,103 @@
-"""Somebody pulls into the ego's lane: make room."""
+"""Somebody pulls into the ego's lane: make room.
+
+Sources: Bench2Drive `scenario_runner/srunner/scenarios/{parking_cut_in,route_obstacles,highway_cut_in}.py`.
+"""
 
 from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import Script
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import KMH, ahead, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
 
-__all__ = ["highway_cut_in", "parking_cut_in"]
+__all__ = ["highway_cut_in", "parking_cut_in", "static_cut_in"]
+
+_ROW_STEP_M = 11.0
+_ROW = (-2, -1, 1, 2, 3)
+"""Standing cars behind the one that cuts in, and ahead of it."""
 
 
 @scenario(
     "ParkingCutIn",
-    sites=(Site("ParkingStreet", "road.f0", (125.0, 145.0)),),
+    sites=(
+        Site("ParkingStreet", "road.f0", (125.0, 142.0)),
+        Site("ParkingAvenue", "road.f1", (125.0, 142.0)),
+        Site("OneWayStreet", "road.f1", (125.0, 142.0)),
+    ),
     parameters={"distance": (35.0, 35.0)},
 )
 def parking_cut_in(stage: Stage) -> None:
     """A parked car 35 m ahead pulls out from behind another one at 28 m; it starts at 2.35 s or 10 m."""
-    distance = stage.spec.number("distance", 35.0)
+    at = ahead(stage, 35.0)
     kerb = stage.lane_width_m / 2.0 + 1.2
-    stage.stand(ActorKind.VAN, distance - 7.0, kerb)
+    stage.stand(ActorKind.VAN, at - 7.0, kerb)
     for k in range(1, 4):
-        stage.stand(ActorKind.CAR, distance + 14.0 + 9.0 * k, kerb)
+        stage.stand(ActorKind.CAR, at + 14.0 + 9.0 * k, kerb)
     cutter = stage.drive(
-        ActorKind.CAR, stage.ego_path, stage.on_ego_path(distance), 0.0, right_m=kerb, lateral_mps=1.8, accel_mps2=2.5
+        ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), 0.0, right_m=kerb, lateral_mps=1.8, accel_mps2=2.5
     )
-    cruise = 0.5 * stage.speed_limit_mps
     stage.cast.script(
         cutter,
         Arrival(2.35, 10.0),
-        Script(cruise, seconds=8.0, after_mps=stage.speed_limit_mps),
-        at=stage.spot(distance),
+        Script(0.5 * stage.speed_limit_mps, seconds=8.0, after_mps=stage.speed_limit_mps),
+        at=stage.spot(at),
     )
-    stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
-    stage.end_m = stage.trigger_m + distance + 40.0
+    scenery(stage)
+    stage.end_m = stage.trigger_m + at + 40.0
+
+
+@scenario(
+    "StaticCutIn",
+    sites=(
+        Site("Avenue", "road.f0", (125.0, 142.0)),
+        Site("OneWayStreet", "road.f1", (125.0, 142.0)),
+        Site("Highway", "road.f1", (135.0, 155.0)),
+        Site("Avenue", "road.b1", (125.0, 142.0)),
+    ),
+    parameters={"distance": (45.0, 60.0)},
+)
+def static_cut_in(stage: Stage) -> None:
+    """Out of a standing row on the next lane one car cuts in at 60 km/h; it starts at 2.7 s or 15 m."""
+    at = ahead(stage, 50.0, at_least_m=30.0)
+    beside = stage.lane_width_m if stage.has_lane_beside("right") else -stage.lane_width_m
+    for k in _ROW:
+        stage.stand(ActorKind.CAR if k % 2 else ActorKind.VAN, at + _ROW_STEP_M * k, beside)
+    cutter = stage.drive(
+        ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), 0.0, right_m=beside, lateral_mps=2.0, accel_mps2=3.0,
+        blind=True,
+    )  # fmt: skip
+    stage.cast.script(cutter, Arrival(2.7, 15.0), Script(60.0 * KMH), at=stage.spot(at))
+    scenery(stage)
+    stage.end_m = stage.trigger_m + at + 50.0
 
 
 @scenario(
     "HighwayCutIn",
-    sites=(Site("Highway", "road.f1", (190.0, 215.0)),),
-    parameters={"distance": (55.0, 75.0)},
+    sites=(
+        Site("Highway", "road.f1", (122.0, 140.0)),
+        Site("EntryRamp", "road.right", (122.0, 140.0), trigger_m=(4.0, 8.0), before_m=(8.0, 12.0)),
+        Site("Highway", "road.f0", (122.0, 140.0)),
+    ),
+    parameters={"distance": (35.0, 45.0)},
 )
 def highway_cut_in(stage: Stage) -> None:
-    """A car on the entry lane keeps abreast, then cuts in 10 m ahead at 80 % of the ego's speed within two seconds."""
-    distance = stage.spec.number("distance", 65.0)
+    """A car on the lane to the right keeps abreast, then cuts in 10 m ahead at 80 % of the ego's speed in two seconds.
+
+    The ego starts rolling.
+    """
+    at = max(stage.spec.number("distance", 40.0), 10.0)
     width = stage.lane_width_m
     cutter = stage.drive(
-        ActorKind.CAR, stage.ego_path, stage.on_ego_path(24.0), 8.0, right_m=width, lateral_mps=width / 2.0,
-        sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
+        ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0), rolling_start(stage), right_m=width,
+        lateral_mps=width / 2.0, sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
     )  # fmt: skip
     stage.cast.script(
         cutter,
-        Passing(stage.trigger_m + distance),
+        Passing(stage.trigger_m + at),
         Script(0.8, seconds=5.0, after_mps=0.9 * stage.speed_limit_mps, relative=1),
     )
-    stage.flow(stage.beside("left"), speed_mps=0.95 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
-    stage.end_m = stage.trigger_m + distance + 70.0
+    if stage.has_lane_beside("left"):
+        stage.flow(stage.beside("left"), speed_mps=0.95 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
+    stage.end_m = stage.trigger_m + at + 70.0

@@ -1,85 +1,95 @@
-"""A junction to be turned at: lights, stop signs, flows."""
+"""A junction where nobody is scripted: obey its lights and signs, give way to whoever comes."""
 
 from __future__ import annotations
 
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.signals import red_then_green
+from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
+    cross_traffic,
+    end_behind_junction,
+    lights_turn_green,
+    lights_turn_red,
+)
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = [
-    "non_signalized_right_turn",
-    "signalized_left_turn",
-    "vanilla_red_light",
-    "vanilla_stop_sign",
-]
+__all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]
 
-_RED_S = 5.0
-_BEFORE_M = (30.0, 40.0)
+_NEAR_M = (28.0, 36.0)
+_TRIGGER_M = (3.0, 6.0)
 
 
 @scenario(
-    "SignalizedJunctionLeftTurn",
+    "T_Junction",
     sites=(
-        Site("LightCrossing", "E.left0", (75.0, 90.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightAvenueCrossing", "N.left0", (80.0, 95.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("StopTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("LightTee", "E.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("StopTee", "S.right0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
     ),
-    parameters={"flow_speed": (9.0, 11.0)},
-    intervals={"source_dist_interval": (15.0, 28.0)},
     blocked_test_off=True,
 )
-def signalized_left_turn(stage: Stage) -> None:
-    """Turn left across an oncoming flow; the light is red for five seconds, then green for both."""
-    stage.lights(ego=red_then_green(_RED_S), opposite=red_then_green(_RED_S))
-    _flow(stage, stage.from_arm("opposite"), (9.0, 11.0))
-    stage.end_m = stage.trigger_m + stage.junction_ahead_m() + 30.0
+def t_junction(stage: Stage) -> None:
+    """A junction of three arms with lights or a stop sign on the stem; the other arms carry traffic."""
+    if any(line.is_light for line in stage.dense.lane_map.stop_lines):
+        lights_turn_green(stage, red_s=stage.draw("red", 4.0, 9.0))
+    cross_traffic(stage, obeys_lights=True)
+    end_behind_junction(stage)
 
 
 @scenario(
-    "NonSignalizedJunctionRightTurn",
+    "VanillaNonSignalizedTurn",
     sites=(
-        Site("OpenCrossing", "E.right0", (70.0, 85.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("OpenCrossing", "W.right0", (70.0, 85.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-    ),
-    parameters={"flow_speed": (8.0, 12.0)},
-    intervals={"source_dist_interval": (16.0, 30.0)},
-    blocked_test_off=True,
-)
-def non_signalized_right_turn(stage: Stage) -> None:
-    """Turn right into a flow that comes from the left; nobody stops for you."""
-    _flow(stage, stage.from_arm("left"), (8.0, 12.0))
-    stage.end_m = stage.trigger_m + stage.junction_ahead_m() + 30.0
-
-
-@scenario(
-    "VanillaSignalizedTurnEncounterRedLight",
-    sites=(
-        Site("LightCrossing", "S.right0", (55.0, 70.0), trigger_m=(3.0, 6.0), before_m=(28.0, 36.0)),
-        Site("LightCrossing", "N.left0", (60.0, 75.0), trigger_m=(3.0, 6.0), before_m=(28.0, 36.0)),
+        Site("OpenCrossing", "E.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("OpenTee", "S.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("Roundabout", "W.straight0", (80.0, 95.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("OpenTee", "S.right0", (58.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
     ),
 )
-def vanilla_red_light(stage: Stage) -> None:
-    """A plain turn; the light is red for five seconds, then green."""
-    stage.lights(ego=red_then_green(_RED_S), opposite=red_then_green(_RED_S))
-    stage.end_m = stage.trigger_m + stage.junction_ahead_m() + 25.0
+def vanilla_turn(stage: Stage) -> None:
+    """A plain turn where nothing is controlled; there is traffic on the other road."""
+    cross_traffic(stage)
+    end_behind_junction(stage)
 
 
 @scenario(
     "VanillaNonSignalizedTurnEncounterStopsign",
     sites=(
-        Site("StopCrossing", "E.right0", (55.0, 70.0), trigger_m=(3.0, 6.0), before_m=(28.0, 36.0)),
-        Site("StopCrossing", "W.left0", (60.0, 75.0), trigger_m=(3.0, 6.0), before_m=(28.0, 36.0)),
+        Site("StopCrossing", "E.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("StopCrossing", "W.left0", (60.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("StopTee", "S.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("RuralCrossing", "N.right0", (58.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
     ),
 )
 def vanilla_stop_sign(stage: Stage) -> None:
     """A plain turn behind a stop sign: come to rest, then go."""
-    stage.end_m = stage.trigger_m + stage.junction_ahead_m() + 25.0
+    end_behind_junction(stage)
 
 
-def _flow(stage: Stage, path: int, speed_mps: tuple[float, float]) -> None:
-    """The flow of the route file: constant speed, gaps drawn from its interval, from edge to edge of the town."""
-    gaps = (
-        stage.spec.number("source_dist_interval", 16.0, attribute="from"),
-        stage.spec.number("source_dist_interval", 28.0, attribute="to"),
-    )
-    speed = stage.spec.number("flow_speed", sum(speed_mps) / 2.0)
-    stage.flow(path, speed_mps=speed, gap_m=gaps)
+@scenario(
+    "VanillaSignalizedTurnEncounterGreenLight",
+    sites=(
+        Site("LightCrossing", "E.right0", (72.0, 86.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
+        Site("LightTee", "W.right0", (72.0, 86.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
+        Site("LightAvenueCrossing", "S.left0", (80.0, 92.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
+    ),
+)
+def vanilla_green_light(stage: Stage) -> None:
+    """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes."""
+    lights_turn_red(stage)
+    cross_traffic(stage, obeys_lights=True)
+    end_behind_junction(stage)
+
+
+@scenario(
+    "VanillaSignalizedTurnEncounterRedLight",
+    sites=(
+        Site("LightCrossing", "S.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("LightCrossing", "N.left0", (60.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("LightTee", "S.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("Grid", "W0.right0", (55.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+    ),
+)
+def vanilla_red_light(stage: Stage) -> None:
+    """A plain turn; the light is red for five seconds, then green."""
+    lights_turn_green(stage)
+    cross_traffic(stage, obeys_lights=True)
+    end_behind_junction(stage)

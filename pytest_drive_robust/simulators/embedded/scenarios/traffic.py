@@ -1,41 +1,29 @@
-"""The traffic around the ego does something: a hard brake ahead, an emergency vehicle behind."""
+"""The traffic around the ego does something: an emergency vehicle wants to pass.
+
+Source: Bench2Drive `scenario_runner/srunner/scenarios/yield_to_emergency_vehicle.py`.
+"""
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.actors import Script
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Passing
 
-__all__ = ["hard_brake", "yield_to_emergency_vehicle"]
-
-_STOP_S = 10.0
-
-
-@scenario("HardBreakRoute", sites=(Site("Street", "road.f0", (120.0, 145.0), trigger_m=(20.0, 30.0)),))
-def hard_brake(stage: Stage) -> None:
-    """Two cars lead the ego, 15 m apart; both brake hard and stand for ten seconds."""
-    cruise = 0.85 * stage.speed_limit_mps
-    for k in range(2):
-        leader = stage.drive(
-            ActorKind.CAR if k else ActorKind.VAN,
-            stage.ego_path,
-            stage.on_ego_path(16.0 + 15.0 * k - stage.trigger_m),
-            2.0,
-            target_mps=cruise,
-            leash=True,
-            background=True,
-            brake_mps2=7.5,
-        )
-        stage.cast.script(leader, Passing(stage.trigger_m + 18.0), Script(0.0, seconds=_STOP_S, after_mps=cruise))
-    stage.flow(stage.oncoming(), speed_mps=cruise, gap_m=(45.0, 90.0), background=True)
-    stage.end_m = stage.dense.length_m - 10.0
+__all__ = ["yield_to_emergency_vehicle"]
 
 
 @scenario(
     "YieldToEmergencyVehicle",
-    sites=(Site("Avenue", "road.f0", (150.0, 180.0), trigger_m=(20.0, 30.0)),),
+    sites=(
+        Site("Avenue", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
+        Site("OneWayStreet", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
+        Site("ParkingAvenue", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
+    ),
     parameters={"distance": (26.0, 30.0)},
 )
 def yield_to_emergency_vehicle(stage: Stage) -> None:
@@ -46,12 +34,11 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
         accel_mps2=4.0, brake_mps2=8.0, appears=True,
     )  # fmt: skip
     stage.cast.script(stage.emergency_actor, Passing(stage.trigger_m), Script(25.0, relative=2))
-    stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
-    stage.flow(
-        stage.beside("right"),
-        speed_mps=0.8 * stage.speed_limit_mps,
-        gap_m=(60.0, 90.0),
-        source_m=stage.along(stage.beside("right"), 45.0 - stage.trigger_m),
-        background=True,
-    )
+    cruise = 0.8 * stage.speed_limit_mps
+    with suppress(RouteError):  # a one-way street has no oncoming lane
+        stage.flow(stage.oncoming(), speed_mps=cruise, gap_m=(45.0, 90.0), background=True)
+    right = stage.beside("right")
+    # nobody stands beside the ego's start; those farther ahead leave gaps to move into
+    free_m = stage.along(right, 45.0 - stage.trigger_m)
+    stage.flow(right, speed_mps=cruise, gap_m=(60.0, 90.0), source_m=free_m, background=True)
     stage.end_m = stage.dense.length_m

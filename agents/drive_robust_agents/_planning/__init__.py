@@ -1,0 +1,1 @@
+"""The rooms of the planner behind the privileged agents `expert` and `reactive`."""

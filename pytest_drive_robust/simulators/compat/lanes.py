@@ -1,0 +1,147 @@
+"""Geometry of lanes: position, heading and local coordinates, computed in highway-env's order of operations."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from pytest_drive_robust.simulators.compat import columns as c
+from pytest_drive_robust.simulators.compat.arithmetic import arctan, arctan2, cos, dot2, sin
+from pytest_drive_robust.simulators.compat.columns import Arrays
+
+__all__ = ["along", "centre_point", "coordinates", "distance", "heading_at", "is_on", "is_reachable", "locate", "wrap"]
+
+_jit = numba.njit(cache=True)
+# what runs for each pair of bodies: handing `Arrays` to a function costs more than these do
+_jit_inline = numba.njit(cache=True, forceinline=True)
+
+
+@_jit_inline
+def wrap(x: float) -> float:
+    """An angle in [-pi, pi)."""
+    return ((x + math.pi) % (2 * math.pi)) - math.pi
+
+
+@_jit
+def _circle_along(arrays: Arrays, number: int, x: float, y: float) -> float:
+    dx, dy = x - arrays.lanes[number, c.L_X], y - arrays.lanes[number, c.L_Y]
+    start, turn = arrays.lanes[number, c.L_START_PHASE], arrays.lanes[number, c.L_TURN]
+    phase = start + wrap(arctan2(arrays.machine, dy, dx) - start)
+    return turn * (phase - start) * arrays.lanes[number, c.L_RADIUS]
+
+
+@_jit_inline
+def _circle_across(arrays: Arrays, number: int, x: float, y: float) -> float:
+    dx, dy = x - arrays.lanes[number, c.L_X], y - arrays.lanes[number, c.L_Y]
+    radius = math.sqrt(dot2(arrays.machine, dx, dy, dx, dy))
+    return arrays.lanes[number, c.L_TURN] * (arrays.lanes[number, c.L_RADIUS] - radius)
+
+
+@_jit_inline
+def coordinates(arrays: Arrays, number: int, x: float, y: float) -> tuple[float, float]:
+    """Longitudinal and lateral lane coordinate of a point [m]."""
+    kind, lanes = arrays.lane_ints[number, c.LI_KIND], arrays.lanes
+    if kind == c.CIRCLE:
+        return _circle_along(arrays, number, x, y), _circle_across(arrays, number, x, y)
+    dx, dy = x - lanes[number, c.L_X], y - lanes[number, c.L_Y]
+    s = dot2(arrays.machine, dx, dy, lanes[number, c.L_ALONG_X], lanes[number, c.L_ALONG_Y])
+    lateral = dot2(arrays.machine, dx, dy, lanes[number, c.L_RIGHT_X], lanes[number, c.L_RIGHT_Y])
+    if kind == c.SINE:
+        phase = lanes[number, c.L_PULSATION] * s + lanes[number, c.L_PHASE]
+        lateral -= lanes[number, c.L_AMPLITUDE] * sin(arrays.machine, phase)
+    return s, lateral
+
+
+@_jit
+def centre_point(arrays: Arrays, number: int, s: float) -> tuple[float, float]:
+    """The point `s` metres along the middle of a lane."""
+    lane, machine, kind = arrays.lanes[number], arrays.machine, arrays.lane_ints[number, c.LI_KIND]
+    if kind == c.CIRCLE:
+        phase = lane[c.L_TURN] * s / lane[c.L_RADIUS] + lane[c.L_START_PHASE]
+        radius = lane[c.L_RADIUS]
+        return lane[c.L_X] + radius * cos(machine, phase), lane[c.L_Y] + radius * sin(machine, phase)
+    lateral = 0.0
+    if kind == c.SINE:
+        lateral = 0.0 + lane[c.L_AMPLITUDE] * sin(machine, lane[c.L_PULSATION] * s + lane[c.L_PHASE])
+    return (
+        lane[c.L_X] + s * lane[c.L_ALONG_X] + lateral * lane[c.L_RIGHT_X],
+        lane[c.L_Y] + s * lane[c.L_ALONG_Y] + lateral * lane[c.L_RIGHT_Y],
+    )
+
+
+@_jit_inline
+def heading_at(arrays: Arrays, number: int, s: float) -> float:
+    """Heading of a lane [rad], not normalised."""
+    kind, lanes = arrays.lane_ints[number, c.LI_KIND], arrays.lanes
+    if kind == c.CIRCLE:
+        phase = lanes[number, c.L_TURN] * s / lanes[number, c.L_RADIUS] + lanes[number, c.L_START_PHASE]
+        return phase + math.pi / 2 * lanes[number, c.L_TURN]
+    if kind == c.SINE:
+        slope = cos(arrays.machine, lanes[number, c.L_PULSATION] * s + lanes[number, c.L_PHASE])
+        slope = lanes[number, c.L_AMPLITUDE] * lanes[number, c.L_PULSATION] * slope
+        return lanes[number, c.L_HEADING] + arctan(arrays.machine, slope)
+    return lanes[number, c.L_HEADING]
+
+
+@_jit
+def _late_along(arrays: Arrays, number: int, body: int) -> float:
+    s = _circle_along(arrays, number, arrays.bodies[body, c.B_X], arrays.bodies[body, c.B_Y])
+    arrays.along[number, body] = s
+    return s
+
+
+@_jit_inline
+def along(arrays: Arrays, number: int, body: int) -> float:
+    """Longitudinal coordinate of a body on a lane [m]; on circles computed only when somebody asks."""
+    s = arrays.along[number, body]
+    return _late_along(arrays, number, body) if math.isnan(s) else s
+
+
+@_jit_inline
+def distance(arrays: Arrays, number: int, s: float, lateral: float) -> float:
+    """L1 distance of lane coordinates to the lane [m]."""
+    return abs(lateral) + max(s - arrays.lanes[number, c.L_LENGTH], 0.0) + max(0.0 - s, 0.0)
+
+
+@_jit_inline
+def is_on(arrays: Arrays, number: int, body: int, margin_m: float) -> bool:
+    """Whether a body is on a lane that is `margin_m` wider on both sides and a vehicle longer at both ends."""
+    if not abs(arrays.across[number, body]) <= arrays.lanes[number, c.L_WIDTH] / 2 + margin_m:
+        return False
+    s, margin = along(arrays, number, body), arrays.lanes[number, c.L_MARGIN]
+    return -margin <= s < arrays.lanes[number, c.L_LENGTH] + margin
+
+
+@_jit
+def is_reachable(arrays: Arrays, number: int, body: int) -> bool:
+    """Whether a body may change to a lane."""
+    width = arrays.lanes[number, c.L_WIDTH]
+    if arrays.lane_ints[number, c.LI_FORBIDDEN] or not abs(arrays.across[number, body]) <= 2 * width:
+        return False
+    return 0 <= along(arrays, number, body) < arrays.lanes[number, c.L_LENGTH] + arrays.lanes[number, c.L_MARGIN]
+
+
+@_jit
+def locate(arrays: Arrays, body: int) -> int:
+    """Enter a body's lane coordinates into the tables; the number of the lane closest in position and heading.
+
+    On a circle the longitudinal coordinate costs an arctan2: it is left for later (nan) where the lateral distance
+    alone is beyond the best lane so far.
+    """
+    x, y, heading = arrays.bodies[body, c.B_X], arrays.bodies[body, c.B_Y], arrays.bodies[body, c.B_HEADING]
+    closest, best = 0, math.inf
+    for number in range(arrays.lanes.shape[0]):
+        if arrays.lane_ints[number, c.LI_KIND] == c.CIRCLE:
+            s, lateral = math.nan, _circle_across(arrays, number, x, y)
+            if abs(lateral) < best:
+                s = _circle_along(arrays, number, x, y)
+        else:
+            s, lateral = coordinates(arrays, number, x, y)
+        arrays.along[number, body], arrays.across[number, body] = s, lateral
+        if abs(lateral) < best:
+            angle = abs(wrap(heading - heading_at(arrays, number, s)))
+            far = distance(arrays, number, s, lateral) + 1.0 * angle
+            if far < best:
+                closest, best = number, far
+    return closest

@@ -1,0 +1,145 @@
+"""`CompatRoad`: a live highway-env `Road`, stepped by our kernels with highway-env's exact semantics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.errors import SimulationError, nearest
+from pytest_drive_robust.simulators.compat import columns as c
+from pytest_drive_robust.simulators.compat.advance import advance
+from pytest_drive_robust.simulators.compat.arithmetic import is_exact
+from pytest_drive_robust.simulators.compat.known import check_road
+from pytest_drive_robust.simulators.compat.network import LaneIndex, Network
+from pytest_drive_robust.simulators.compat.reading import Reading
+
+__all__ = ["CompatRoad"]
+
+Saved = tuple[NDArray[Any], ...]
+
+_TOLD = {
+    "IDLE": c.TOLD_IDLE,
+    "FASTER": c.TOLD_FASTER,
+    "SLOWER": c.TOLD_SLOWER,
+    "LANE_LEFT": c.TOLD_LEFT,
+    "LANE_RIGHT": c.TOLD_RIGHT,
+}
+
+
+class CompatRoad:
+    """What `Road.act()` and `Road.step(dt)` of highway-env 1.12 do, on arrays that were read from a live road.
+
+    The live road stands still until `write_back()`. Left out: the yielding rule of `RegulatedRoad`, the regression
+    data that a `LinearVehicle` collects, and warnings about routes that do not fit. No step draws a random number.
+    """
+
+    semantics = "highway-env 1.12"
+
+    def __init__(self, road: Any, network: Network, *, ego: Any) -> None:
+        self._road = road
+        self._network = network
+        self._ego = ego
+        self.read_back()
+
+    @classmethod
+    def from_road(cls, road: Any, *, ego: Any = None, ignore_road_rules: bool = False) -> CompatRoad:
+        """Read a live `highway_env.road.road.Road`; `ego` is the vehicle that `step` may tell what to do.
+
+        Raises `SimulationError` for roads, lanes, vehicles and objects of classes that the kernels do not know, and
+        for a `RegulatedRoad` unless `ignore_road_rules`.
+        """
+        check_road(road, ignore_road_rules=ignore_road_rules)
+        return cls(road, Network.from_road_network(road.network), ego=ego)
+
+    @property
+    def exact(self) -> bool:
+        """Whether this machine's arithmetic is matched to the bit; otherwise results agree to about 1e-9."""
+        return is_exact()
+
+    @property
+    def ego(self) -> int | None:
+        """The row of the ego, or None when `from_road` got none."""
+        return None if self._ego is None else self._ego_row
+
+    @property
+    def positions_m(self) -> NDArray[np.float64]:
+        """(n, 2) copy: vehicles in the order of the road, then objects."""
+        return self._arrays.bodies[:, [c.B_X, c.B_Y]]
+
+    @property
+    def headings_rad(self) -> NDArray[np.float64]:
+        """(n,) copy, not normalised."""
+        return self._arrays.bodies[:, c.B_HEADING].copy()
+
+    @property
+    def speeds_mps(self) -> NDArray[np.float64]:
+        """(n,) copy; negative in reverse."""
+        return self._arrays.bodies[:, c.B_SPEED].copy()
+
+    @property
+    def crashed(self) -> NDArray[np.bool_]:
+        """(n,) copy."""
+        return self._arrays.body_ints[:, c.I_CRASHED].astype(np.bool_)
+
+    @property
+    def lane_indices(self) -> list[LaneIndex]:
+        """The closest lane of each body as (from, to, id)."""
+        return [self._network.indices[k] for k in self._arrays.body_ints[:, c.I_LANE]]
+
+    def step(self, dt_s: float, ego_action: tuple[float, float] | str | None = None) -> None:
+        """`ego.act(ego_action)` unless None, then `road.act()`, then `road.step(dt_s)`.
+
+        `ego_action` is (acceleration [m/s2], steering [rad]) for a plain `Vehicle`, and "IDLE", "FASTER", "SLOWER",
+        "LANE_LEFT" or "LANE_RIGHT" for a `ControlledVehicle`. Raises `SimulationError` for another one.
+        """
+        told, acceleration, steering = self._told(ego_action)
+        advance(self._arrays, dt_s, self._ego_row, told, acceleration, steering)
+
+    def read_back(self) -> None:
+        """Read all vehicles and objects again, after somebody changed, added or removed some on the live road."""
+        rows = [row for row, vehicle in enumerate(self._road.vehicles) if vehicle is self._ego]
+        if self._ego is not None and not rows:
+            raise SimulationError("The ego is not among the road's vehicles: pass one of road.vehicles as ego.")
+        self._ego_row = rows[0] if rows else -1
+        self._reading = Reading.of_road(self._road, self._network)
+        self._arrays = self._reading.arrays
+
+    def write_back(self) -> None:
+        """Write the arrays into the live vehicles and objects, for rendering, observations and rewards.
+
+        A road that records histories gets one entry per call.
+        """
+        self._reading.write(self._network, keep_history=bool(self._road.record_history))
+
+    def snapshot(self) -> Saved:
+        """The state as copies of arrays, for `restore`; valid until the next `read_back`."""
+        return tuple(array.copy() for array in self._state())
+
+    def restore(self, saved: Saved) -> None:
+        """Go back to a `snapshot` of this road."""
+        for array, before in zip(self._state(), saved, strict=True):
+            array[...] = before
+
+    def _state(self) -> Saved:
+        arrays = self._arrays
+        return arrays.bodies, arrays.body_ints, arrays.route_spans, arrays.along, arrays.across
+
+    def _told(self, action: tuple[float, float] | str | None) -> tuple[int, float, float]:
+        """What the kernel is told: a code, acceleration, steering."""
+        if action is None:
+            return c.TOLD_NOTHING, 0.0, 0.0
+        if self._ego_row < 0:
+            raise SimulationError("Nobody can be told anything: CompatRoad.from_road got no ego.")
+        plain = self._arrays.body_ints[self._ego_row, c.I_KIND] == c.PLAIN
+        if plain and not isinstance(action, str):
+            return c.TOLD_CONTROL, float(action[0]), float(action[1])
+        if not plain and isinstance(action, str) and action in _TOLD:
+            return _TOLD[action], 0.0, 0.0
+        near = None if plain or not isinstance(action, str) else nearest(action, _TOLD)
+        expected = "(acceleration_mps2, steering_rad)" if plain else f"one of {', '.join(sorted(_TOLD))}"
+        raise SimulationError(
+            f"The ego, a {type(self._ego).__name__}, cannot be told {action!r}: give {expected}."
+            + (f" Did you mean {near!r}?" if near else "")
+        )

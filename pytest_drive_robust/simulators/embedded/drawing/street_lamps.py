@@ -1,0 +1,142 @@
+"""Street lamps: where they stand, what they look like, and the light that they throw on the road."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numba import njit
+
+from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.truth import Lane, LaneMap
+    from pytest_drive_robust.simulators.embedded.drawing.view import View
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["draw_pools", "lamp_boxes", "lamp_places"]
+
+_EVERY_M = 30.0
+_FIRST_M = 12.0
+_BESIDE_M = 0.7
+_CLEAR_M = 0.3
+_POLE_M, _ARM_M = 6.2, 1.6
+_STEEL = (96.0, 99.0, 104.0)
+_WARM = (255.0, 224.0, 168.0)
+_REACH_M = 140.0
+_POOL_M = 9.5
+_BRIGHTER = 3.4
+_BRIGHTEST = 150.0
+_FARTHEST_M = 70.0
+
+
+def lamp_places(lane_map: LaneMap) -> Floats:
+    """Feet of the lamps, (n, 3): x, y in metres and the direction to the road in radians.
+
+    One every 30 m along the right edge of every road (beyond parking and biking lanes), none where that is a lane.
+    """
+    roads = [lane for lane in lane_map.lanes if lane.kind != LaneKind.SIDEWALK]
+    points = np.concatenate([lane.centre[:, :2] for lane in roads]) if roads else np.zeros((0, 2))
+    halves = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in roads]) if roads else points[:, 0]
+    places = []
+    for lane in roads:
+        if lane.kind is not LaneKind.DRIVING or lane.junction or _leads_same_way(lane_map, lane):
+            continue
+        aside = lane.width_m / 2.0 + _width_beyond(lane_map, lane) + _BESIDE_M
+        steps = np.hypot(*np.diff(lane.centre[:, :2], axis=0).T)
+        at = np.searchsorted(np.cumsum(steps), np.arange(_FIRST_M, float(steps.sum()) - 4.0, _EVERY_M))
+        for x, y, heading in lane.centre[at]:
+            foot = np.array((x - aside * math.sin(heading), y + aside * math.cos(heading)))
+            if (np.hypot(*(points - foot).T) > halves + _CLEAR_M).all():
+                places.append((foot[0], foot[1], heading - math.pi / 2.0))
+    return np.array(places, np.float64).reshape(-1, 3)
+
+
+def _leads_same_way(lane_map: LaneMap, lane: Lane) -> bool:
+    return lane.right >= 0 and lane.right_same_way and lane_map.lanes[lane.right].kind is LaneKind.DRIVING
+
+
+def _width_beyond(lane_map: LaneMap, lane: Lane) -> float:
+    """Width of the parking and biking lanes to the right of a driving lane."""
+    width, index = 0.0, lane.right
+    while index >= 0 and lane_map.lanes[index].kind in (LaneKind.PARKING, LaneKind.BIKING):
+        width += lane_map.lanes[index].width_m
+        index = lane_map.lanes[index].right
+    return width
+
+
+def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
+    """Pole, arm and head of each lamp; the head glows by `night` 0..1."""
+    boxes = []
+    for x, y, towards in places:
+        reach_x, reach_y = math.cos(towards), math.sin(towards)
+        middle_x, middle_y = x + 0.5 * _ARM_M * reach_x, y + 0.5 * _ARM_M * reach_y
+        head_x, head_y = x + _ARM_M * reach_x, y + _ARM_M * reach_y
+        colour = tuple(a + (b - a) * night for a, b in zip((176.0, 178.0, 180.0), _WARM, strict=True))
+        boxes += [
+            Box(x, y, 0.0, towards, 0.14, 0.14, _POLE_M, _STEEL, reach_m=_REACH_M),
+            Box(middle_x, middle_y, _POLE_M - 0.1, towards, _ARM_M, 0.09, 0.09, _STEEL, reach_m=60.0),
+            Box(head_x, head_y, _POLE_M - 0.16, towards, 0.7, 0.28, 0.14, colour, glow=night, reach_m=_REACH_M),
+        ]
+    return boxes
+
+
+@njit(cache=True, error_model="numpy")
+def draw_pools(
+    image: NDArray[np.uint8], faces: NDArray[Any], places: Floats, view: View, haze_per_m: float, strength: float
+) -> None:
+    """Brightens the ground of `image` (height, width, 3) below the lamps at `places`, by `strength` 0..1.
+
+    `faces` (height, width) is 0 where no box is seen. What is bright already gains less: no place burns out.
+    """
+    height, width = image.shape[0], image.shape[1]
+    for lamp in range(len(places)):
+        towards = places[lamp, 2]
+        dx = places[lamp, 0] + _ARM_M * math.cos(towards) - view.x_m
+        dy = places[lamp, 1] + _ARM_M * math.sin(towards) - view.y_m
+        ahead, aside = dx * view.cos_yaw + dy * view.sin_yaw, dy * view.cos_yaw - dx * view.sin_yaw
+        if ahead < -_POOL_M or ahead > _FARTHEST_M:
+            continue
+        if abs(aside) - _POOL_M > (ahead + _POOL_M) * 0.5 * width / view.focal_px:
+            continue
+        gain = strength * _BRIGHTER * math.exp(-haze_per_m * max(ahead, 0.0)) * (1.0 - max(ahead, 0.0) / _FARTHEST_M)
+        for row in range(height):
+            up = (0.5 * height - row - 0.5) / view.focal_px
+            rise = view.sin_pitch + up * view.cos_pitch
+            if rise > -0.01:
+                continue
+            depth = -view.z_m / rise
+            forward = depth * (view.cos_pitch - up * view.sin_pitch) - ahead
+            if abs(forward) < _POOL_M:
+                _pool_row(image, faces, row, forward, aside, depth / view.focal_px, gain)
+
+
+@njit(cache=True, error_model="numpy")
+def _pool_row(
+    image: NDArray[np.uint8],
+    faces: NDArray[Any],
+    row: int,
+    forward_m: float,
+    aside_m: float,
+    pixel_m: float,
+    gain: float,
+) -> None:
+    width = image.shape[1]
+    chord = math.sqrt(_POOL_M * _POOL_M - forward_m * forward_m)
+    first = max(math.ceil(0.5 * width + (aside_m - chord) / pixel_m - 0.5), 0)
+    last = min(math.floor(0.5 * width + (aside_m + chord) / pixel_m - 0.5), width - 1)
+    for column in range(first, last + 1):
+        if faces[row, column] != 0:
+            continue
+        side = (column + 0.5 - 0.5 * width) * pixel_m - aside_m
+        near = 1.0 - (forward_m * forward_m + side * side) / (_POOL_M * _POOL_M)
+        bright = 0.33 * (float(image[row, column, 0]) + float(image[row, column, 1]) + float(image[row, column, 2]))
+        more = gain * near * near * max(1.0 - bright / _BRIGHTEST, 0.0)
+        image[row, column, 0] = np.uint8(min(image[row, column, 0] * (1.0 + more), 255.0))
+        image[row, column, 1] = np.uint8(min(image[row, column, 1] * (1.0 + 0.92 * more), 255.0))
+        image[row, column, 2] = np.uint8(min(image[row, column, 2] * (1.0 + 0.7 * more), 255.0))

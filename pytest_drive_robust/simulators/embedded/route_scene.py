@@ -1,0 +1,95 @@
+"""The moment of a route that tells what it is about, found without a driver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.world import DT_S, World
+
+__all__ = ["RouteScene", "telling_moment"]
+
+_SHARE_OF_LIMIT = 0.6
+_SLOWEST_MPS, _FASTEST_MPS = 5.0, 14.0
+_AFTER_START_S = 1.2
+_KEEP_AWAY_M = 9.0
+_LOOK_AHEAD_M = 25.0
+_COAST = Control()
+
+
+@dataclass(frozen=True, slots=True)
+class RouteScene:
+    """A built world at one moment.
+
+    `ridden_m` is how far along the route the ego is; `walks` (n, 2, 2) are the ways of those who walk, from and to, in
+    metres.
+    """
+
+    route: Route
+    world: World
+    frame: Frame
+    ridden_m: float
+    walks: np.typing.NDArray[np.float64]
+
+
+def telling_moment(route: Route, *, seed: int = 0) -> RouteScene:
+    """The world of `route` when its scenario is on: a second after the first actor has set off.
+
+    The ego rides along its route on rails, at 0.6 of the speed limit, and stops short of what is in its way. Scenarios
+    without triggered actors are shown when the ego has come 25 m past the trigger point. Raises `RouteError` for routes
+    that cannot be built.
+    """
+    world = World(route, seed=seed)
+    waiting = world.state.actor_ints[:, c.I_PHASE] == c.PHASE_WAITING
+    ridden, since_start_s = 0.0, 0.0
+    last = min(world.dense.length_m, world.dense.trigger_m + (70.0 if waiting.any() else _LOOK_AHEAD_M))
+    while ridden < last and since_start_s < _AFTER_START_S:
+        speed = _speed_at(world, ridden)
+        if _is_blocked(world):
+            break
+        _put_ego(world, ridden, speed)
+        world.tick(_COAST)
+        ridden += speed * DT_S
+        if (world.state.actor_ints[waiting, c.I_PHASE] >= c.PHASE_SCRIPT).any():
+            since_start_s += DT_S
+    _put_ego(world, min(ridden, last), _speed_at(world, ridden))
+    return RouteScene(route, world, world.frame(), ridden, _walks(world))
+
+
+def _speed_at(world: World, ridden_m: float) -> float:
+    row = int(np.searchsorted(world.dense.s, ridden_m).clip(0, len(world.dense.rows) - 1))
+    return float(np.clip(_SHARE_OF_LIMIT * world.dense.rows[row, 3], _SLOWEST_MPS, _FASTEST_MPS))
+
+
+def _put_ego(world: World, ridden_m: float, speed_mps: float) -> None:
+    """On the route, after a start beside it (a parking bay) within 12 m."""
+    aside = world.stage.start_right_m * max(0.0, 1.0 - ridden_m / 12.0)
+    x, y, yaw = place(world.dense.rows[:, :3], ridden_m, aside)
+    world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
+
+
+def _is_blocked(world: World) -> bool:
+    """Is something solid right before the ego?"""
+    ego, ints = world.state.ego, world.state.actor_ints
+    there = (ints[:, c.I_ACTIVE] == 1) & (ints[:, c.I_SOLID] == 1)
+    away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]
+    cos_yaw, sin_yaw = np.cos(ego[c.EGO_YAW]), np.sin(ego[c.EGO_YAW])
+    ahead, right = away[:, 0] * cos_yaw + away[:, 1] * sin_yaw, away[:, 1] * cos_yaw - away[:, 0] * sin_yaw
+    half = world.state.actors[there][:, c.A_LENGTH] / 2.0
+    return bool(((ahead > 0.0) & (ahead - half < _KEEP_AWAY_M) & (np.abs(right) < 1.6)).any())
+
+
+def _walks(world: World) -> np.typing.NDArray[np.float64]:
+    ways = []
+    for actor, whole in zip(world.stage.cast.rows, world.stage.cast.ints, strict=True):
+        if whole[c.I_MODE] == c.MODE_WALK:
+            path = world.stage.paths[int(whole[c.I_PATH])]
+            end = min(float(actor[c.A_END_S]), 40.0)
+            ways.append((path[0, :2], place(path, end)[:2]))
+    return np.array(ways, np.float64).reshape(-1, 2, 2)

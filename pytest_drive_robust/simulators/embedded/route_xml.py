@@ -1,0 +1,137 @@
+"""Route files in the CARLA leaderboard's XML schema: reading and writing.
+
+Schema: Bench2Drive `leaderboard/data/*.xml`: `routes > route[id, town]` with `waypoints > position[x y z]`,
+`scenarios > scenario[name, type]` with `trigger_point[x y z yaw]` and parameter elements, `weathers > weather`.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import fields
+from pathlib import Path
+
+from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
+from pytest_drive_robust.errors import RouteError
+
+__all__ = ["load_routes", "save_routes"]
+
+def load_routes(path: Path) -> tuple[Route, ...]:
+    """Every route of a file, in its order. Raises `RouteError` that names file, route and element."""
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import parse
+
+    try:
+        root = parse(path, forbid_dtd=True).getroot()
+    except FileNotFoundError:
+        raise RouteError(f"there is no route file {str(path)!r}") from None
+    except OSError as error:
+        raise RouteError(f"cannot read route file {str(path)!r}: {error}") from None
+    except (ElementTree.ParseError, DefusedXmlException, UnicodeError, ValueError) as error:
+        raise RouteError(f"{path}: not a route XML file: {error}") from None
+    if root.tag != "routes":
+        raise RouteError(f"{path}: the outermost element is <{root.tag}>, expected <routes>")
+    routes = tuple(_route(element, path) for element in root.findall("route"))
+    if not routes:
+        raise RouteError(f"{path}: holds no <route>")
+    seen: set[str] = set()
+    for route in routes:
+        if route.id in seen:
+            raise RouteError(f"{path}: two routes have the id {route.id!r}")
+        seen.add(route.id)
+    return routes
+
+
+def save_routes(routes: Iterable[Route], path: Path) -> None:
+    """Write a route file that `load_routes` reads back to equal routes."""
+    root = ElementTree.Element("routes")
+    for route in routes:
+        element = ElementTree.SubElement(root, "route", id=route.id, town=route.town)
+        waypoints = ElementTree.SubElement(element, "waypoints")
+        for point in route.waypoints:
+            ElementTree.SubElement(waypoints, "position", x=repr(point.x_m), y=repr(point.y_m), z=repr(point.z_m))
+        _write_scenario(ElementTree.SubElement(element, "scenarios"), route.scenario)
+        weathers = ElementTree.SubElement(element, "weathers")
+        values = {field.name: repr(getattr(route.weather, field.name)) for field in fields(Weather)}
+        for share in ("0", "100"):
+            ElementTree.SubElement(weathers, "weather", {"route_percentage": share, **values})
+    ElementTree.indent(root)
+    path.write_text(ElementTree.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+
+
+def _write_scenario(parent: ElementTree.Element, scenario: ScenarioSpec) -> None:
+    element = ElementTree.SubElement(parent, "scenario", name=scenario.name, type=scenario.type)
+    at = scenario.trigger
+    ElementTree.SubElement(
+        element, "trigger_point", x=repr(at.x_m), y=repr(at.y_m), z=repr(at.z_m), yaw=repr(at.yaw_deg)
+    )
+    for name, attributes in scenario.parameters.items():
+        ElementTree.SubElement(element, name, {key: repr(value) for key, value in attributes.items()})
+    for name, text in scenario.texts.items():
+        ElementTree.SubElement(element, name, value=text)
+
+
+def _route(element: ElementTree.Element, path: Path) -> Route:
+    route_id = element.get("id")
+    if not route_id:
+        raise RouteError(f"{path}: a <route> has no id")
+    where = f"{path}: route {route_id}"
+    town = element.get("town")
+    if not town:
+        raise RouteError(f"{where}: <route> has no town")
+    positions = element.findall("waypoints/position")
+    waypoints = tuple(
+        Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions
+    )
+    if len(waypoints) < 2:
+        raise RouteError(f"{where}: {len(waypoints)} waypoint(s), expected at least 2")
+    scenarios = element.findall("scenarios/scenario")
+    if len(scenarios) != 1:
+        raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
+    return Route(route_id, town, waypoints, _scenario(scenarios[0], where), _weather(element, where))
+
+
+def _scenario(element: ElementTree.Element, where: str) -> ScenarioSpec:
+    kind = element.get("type")
+    if not kind:
+        raise RouteError(f"{where}: <scenario> has no type")
+    trigger = element.find("trigger_point")
+    if trigger is None:
+        raise RouteError(f"{where}: scenario {kind} has no <trigger_point>")
+    at = TriggerPoint(*(_number(trigger, name, where) for name in ("x", "y", "z", "yaw")))
+    parameters: dict[str, dict[str, float]] = {}
+    texts: dict[str, str] = {}
+    for child in element:
+        if child.tag == "trigger_point":
+            continue
+        numbers = {name: number for name, text in child.attrib.items() if (number := _finite(text)) is not None}
+        if numbers:
+            parameters[child.tag] = numbers
+        elif "value" in child.attrib:
+            texts[child.tag] = child.attrib["value"]
+    return ScenarioSpec(element.get("name") or f"{kind}_1", kind, at, parameters, texts)
+
+
+def _weather(element: ElementTree.Element, where: str) -> Weather:
+    first = element.find("weathers/weather")
+    if first is None:
+        return Weather()
+    names = [field.name for field in fields(Weather)]
+    return Weather(**{name: _number(first, name, where) for name in names if name in first.attrib})
+
+
+def _number(element: ElementTree.Element, name: str, where: str) -> float:
+    text = element.get(name)
+    number = None if text is None else _finite(text)
+    if number is None:
+        raise RouteError(f"{where}: <{element.tag}> has {name}={text!r}, expected a finite number")
+    return number
+
+
+def _finite(text: str) -> float | None:
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,173 @@
+"""The road leaves less room or less grip than it seems: bicycles, a door, invading traffic, dirt.
+
+Sources: Bench2Drive `scenario_runner/srunner/scenarios/{route_obstacles,vehicle_opens_door,invading_turn,
+control_loss}.py`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
+from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+    ahead,
+    oncoming_gaps,
+    scenery,
+    side_traffic,
+    speed,
+)
+from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.triggers import Arrival
+
+__all__ = [
+    "control_loss",
+    "hazard_at_side_lane",
+    "hazard_at_side_lane_two_ways",
+    "invading_turn",
+    "vehicle_opens_door_two_ways",
+]
+
+_BICYCLE_SHIFT = 0.65
+"""How far to the right they ride, in halves of the lane."""
+_DIRT_M = (14.0, 48.0, 74.0)
+_PARKED_IN_LANE_M = 0.35
+_CONE_STEP_M = 6.0
+
+
+@scenario(
+    "HazardAtSideLane",
+    sites=(
+        Site("Avenue", "road.f1", (125.0, 145.0)),
+        Site("ParkingAvenue", "road.f1", (125.0, 145.0)),
+        Site("OneWayStreet", "road.f1", (125.0, 145.0)),
+    ),
+    parameters={
+        "distance": (41.0, 45.0),
+        "speed": (45.0, 60.0),
+        "bicycle_speed": (6.0, 12.0),
+        "bicycle_drive_distance": (40.0, 101.0),
+    },
+    blocked_test_off=True,
+)
+def hazard_at_side_lane(stage: Stage) -> None:
+    """Two slow bicycles at the edge of the lane; the lane to the left is in use."""
+    side_traffic(stage, 50.0)
+    stage.end_m = stage.trigger_m + _bicycles(stage) + 20.0
+
+
+@scenario(
+    "HazardAtSideLaneTwoWays",
+    sites=(
+        Site("Street", "road.f0", (125.0, 145.0)),
+        Site("RuralRoad", "road.b0", (125.0, 145.0)),
+        Site("ParkingStreet", "road.f0", (125.0, 145.0)),
+    ),
+    parameters={"distance": (41.0, 45.0), "bicycle_speed": (6.0, 12.0), "bicycle_drive_distance": (40.0, 80.0)},
+    intervals={"frequency": (75.0, 100.0)},
+    blocked_test_off=True,
+    two_ways=True,
+)
+def hazard_at_side_lane_two_ways(stage: Stage) -> None:
+    """Two slow bicycles at the edge of the lane; cars come the other way."""
+    oncoming_gaps(stage, (75.0, 100.0))
+    stage.end_m = stage.trigger_m + _bicycles(stage) + 20.0
+
+
+@scenario(
+    "VehicleOpensDoorTwoWays",
+    sites=(
+        Site("ParkingStreet", "road.f0", (118.0, 135.0)),
+        Site("Street", "road.f0", (118.0, 135.0)),
+        Site("ParkingStreet", "road.b0", (118.0, 135.0)),
+    ),
+    parameters={"distance": (37.0, 59.0)},
+    intervals={"frequency": (30.0, 98.0)},
+    blocked_test_off=True,
+    two_ways=True,
+)
+def vehicle_opens_door_two_ways(stage: Stage) -> None:
+    """A parked car opens its door when the ego is 3 s or 10 m away; cars come the other way."""
+    at = ahead(stage, 48.0, at_least_m=25.0)
+    left_side = stage.lane_width_m / 2.0 - _PARKED_IN_LANE_M
+    stage.stand(ActorKind.CAR, at, left_side + SIZES_M[ActorKind.CAR][1] / 2.0)
+    stage.appear(ActorKind.DOOR, at + 0.3, left_side - SIZES_M[ActorKind.DOOR][1] / 2.0, trigger=Arrival(3.0, 10.0))
+    oncoming_gaps(stage, (30.0, 98.0))
+    stage.end_m = stage.trigger_m + at + 20.0
+
+
+@scenario(
+    "InvadingTurn",
+    sites=(
+        Site("Bend", "road.f0", (98.0, 112.0), trigger_m=(3.0, 8.0), before_m=(30.0, 38.0)),
+        Site("Bend", "road.b0", (98.0, 112.0), trigger_m=(3.0, 8.0), before_m=(30.0, 38.0)),
+    ),
+    parameters={"distance": (75.0, 85.0), "offset": (0.18, 0.34)},
+    blocked_test_off=True,
+)
+def invading_turn(stage: Stage) -> None:
+    """In a bend, cones push the oncoming cars over the centre line by `offset`: keep to the right."""
+    far = ahead(stage, 80.0, at_least_m=45.0)
+    over = min(max(stage.spec.number("offset", 0.25), -0.5), 0.5)
+    path = _pushed_aside(stage, far, stage.lane_width_m / 2.0 + over)
+    stage.flow(
+        path, speed_mps=0.7 * stage.speed_limit_mps, gap_m=(36.0, 44.0), background=True, kinds=(ActorKind.CAR,),
+        blind=True,
+    )  # fmt: skip
+    for k in range(int((far - 25.0) / _CONE_STEP_M) + 1):
+        stage.stand(ActorKind.CONE, 22.0 + _CONE_STEP_M * k, -(stage.lane_width_m / 2.0 + 1.3))
+    stage.end_m = stage.trigger_m + far + 10.0
+
+
+@scenario(
+    "ControlLoss",
+    sites=(
+        Site("Street", "road.f0", (112.0, 130.0)),
+        Site("RuralRoad", "road.f0", (112.0, 130.0)),
+        Site("Avenue", "road.f0", (112.0, 130.0)),
+        Site("Bend", "road.f0", (112.0, 130.0), before_m=(30.0, 45.0)),
+    ),
+)
+def control_loss(stage: Stage) -> None:
+    """Dirt on the road at 14, 48 and 74 m disturbs throttle and steering."""
+    for at in _DIRT_M:
+        stage.dirt(at)
+    scenery(stage)
+    stage.end_m = stage.trigger_m + _DIRT_M[-1] + 10.0
+
+
+def _bicycles(stage: Stage) -> float:
+    """Two bicycles 9 m apart set off as the scenario wakes up; metres from the trigger to where they turn off."""
+    at = ahead(stage, 43.0)
+    ride = speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
+    drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
+    edge = _BICYCLE_SHIFT * stage.lane_width_m / 2.0
+    for k in range(2):
+        start = stage.on_ego_path(at + 9.0 * k)
+        bicycle = stage.drive(
+            ActorKind.BICYCLE, stage.ego_path, start, 0.0, target_mps=ride, right_m=edge, end_m=start + drive,
+            at_end=c.AT_END_LEAVE,
+        )  # fmt: skip
+        stage.cast.script(bicycle, stage.passing(0.0), stage.ride(ride, edge))
+    return at + drive
+
+
+def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:
+    """The oncoming lane, shifted to its left by `aside_m` between `far_m` and 20 m after the trigger."""
+    lane = stage.oncoming()
+    line = stage.paths[lane]
+    s = arc_lengths(line)
+    begins, ends = stage.along(lane, far_m), stage.along(lane, 20.0)
+    shift = aside_m * (_smooth((s - begins) / 20.0 + 1.0) - _smooth((s - ends) / 12.0))
+    left = np.column_stack([np.sin(line[:, 2]), -np.cos(line[:, 2])])
+    return stage.add_path(line[:, :2] + shift[:, None] * left)
+
+
+def _smooth(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """0 below 0, 1 above 1, without a kink in between."""
+    t = np.clip(share, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))

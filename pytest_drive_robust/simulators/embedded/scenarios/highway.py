@@ -1,0 +1,109 @@
+"""On motorways: get through slow or dense traffic onto the road, off it, or across its lanes.
+
+Sources: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py` (`HighwayExit`, `MergerIntoSlowTraffic`,
+`MergerIntoSlowTrafficV2`) and `route_obstacles.py`'s neighbour `sequential_lane_change.py`.
+"""
+
+from __future__ import annotations
+
+from pytest_drive_robust.simulators.embedded.map import follow, join
+from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import route_end_ahead_m, route_flow
+from pytest_drive_robust.simulators.embedded.stage import Stage
+
+__all__ = [
+    "highway_exit",
+    "merger_into_slow_traffic",
+    "merger_into_slow_traffic_v2",
+    "sequential_lane_change",
+]
+
+_RAMP_START_MPS = 8.0
+_ROLLING = 0.7  # of the speed limit
+_LAST_M = 5.0
+
+
+@scenario(
+    "HighwayExit",
+    sites=(
+        Site("ExitRamp", "road.right>exit.f0", (130.0, 150.0), before_m=(105.0, 120.0), changes_m=((25.0, 40.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (130.0, 150.0), before_m=(115.0, 130.0), changes_m=((30.0, 45.0),)),
+    ),
+    parameters={"flow_speed": (10.0, 15.0)},
+    intervals={"source_dist_interval": (11.0, 46.0)},
+    blocked_test_off=True,
+)
+def highway_exit(stage: Stage) -> None:
+    """Leave the motorway through a flow in the exit lane that stays slower than the road."""
+    stage.start_mps = _ROLLING * stage.speed_limit_mps
+    _flow_in_last_lane(stage, speed_mps=(10.0, 15.0), gap_m=(11.0, 46.0))
+
+
+@scenario(
+    "MergerIntoSlowTraffic",
+    sites=(
+        Site("EntryRamp", "ramp.f0>road.right", (158.0, 180.0), before_m=(55.0, 65.0), changes_m=((70.0, 80.0),)),
+        Site("EntryRamp", "ramp.f0>road.right", (158.0, 180.0), before_m=(65.0, 75.0), changes_m=((80.0, 90.0),)),
+    ),
+    parameters={"flow_speed": (9.0, 10.0)},
+    intervals={"source_dist_interval": (14.0, 42.0)},
+    blocked_test_off=True,
+)
+def merger_into_slow_traffic(stage: Stage) -> None:
+    """Merge from the acceleration lane into traffic that crawls at half the limit."""
+    stage.start_mps = _RAMP_START_MPS
+    _flow_in_last_lane(stage, speed_mps=(9.0, 10.0), gap_m=(14.0, 42.0))
+
+
+@scenario(
+    "MergerIntoSlowTrafficV2",
+    sites=(
+        Site("ExitRamp", "road.right>exit.f0", (135.0, 155.0), before_m=(110.0, 125.0), changes_m=((30.0, 45.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (135.0, 155.0), before_m=(95.0, 110.0), changes_m=((20.0, 30.0),)),
+    ),
+    parameters={"flow_speed": (10.0, 10.0)},
+    intervals={"source_dist_interval": (11.0, 34.0)},
+    blocked_test_off=True,
+)
+def merger_into_slow_traffic_v2(stage: Stage) -> None:
+    """Merge into the slow traffic of a lane that is only for the exit."""
+    stage.start_mps = _RAMP_START_MPS
+    _flow_in_last_lane(stage, speed_mps=(10.0, 10.0), gap_m=(11.0, 34.0))
+
+
+@scenario(
+    "SequentialLaneChange",
+    sites=(
+        Site("Highway", "road.f0>road.f1>road.f2", (165.0, 185.0), changes_m=((15.0, 22.0), (85.0, 95.0))),
+        Site("Highway", "road.f2>road.f1>road.f0", (165.0, 185.0), changes_m=((15.0, 22.0), (85.0, 95.0))),
+        Site("Avenue", "road.f1>road.f0>road.f1", (118.0, 135.0), changes_m=((15.0, 20.0), (62.0, 70.0))),
+        Site("OneWayStreet", "road.f0>road.f1>road.f0", (118.0, 135.0), changes_m=((15.0, 20.0), (62.0, 70.0))),
+    ),
+    blocked_test_off=True,
+)
+def sequential_lane_change(stage: Stage) -> None:
+    """Several lane changes, one after the other, through traffic that moves nearly as fast as the ego may."""
+    stage.start_mps = _ROLLING * stage.speed_limit_mps
+    lane_map = stage.dense.lane_map
+    roads = dict.fromkeys(follow(lane_map, int(lane)) for lane in stage.dense.lanes)
+    for number, lanes in enumerate(roads):
+        stage.flow(
+            stage.add_path(join(lane_map, lanes)),
+            speed_mps=(0.8 + 0.05 * number) * stage.speed_limit_mps,
+            gap_m=(22.0, 45.0),
+            background=True,
+        )
+    stage.end_m = stage.dense.length_m - _LAST_M
+
+
+def _flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tuple[float, float]) -> None:
+    """The flow of the route file in the lane in which the route ends; background traffic farther left."""
+    end = route_end_ahead_m(stage)
+    route_flow(stage, stage.own(end), speed_mps=speed_mps, gap_m=gap_m)
+    level = 0.0 if stage.has_lane_beside("left") else end
+    if stage.has_lane_beside("left", level):
+        stage.flow(
+            stage.beside("left", level), speed_mps=0.85 * stage.lane_at(level).speed_limit_mps, gap_m=(50.0, 100.0),
+            background=True,
+        )  # fmt: skip
+    stage.end_m = stage.dense.length_m - _LAST_M

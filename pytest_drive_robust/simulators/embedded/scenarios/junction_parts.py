@@ -1,0 +1,110 @@
+"""What several scenario types share: the flow of the route file, lights in turn, the point where two ways meet."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from pytest_drive_robust.domain.truth import ActorKind, LightState
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.signals import Program, green_then_red, red_then_green
+from pytest_drive_robust.simulators.embedded.stage import Stage
+
+__all__ = [
+    "RED_S",
+    "cross_traffic",
+    "end_behind_junction",
+    "lights_turn_green",
+    "lights_turn_red",
+    "meeting_point",
+    "route_end_ahead_m",
+    "route_flow",
+]
+
+RED_S = 5.0
+"""How long lights stay red (or green) after the scenario woke up."""
+
+_CLEAR_S = 2.0  # between the end of one road's green and the start of the other's
+_YELLOW_S = 1.0
+_MEET_M = 1.0
+_CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
+
+
+def route_flow(
+    stage: Stage,
+    path: int,
+    *,
+    speed_mps: tuple[float, float],
+    gap_m: tuple[float, float],
+    kinds: tuple[ActorKind, ...] = _CARS,
+) -> None:
+    """The flow of the route file: `flow_speed` and gaps from `source_dist_interval`, from edge to edge of the town.
+
+    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out.
+    """
+    gaps = (
+        stage.spec.number("source_dist_interval", gap_m[0], attribute="from"),
+        stage.spec.number("source_dist_interval", gap_m[1], attribute="to"),
+    )
+    speed = stage.spec.number("flow_speed", sum(speed_mps) / 2.0)
+    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds)
+
+
+def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), obeys_lights: bool = False) -> None:
+    """Background traffic straight on from the junction's other arms, as fast as the ego's way through it allows."""
+    inside = stage.lane_at(stage.junction_ahead_m() + 1.0)
+    for bearing in ("left", "right", "opposite"):
+        with suppress(RouteError):  # a junction of three arms lacks one of them
+            stage.flow(
+                stage.from_arm(bearing),
+                speed_mps=0.8 * min(stage.speed_limit_mps, inside.speed_limit_mps),
+                gap_m=gap_m,
+                background=True,
+                obeys_lights=obeys_lights,
+            )
+
+
+def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:
+    """Red along the ego's road, then green; the crossing road has green before that."""
+    before = green_then_red(max(red_s - _CLEAR_S, 0.0), np.inf)
+    stage.lights(ego=red_then_green(red_s), opposite=red_then_green(red_s), crossing=before)
+
+
+def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_S) -> None:
+    """Green along the ego's road, then red, during which the crossing road has its green, then green again."""
+    own = green_then_red(green_s, red_s)
+    starts, ends = green_s + _CLEAR_S, green_s + max(_YELLOW_S + red_s - _CLEAR_S, _CLEAR_S)
+    between = Program(
+        LightState.RED,
+        (
+            (LightState.RED, starts),
+            (LightState.GREEN, ends),
+            (LightState.YELLOW, ends + _YELLOW_S),
+            (LightState.RED, np.inf),
+        ),
+    )
+    stage.lights(ego=own, opposite=own, crossing=between)
+
+
+def meeting_point(stage: Stage, path: int) -> tuple[float, float] | None:
+    """(metres ahead on the ego's way, metres along `path`) where the two first meet within the junction, or None."""
+    ahead = np.arange(stage.junction_ahead_m() - 2.0, stage.exit_ahead_m() + 2.0, 0.5)
+    places = np.array([stage.spot(float(a)) for a in ahead])
+    line = stage.paths[path]
+    away = np.hypot(line[None, :, 0] - places[:, :1], line[None, :, 1] - places[:, 1:])
+    met = np.flatnonzero(away.min(axis=1) < _MEET_M)
+    if len(met) == 0:
+        return None
+    at = float(ahead[met[0]])
+    return at, stage.along(path, at)
+
+
+def end_behind_junction(stage: Stage, *, metres: float = 15.0) -> None:
+    """The scenario is over once the ego has left its first junction so far behind."""
+    stage.end_m = stage.trigger_m + stage.exit_ahead_m() + metres
+
+
+def route_end_ahead_m(stage: Stage) -> float:
+    """Metres from the trigger to the end of the route."""
+    return stage.dense.length_m - stage.trigger_m

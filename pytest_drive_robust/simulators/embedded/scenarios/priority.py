@@ -1,0 +1,92 @@
+"""Somebody drives into the junction who should have waited: brake, although you have the right of way.
+
+Source: Bench2Drive `scenario_runner/srunner/scenarios/opposite_vehicle_taking_priority.py`.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.actors import Script
+from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, meeting_point
+from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.triggers import Arrival
+
+__all__ = ["opposite_vehicle_running_red_light", "opposite_vehicle_taking_priority"]
+
+_SPEED_MPS = 60.0 / 3.6
+_ACCEL_MPS2 = 8.0
+_TTA_S = 2.2
+_WITHIN_M = 12.0
+_BEARINGS = ("left", "right", "opposite")
+
+
+@scenario(
+    "OppositeVehicleRunningRedLight",
+    sites=(
+        Site("LightCrossing", "E.straight0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        Site("LightAvenueCrossing", "S.straight0", (78.0, 94.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        Site("LightTee", "E.left0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+    ),
+)
+def opposite_vehicle_running_red_light(stage: Stage) -> None:
+    """The ego has green; an emergency vehicle without a siren's patience runs the red at 60 km/h."""
+    stage.green_for_ego()
+    _take_priority(stage, ActorKind.EMERGENCY)
+    end_behind_junction(stage)
+
+
+@scenario(
+    "OppositeVehicleTakingPriority",
+    sites=(
+        Site("OpenCrossing", "W.straight0", (72.0, 86.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        Site("OpenCrossing", "S.straight0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        Site("OpenTee", "E.left0", (72.0, 86.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+    ),
+)
+def opposite_vehicle_taking_priority(stage: Stage) -> None:
+    """Nothing is controlled; a car shoots out at 60 km/h although it should give way."""
+    _take_priority(stage, ActorKind.CAR)
+    end_behind_junction(stage)
+
+
+def _take_priority(stage: Stage, kind: ActorKind) -> None:
+    """A car waits so far from where the ways meet that it gets there together with an ego that does not react."""
+    path, ahead_m, meets_m = _way(stage)
+    start_m = meets_m - _reach_m(_TTA_S)
+    runner = stage.drive(
+        kind, path, start_m, 0.0, target_mps=0.0, accel_mps2=_ACCEL_MPS2, blind=True,
+        end_m=stage.length_m(path), at_end=c.AT_END_LEAVE,
+    )  # fmt: skip
+    stage.cast.script(runner, Arrival(_TTA_S, _WITHIN_M), Script(_SPEED_MPS), at=stage.spot(ahead_m))
+
+
+def _way(stage: Stage) -> tuple[int, float, float]:
+    """(path, metres ahead, metres on the path) of the way from the file's `direction`, else the first that crosses.
+
+    Raises `RouteError` when none does.
+    """
+    asked = stage.spec.texts.get("direction")
+    for bearing in _BEARINGS if asked is None else (asked,):
+        with suppress(RouteError, KeyError):  # a junction of three arms lacks one of them
+            path = stage.from_arm(bearing)
+            met = meeting_point(stage, path)
+            if met is not None:
+                return path, *met
+    raise RouteError(
+        f"route {stage.dense.route.id}: nobody from {asked or 'anywhere'!r} crosses the route's first junction for "
+        f"scenario {stage.spec.type}; directions are {', '.join(_BEARINGS)}"
+    )
+
+
+def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:
+    """How far the driver model gets from rest within so many seconds."""
+    v, s = 0.0, 0.0
+    for _ in range(round(seconds / dt_s)):
+        v += _ACCEL_MPS2 * (1.0 - (v / _SPEED_MPS) ** 4) * dt_s
+        s += v * dt_s
+    return s

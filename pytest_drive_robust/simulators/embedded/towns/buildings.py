@@ -1,0 +1,54 @@
+"""Houses beside the roads: never on a lane, close enough to hide who comes round the corner."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.truth import Lane, LaneKind
+from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.towns.base import Town
+
+__all__ = ["draw_buildings"]
+
+Floats = NDArray[np.float64]
+_CLEAR_M = 0.8
+"""Least distance between a wall and the edge of any lane in a city; in the country it is the least gap."""
+_STEP_M = 22
+
+
+def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
+    """(b, 6): x, y, yaw, length, width, height of every house."""
+    rng = np.random.Generator(np.random.Philox(key=[sum(map(ord, town.name)), 0x6275]))
+    points = np.concatenate([lane.centre[:, :2] for lane in lanes])
+    radii = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in lanes])
+    walks = [lane for lane in lanes if lane.kind is LaneKind.SIDEWALK]
+    fronts = walks or [lane for lane in lanes if lane.right < 0 and not lane.junction]
+    clear = radii + (_CLEAR_M if walks else town.building_gap_m[0])
+    rows: list[list[float]] = []
+    for lane in fronts:
+        for start in range(5, len(lane.centre) - 12, _STEP_M):
+            length, depth, height = rng.uniform(12.0, 19.0), rng.uniform(8.0, 14.0), rng.uniform(6.0, 18.0)
+            gap = rng.uniform(*town.building_gap_m) + 0.05
+            pose = place(lane.centre, float(start + 8), gap + depth / 2.0 + lane.width_m / 2.0)
+            row = [*pose, float(length), float(depth), float(height)]
+            if bool((_outside(row, points) > clear).all()) and _apart(row, rows):
+                rows.append(row)
+    return np.array(rows, dtype=float).reshape(-1, 6)
+
+
+def _outside(row: list[float], points: Floats) -> Floats:
+    """Distance of each point from a house, 0 inside."""
+    dx, dy = points[:, 0] - row[0], points[:, 1] - row[1]
+    cos, sin = np.cos(row[2]), np.sin(row[2])
+    along = np.maximum(np.abs(dx * cos + dy * sin) - row[3] / 2.0, 0.0)
+    across = np.maximum(np.abs(dy * cos - dx * sin) - row[4] / 2.0, 0.0)
+    return np.asarray(np.hypot(along, across))
+
+
+def _apart(row: list[float], rows: list[list[float]]) -> bool:
+    reach = np.hypot(row[3], row[4]) / 2.0
+    return all(
+        np.hypot(row[0] - other[0], row[1] - other[1]) > reach + np.hypot(other[3], other[4]) / 2.0 - 4.0
+        for other in rows
+    )

@@ -1,0 +1,136 @@
+"""A junction: lanes that connect the arms, crosswalks, what controls the entries."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from highway_env.road.lane import LineType
+
+from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.simulators.embedded.towns.base import Arm, Control, LaneKey, Town
+from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
+
+__all__ = ["Connection", "chains_through", "connect", "crosswalk", "draw_arms", "turn_between"]
+
+_PLAIN = (LineType.NONE, LineType.NONE)
+_RIGHT_ANGLE = math.pi / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """A way through a junction: from lane `lane` of an arm, turning `"left"`, `"straight"` or `"right"`."""
+
+    source: Arm
+    turn: str
+    lane: int
+    target: Arm
+    key: LaneKey
+
+
+def draw_arms(town: Town, arms: list[Arm], *, length_m: float, crosswalks: bool = True) -> None:
+    """Draw the roads that lead away from a junction."""
+    for arm in arms:
+        road(town, arm.name, arm.edge(), [(length_m, 0.0)], arm.section)
+        if crosswalks:
+            crosswalk(town, arm)
+
+
+def crosswalk(town: Town, arm: Arm) -> None:
+    """A crossing for pedestrians where the arm meets the box."""
+    half_m = arm.section.forward * arm.section.width_m + arm.section.biking_m
+    x, y, heading = arm.edge()
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    right = np.array([-ahead[1], ahead[0]])
+    edge = np.array([x, y])
+    near, far = edge + 0.6 * ahead, edge + 3.6 * ahead
+    town.crosswalks.append(
+        np.array([near - half_m * right, far - half_m * right, far + half_m * right, near + half_m * right])
+    )
+
+
+def turn_between(source: Arm, target: Arm) -> str:
+    """How one turns from one arm into another; arms stand at right angles."""
+    turned = math.remainder(target.heading_rad - source.heading_rad - math.pi, math.tau)
+    if abs(turned) < 0.1:
+        return "straight"
+    return "right" if turned > 0.0 else "left"
+
+
+def connect(town: Town, arms: list[Arm], *, controls: dict[str, str]) -> list[Connection]:
+    """Connect the arms of one junction. `controls` maps the names of arms to `"light"` or `"stop"`.
+
+    The innermost lane turns left, the outermost right, all go straight; biking lanes go straight over. All arms have
+    the same number of lanes and the same box.
+    """
+    junction = town.new_junction()
+    made: list[Connection] = []
+    for source in arms:
+        lanes = source.section.forward
+        for lane in range(lanes):
+            for target in arms:
+                if target is source or not _may_turn(turn_between(source, target), lane, lanes):
+                    continue
+                made.append(_connection(town, source, target, lane, junction=junction))
+            if source.name in controls:
+                key = town.chains[source.inward(str(lane))][-1]
+                far = source.box_m + lanes * source.section.width_m + source.section.biking_m + 1.0
+                town.controls.append(Control(key, controls[source.name], far))
+    for source in arms:
+        for target in arms:
+            if source.section.biking_m and target is not source and turn_between(source, target) == "straight":
+                _bike_connection(town, source, target, junction=junction)
+    return made
+
+
+def chains_through(town: Town, connections: list[Connection]) -> None:
+    """Name the chains of a single junction: `<arm>.left0`, ... from the end of one arm to the end of another."""
+    for made in connections:
+        town.chains[f"{made.source.name}.{made.turn}{made.lane}"] = [
+            *town.chains[made.source.inward(str(made.lane))],
+            made.key,
+            *town.chains[made.target.outward(str(made.lane))],
+        ]
+
+
+def _may_turn(turn: str, lane: int, lanes: int) -> bool:
+    return turn == "straight" or (turn == "left" and lane == 0) or (turn == "right" and lane == lanes - 1)
+
+
+def _connection(town: Town, source: Arm, target: Arm, lane: int, *, junction: int) -> Connection:
+    section, turn = source.section, turn_between(source, target)
+    offset = (lane + 0.5) * section.width_m
+    length, curvature = _arc(turn, source.box_m, offset)
+    speed = min(section.speed_mps, target.section.speed_mps) if turn != "straight" else section.speed_mps
+    drawn = piece(
+        _entry(source, offset), length, curvature, 0.0, backward=False,
+        width=section.width_m, line_types=_PLAIN, speed_limit=speed,
+    )  # fmt: skip
+    start = town.chains[source.inward(str(lane))][-1][1]
+    end = town.chains[target.outward(str(lane))][0][0]
+    return Connection(source, turn, lane, target, town.add(start, end, drawn, junction=junction))
+
+
+def _bike_connection(town: Town, source: Arm, target: Arm, *, junction: int) -> None:
+    section = source.section
+    offset = section.forward * section.width_m + section.biking_m / 2.0
+    drawn = piece(
+        _entry(source, offset), 2.0 * source.box_m, 0.0, 0.0, backward=False,
+        width=section.biking_m, line_types=_PLAIN, speed_limit=section.speed_mps,
+    )  # fmt: skip
+    before, after = town.chains[source.inward("bike")], town.chains[target.outward("bike")]
+    key = town.add(before[-1][1], after[0][0], drawn, kind=LaneKind.BIKING, junction=junction)
+    town.chains[f"{source.name}.bike"] = [*before, key, *after]
+
+
+def _entry(arm: Arm, offset: float) -> tuple[float, float, float]:
+    x, y, heading = arm.edge()
+    return beside((x, y, heading + math.pi), offset)
+
+
+def _arc(turn: str, box_m: float, offset: float) -> tuple[float, float]:
+    if turn == "straight":
+        return 2.0 * box_m, 0.0
+    radius = box_m + offset if turn == "left" else box_m - offset
+    return radius * _RIGHT_ANGLE, (-1.0 if turn == "left" else 1.0) / radius

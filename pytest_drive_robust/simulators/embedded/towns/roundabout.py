@@ -1,0 +1,86 @@
+"""A roundabout with one lane and four arms; traffic goes counter-clockwise on the map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from highway_env.road.lane import LineType
+
+from pytest_drive_robust.simulators.embedded.towns.base import Arm, LaneKey, Section, Town
+from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
+from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, retreat
+
+__all__ = ["roundabout"]
+
+_ARMS = "ESWN"
+_QUARTER = math.pi / 2.0
+
+
+def roundabout(town: Town, rng: np.random.Generator) -> None:
+    """A ring of 14 to 20 m radius with four arms; who is in the ring goes first."""
+    width, radius = float(rng.uniform(3.5, 3.8)), float(rng.uniform(14.0, 20.0))
+    bend = float(rng.uniform(11.0, 14.0))
+    section = Section(1, 1, width, float(rng.choice([11.0, 12.5])))
+    ring = _Ring(town, section, radius, bend, float(rng.uniform(7.0, 8.0)))
+    arms = [Arm(name, k * _QUARTER, ring.box_m, section) for k, name in enumerate(_ARMS)]
+    draw_arms(town, arms, length_m=110.0)
+    ring.draw(arms)
+
+
+class _Ring:
+    """The entries and exits are arcs of radius `bend` that touch the arm's lane and the ring."""
+
+    def __init__(self, town: Town, section: Section, radius: float, bend: float, speed: float) -> None:
+        self._town, self._section, self._radius, self._bend = town, section, radius, bend
+        side = section.width_m / 2.0 + bend
+        self.box_m = math.sqrt((radius + bend) ** 2 - side**2)
+        self._phase = math.atan2(side, self.box_m)
+        """How far from an arm's heading its entry and its exit meet the ring."""
+        self._turn = _QUARTER - self._phase
+        self._style: dict[str, object] = {
+            "width": section.width_m, "line_types": (LineType.NONE, LineType.NONE), "speed_limit": speed
+        }  # fmt: skip
+        self._junction = town.new_junction()
+
+    def draw(self, arms: list[Arm]) -> None:
+        """Draw ring, entries and exits; name the chains `<arm>.right0`, `<arm>.straight0`, `<arm>.left0`."""
+        count = len(arms)
+        enter = [self._enter(arm) for arm in arms]
+        # counter-clockwise on the map: from the entry of arm k to the exit of arm k - 1, on to the entry of arm k - 1
+        apart = [self._arc(f"in{arm.name}", f"out{arms[k - 1].name}", arm.heading_rad - self._phase,
+                           _QUARTER - 2.0 * self._phase) for k, arm in enumerate(arms)]  # fmt: skip
+        past = [self._arc(f"out{arm.name}", f"in{arm.name}", arm.heading_rad + self._phase, 2.0 * self._phase)
+                for arm in arms]  # fmt: skip
+        leave = [self._leave(arm) for arm in arms]
+        for k, arm in enumerate(arms):
+            inside: list[LaneKey] = [enter[k]]
+            for step, turn in enumerate(("right", "straight", "left"), start=1):
+                inside.append(apart[(k - step + 1) % count])
+                target = (k - step) % count
+                self._town.chains[f"{arm.name}.{turn}0"] = [
+                    *self._town.chains[arm.inward("0")],
+                    *inside,
+                    leave[target],
+                    *self._town.chains[arms[target].outward("0")],
+                ]
+                inside.append(past[target])
+
+    def _arc(self, start: str, end: str, phase: float, angle: float) -> LaneKey:
+        pose = (self._radius * math.cos(phase), self._radius * math.sin(phase), phase - _QUARTER)
+        lane = piece(pose, self._radius * angle, -1.0 / self._radius, 0.0, backward=False, **self._style)
+        return self._town.add(f"ring{start}", f"ring{end}", lane, junction=self._junction)
+
+    def _enter(self, arm: Arm) -> LaneKey:
+        x, y, heading = arm.edge()
+        pose = beside((x, y, heading + math.pi), self._section.width_m / 2.0)
+        lane = piece(pose, self._bend * self._turn, 1.0 / self._bend, 0.0, backward=False, **self._style)
+        start = self._town.chains[arm.inward("0")][-1][1]
+        return self._town.add(start, f"ringin{arm.name}", lane, junction=self._junction)
+
+    def _leave(self, arm: Arm) -> LaneKey:
+        end = beside(arm.edge(), self._section.width_m / 2.0)
+        length, curvature = self._bend * self._turn, 1.0 / self._bend
+        lane = piece(retreat(end, [(length, curvature)]), length, curvature, 0.0, backward=False, **self._style)
+        target = self._town.chains[arm.outward("0")][0][0]
+        return self._town.add(f"ringout{arm.name}", target, lane, junction=self._junction)

@@ -1,0 +1,28 @@
+"""`gymnasium:ID`: highway-env's environments, and any that is built like them, behind our `Simulator` protocol.
+
+Where is what: `ids` says which environments can be driven and names their routes; `environments` makes one at 20 Hz;
+`destinations` asks it where its ego shall go, `route_line` draws the way there, `road_map` the lanes; `vehicles` turns
+a control into its action; `live_road` reads its vehicles; `criteria` judges; `class_attributes` keeps what it writes on
+classes to itself; `simulator` is the door.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+    from pytest_drive_robust.simulators.gymnasium_backend.simulator import GymnasiumSimulator
+
+__all__ = ["gymnasium_simulator"]
+
+
+def gymnasium_simulator(options: SimulatorOptions, identifier: str = "") -> GymnasiumSimulator:
+    """The world of `--drive-sim gymnasium:IDENTIFIER`. Raises `UsageError` for an id that cannot be driven."""
+    if not identifier:
+        raise UsageError("the simulator 'gymnasium' needs an environment: give gymnasium:ID, as in gymnasium:roundabout-v0.")
+    from pytest_drive_robust.simulators.gymnasium_backend.simulator import GymnasiumSimulator
+
+    return GymnasiumSimulator(identifier, options)
