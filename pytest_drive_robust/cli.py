@@ -75,17 +75,18 @@ def _list(options: argparse.Namespace) -> int:
 
 def _check_agent(options: argparse.Namespace) -> int:
     from pytest_drive_robust.registry import default_registry
-    from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+    from pytest_drive_robust.runner.routes import default_spec, routes_for
+    from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.simulators.base import SimulatorOptions
     from pytest_drive_robust.testing import check_agent
 
     registry = default_registry()
     registry.agent(options.agent)  # an unknown name is said at once, before a world is built
-    routes = resolve_routes(options.routes) if options.routes else resolve_routes(DEFAULT_ROUTES)[:1]
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=200))
+    routes = routes_for(options.routes or default_spec(Settings(), simulator), simulator)
     kept = True
     try:
-        for route in routes:
+        for route in routes if options.routes else routes[:1]:
             report = check_agent(
                 lambda: registry.agent(options.agent),
                 simulator=simulator,
@@ -105,19 +106,23 @@ def _replay(options: argparse.Namespace) -> int:
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.requirements.evaluate import first_divergence_s
     from pytest_drive_robust.runner.loop import drive_episode
-    from pytest_drive_robust.runner.routes import resolve_routes
+    from pytest_drive_robust.runner.routes import own_routes, routes_for
     from pytest_drive_robust.settings import positive_seconds
     from pytest_drive_robust.simulators.base import SimulatorOptions
     from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 
     registry = default_registry()
     setting = Setting.parse(options.setting, registry.perturbations())
-    routes = {route.id: route for route in resolve_routes(options.routes or ALL_ROUTES)}
-    if options.route not in routes:
-        raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
     stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)
     agent = registry.agent(options.agent)
     simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s))
+    spec = options.routes or (ALL_ROUTES if own_routes(simulator) is None else options.route)
+    routes = {route.id: route for route in routes_for(spec, simulator)}
+    if options.route not in routes:
+        raise UnknownNameError.of("route", options.route, routes, hint="Name its file with --routes.")
+    check_route = getattr(simulator, "check_route", None)
+    if check_route is not None:
+        check_route(routes[options.route])
     results = []
     try:
         for each in (setting,) if setting.is_clean else (setting.baseline, setting):

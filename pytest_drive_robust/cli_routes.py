@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     draw.add_argument("-o", "--output", default="routes.png", metavar="FILE.png", help="default: routes.png")
     draw.add_argument("--camera", action="store_true", help="beside each the view of a front camera")
     draw.add_argument("--size", type=int, default=320, metavar="PX", help="side of one picture; default: 320")
-    draw.add_argument("--columns", type=int, default=None, metavar="N", help="default: 8, with cameras 4")
+    draw.add_argument("--columns", type=int, default=None, metavar="N", help="default: 8, with cameras 3")
     draw.add_argument("--seed", type=int, default=0, help="default: 0")
     draw.set_defaults(command=_draw)
     for command in (listing, draw):
@@ -79,7 +80,7 @@ def _draw(options: argparse.Namespace) -> int:
     tiles = [
         draw_tile(telling_moment(route, seed=options.seed), size_px=options.size, camera=camera) for route in routes
     ]
-    for number, sheet in enumerate(lay_sheets(tiles, columns=options.columns or (4 if camera else 8)), start=1):
+    for number, sheet in enumerate(lay_sheets(tiles, columns=options.columns or (3 if camera else 8)), start=1):
         path = target if number == 1 else target.with_name(f"{target.stem}-{number}{target.suffix}")
         encoded = cv2.imencode(".png", sheet[:, :, ::-1])[1]
         try:
@@ -105,7 +106,7 @@ def _length_m(route: Route) -> float:
     return sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(route.waypoints))
 
 
-def _print_table(title: str, columns: dict[str, str], rows: list[tuple[str, ...]]) -> None:
+def _print_table(title: str, columns: dict[str, str], rows: Sequence[tuple[str, ...]]) -> None:
     from rich.console import Console
     from rich.table import Table
 

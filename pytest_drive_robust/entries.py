@@ -18,13 +18,22 @@ __all__ = ["Entry", "definition_of", "from_entry_points", "from_reference", "is_
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for people: `"some-agents 1.2"`."""
+    """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for people: `"some-agents 1.2"`.
+
+    `argument` says what may follow the name after a colon (`"ID"`), and is empty where nothing may.
+    """
 
     kind: str
     name: str
     origin: str
     loader: Callable[[], object]
     advice: str = "Repair or uninstall it; all other entries still work."
+    argument: str = ""
+
+    @property
+    def syntax(self) -> str:
+        """How people write it: `"embedded"`, `"gymnasium:ID"`."""
+        return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def load(self) -> object:
         """What is registered under the name. Raises `PluginError` with the origin when importing it fails."""

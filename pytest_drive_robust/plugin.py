@@ -25,7 +25,7 @@ from pytest_drive_robust.fixtures import (
     drive_agent,
 )
 from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
-from pytest_drive_robust.settings import OPTIONS, Settings
+from pytest_drive_robust.settings import DEFAULT_SIMULATOR, OPTIONS, Settings
 
 if TYPE_CHECKING:
     from pytest_drive_robust.owner import Record, RunOwner
@@ -205,14 +205,13 @@ class ReportingPlugin:
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
     from pytest_drive_robust.owner import LocalRecord, RunOwner
-    from pytest_drive_robust.runner.routes import resolve_routes
     from pytest_drive_robust.screen import progress_for
 
     settings = Settings.from_pytest_config(config)
     if distributed.is_worker(config):
         distributed.join_run(config, lambda store, observer: _drive_here(config, settings, store, observer))
         return
-    routes = len(resolve_routes(settings.routes))
+    routes = _routes_in_words(settings)
     record: Record
     if distributed.is_controller(config):
         record = distributed.start_run(config)
@@ -286,10 +285,25 @@ def _usage_error_in(report: pytest.CollectReport) -> errors.UsageError | None:
     return error if isinstance(error, errors.UsageError) else None
 
 
-def _header(settings: Settings, routes: int) -> str:
+def _routes_in_words(settings: Settings) -> str:
+    """How many routes are driven, and what they are called."""
+    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
+
+    if settings.simulator == DEFAULT_SIMULATOR:
+        return f"{len(resolve_routes(settings.routes))} ({settings.routes})"
+    try:
+        simulator = default_registry().simulator(settings.simulator)
+    except errors.UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
+        return settings.routes
+    spec = default_spec(settings, simulator)
+    return f"{len(routes_for(spec, simulator))} ({spec})"
+
+
+def _header(settings: Settings, routes: str) -> str:
     seeds = ",".join(map(str, settings.seeds))
     return (
-        f"drive-robust: agent={settings.agent} sim={settings.simulator} routes={routes} ({settings.routes}) "
+        f"drive-robust: agent={settings.agent} sim={settings.simulator} routes={routes} "
         f"seeds={seeds} metrics={settings.metrics}"
     )
 

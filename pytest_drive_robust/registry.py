@@ -11,12 +11,13 @@ Three ways lead in, all open to everybody:
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
-from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.template import kebab_name
@@ -26,11 +27,17 @@ __all__ = ["KINDS", "AgentFactory", "Registry", "SimulatorFactory", "default_reg
 
 AgentFactory = Callable[[], Agent]
 """A class or function that makes a new agent, called without arguments."""
-SimulatorFactory = Callable[[SimulatorOptions], Simulator]
-"""A class or function that makes a new world."""
+SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[SimulatorOptions, str], Simulator]
+"""A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 
+_SIMULATORS = "pytest_drive_robust.simulators"
+_BUILTIN_SIMULATORS = (
+    ("embedded", "embedded:EmbeddedSimulator", ""),
+    ("gymnasium", "gymnasium_backend:gymnasium_simulator", "ID"),
+    ("highway-env", "gymnasium_backend:compiled_simulator", "ID"),
+)
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
     "(pip install drive-robust-agents), or register one in pytest_drive_robust_register.",
@@ -57,9 +64,13 @@ class Registry:
         _check_perturbation(cls, definition_of(cls))
         self._register("perturbations", name or kebab_name(cls), cls)
 
-    def register_simulator(self, name: str, factory: SimulatorFactory) -> None:
-        """Make `--drive-sim name` call `factory(options)`."""
-        self._register("simulators", name, factory)
+    def register_simulator(self, name: str, factory: SimulatorFactory, *, argument: str = "") -> None:
+        """Make `--drive-sim name` call `factory(options)`.
+
+        `argument` is for a world that comes in several kinds: with `argument="ID"` it is listed as `name:ID`, and
+        `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty.
+        """
+        self._register("simulators", name, factory, argument=argument)
 
     def register_metric(self, name: str, function: MetricFunction) -> None:
         """Let requirements name a number of your own: `function(results of one setting)`, None for no data.
@@ -79,9 +90,13 @@ class Registry:
         return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
-        """A new world. `name` is a registered name or `module.path:Factory`. Raises as `agent` does."""
+        """A new world. `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or
+        `module.path:Factory`. Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
+        """
         entry = self._find("simulators", name)
-        return cast("Simulator", _made(entry, entry.load(), (options or SimulatorOptions(),), protocol=Simulator))
+        argument = (name.partition(":")[2],) if entry.argument else ()
+        arguments = (options or SimulatorOptions(), *argument)
+        return cast("Simulator", _made(entry, entry.load(), arguments, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """The class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
@@ -107,8 +122,10 @@ class Registry:
         return cast("MetricFunction", function)
 
     def names(self, kind: str) -> list[tuple[str, str]]:
-        """(name, origin) of every entry of a kind, sorted, nothing loaded."""
-        return sorted((name, " and ".join(entry.origin for entry in found)) for name, found in self._all(kind).items())
+        """(name, origin) of every entry of a kind, sorted, nothing loaded. One with an argument is `gymnasium:ID`."""
+        return sorted(
+            (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
+        )
 
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
@@ -118,7 +135,7 @@ class Registry:
         """What did not load when `perturbations` loaded them all, for the report."""
         return tuple(self._problems[key] for key in sorted(self._problems))
 
-    def _register(self, kind: str, name: str, target: Callable[..., object]) -> None:
+    def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
             raise UsageError(f"{name!r} cannot name one of our {kind}: expected text without ':' or outer spaces.")
         if not callable(target):
@@ -129,7 +146,7 @@ class Registry:
             raise UsageError(
                 f"{name!r} of {kind} is registered twice: by {known[0].origin} and by {definition}. Rename one of them."
             )
-        self._registered[kind, name] = (Entry(kind, name, definition, lambda: target), definition)
+        self._registered[kind, name] = (Entry(kind, name, definition, lambda: target, argument=argument), definition)
 
     def _all(self, kind: str) -> dict[str, list[Entry]]:
         if kind not in KINDS:
@@ -146,10 +163,14 @@ class Registry:
 
     def _find(self, kind: str, name: str) -> Entry:
         known = self._all(kind)
+        bare, colon, argument = name.partition(":")
+        if colon and bare in known and known[bare][0].argument:
+            name = bare
         if name not in known:
-            if kind in ("agents", "simulators") and is_reference(name):
+            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
-            raise UnknownNameError.of(kind.removesuffix("s"), name, known, hint=_HINTS[kind])
+            syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
+            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=_HINTS[kind])
         if len(known[name]) > 1:
             origins = " and ".join(entry.origin for entry in known[name])
             raise PluginError(
@@ -167,8 +188,10 @@ def default_registry() -> Registry:
 
 def _builtins(kind: str) -> list[Entry]:
     if kind == "simulators":
-        reference = from_reference(kind, "pytest_drive_robust.simulators.embedded:EmbeddedSimulator")
-        return [Entry(kind, "embedded", "built in", reference.loader)]
+        return [
+            Entry(kind, name, "built in", from_reference(kind, f"{_SIMULATORS}.{path}").loader, argument=argument)
+            for name, path, argument in _BUILTIN_SIMULATORS
+        ]
     if kind == "metrics":
         return [Entry(kind, name, "built in", functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
     if kind == "perturbations":
@@ -178,6 +201,15 @@ def _builtins(kind: str) -> list[Entry]:
     return []
 
 
+def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
+    """Whether a name before a colon looks like one of ours that takes an argument, and like no module."""
+    import importlib.util
+
+    close = nearest(bare, [name for name in known if known[name][0].argument])
+    here = Path(f"{bare}.py").exists() or Path(bare).exists()  # the current folder may not be on sys.path yet
+    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+
+
 def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
     """What the factory makes, checked against the protocol's members. Raises `PluginError`."""
     what = f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
@@ -185,6 +217,8 @@ def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, proto
         raise PluginError(f"{what} is {factory!r}, expected a class or a function that makes one.")
     try:
         made: object = factory(*arguments)
+    except DriveRobustError:
+        raise
     except Exception as error:
         raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
     if isinstance(made, type):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -49,12 +49,13 @@ OPTIONS = (
         "full, one-per-scenario, dev10, a route XML file, or route ids as in 101,2301",
     ),
     Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
-    Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator"),
+    Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator, as in gymnasium:merge-v0"),
     Option("--drive-metrics", "drive_metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
     Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
     Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
 )
 """Every option but the switch `--drive-robust`."""
+_ROUTES = next(option for option in OPTIONS if option.ini == "drive_routes")
 
 
 class _Config(Protocol):
@@ -71,6 +72,7 @@ class Settings:
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
     `json_path` is None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
+    `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     """
 
     agent: str = DEFAULT_AGENT
@@ -80,6 +82,7 @@ class Settings:
     metrics: str = "bench2drive"
     stuck_stop_s: float | None = None
     json_path: Path | None = None
+    routes_given: bool = field(default=False, compare=False)
 
     @classmethod
     def from_pytest_config(cls, config: _Config) -> Settings:
@@ -93,6 +96,7 @@ class Settings:
             metrics=_metric_mode(given["drive_metrics"]),
             stuck_stop_s=positive_seconds("--drive-stuck-stop", text) if (text := given["drive_stuck_stop"]) else None,
             json_path=_writable_file(given["drive_json"]),
+            routes_given=bool(_given(config, _ROUTES)),
         )
 
     def to_json(self) -> dict[str, object]:
@@ -131,11 +135,16 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
 
 def _read(config: _Config, option: Option) -> str:
     """The command line's value, else the ini file's, else the default."""
+    return _given(config, option) or option.default
+
+
+def _given(config: _Config, option: Option) -> str:
+    """The command line's value, else the ini file's, else nothing."""
     dest = option.flag.lstrip("-").replace("-", "_")
     given = config.getoption(dest)
     if given is None:
         given = config.getini(option.ini)
-    return str(given).strip() or option.default
+    return str(given).strip()
 
 
 def _metric_mode(given: str) -> str:

@@ -22,7 +22,6 @@ from drive_robust_agents._planning.control import Floats, look_ahead_m, pedals, 
 from drive_robust_agents._planning.forecast import project
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lanes import LaneChanges, Siren
-from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.speed import Moment, SpeedChoice, is_free
@@ -34,6 +33,11 @@ __all__ = ["Expert"]
 
 _WAIT_BEFORE_M = 7.0
 """Before something that has to be passed the front bumper stops so far away, to have room for the way around."""
+_CHANGE_FREE_S = 6.0
+_PASS_LOOK_M, _DOUBTS = 90.0, 6
+_PARKED_FROM_M = 1.5
+_SLOWER = 0.9
+"""While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
 _INVADER_LOOK_M, _KEEP_RIGHT_M = 45.0, 0.5
 
 
@@ -59,6 +63,8 @@ class Expert:
         self._siren = Siren()
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
+        self._doubts = 0
+        self._parked: bool | None = None
         self._path: tuple[tuple[float, float], ...] = ()
 
     def plan(self) -> PlannedPath:
@@ -75,12 +81,19 @@ class Expert:
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
         moment = self._see(self._scene, truth)
+        if self._waits_beside_the_lane(self._lanes, moment):
+            return self._control(truth.frame.ego, self._lanes.profile, moment, -1.0)
         obstacle = self._choose_lane(self._lanes, moment, truth)
         profile = self._profile(self._lanes, moment, truth)
         stop = min(moment.stop_row, self._lanes.stop_row(), self._before(obstacle, moment))
         cruise = self._lanes.traffic_mps(self._traffic, moment.row)
-        path = path_of(self._scene, profile, moment.row, moment.right_m, speed_mps=moment.speed_mps)
-        acceleration = self._speed.choose(moment, path, stop, cruise_mps=math.inf if cruise is None else 0.9 * cruise)
+        acceleration = self._speed.choose(
+            moment,
+            moment.path(profile),
+            stop,
+            cruise_mps=math.inf if cruise is None else _SLOWER * cruise,
+            hurry=self._hurries(profile, moment),
+        )
         return self._control(truth.frame.ego, profile, moment, acceleration)
 
     def _see(self, scene: Scene, truth: GroundTruth) -> Moment:
@@ -89,13 +102,23 @@ class Expert:
         self._traffic.update(frame, scene.graph)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
         stop = self._junctions.stop_row(scene, frame, row)
-        return Moment(scene, self._traffic, self._junctions, row, right, ego.speed_mps, stop)
+        k = int(np.clip(row, 0, scene.count - 1))
+        drift = math.tan(float(np.clip(math.remainder(ego.yaw_rad - scene.route[k, 2], math.tau), -1.2, 1.2)))
+        return Moment(scene, self._traffic, self._junctions, row, right, drift, ego.speed_mps, stop)
 
     # --- where ---
 
+    def _waits_beside_the_lane(self, lanes: LaneChanges, now: Moment) -> bool:
+        """Does the ego still stand in a parking space, because the way into the traffic is not free?"""
+        if self._parked is None:
+            self._parked = abs(now.right_m - float(lanes.profile[0])) > _PARKED_FROM_M
+        if self._parked:
+            self._parked = not self._is_free(lanes.profile, now, now.row + 40.0, within_s=_CHANGE_FREE_S)
+        return self._parked
+
     def _choose_lane(self, lanes: LaneChanges, now: Moment, truth: GroundTruth) -> Obstacle | None:
         """Begin what can be begun; the obstacle that has to be waited for, or None."""
-        if self._pass is not None and now.row > self._pass.ends_row:
+        if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
         for shift in self._siren.shifts(now.scene, self._traffic, truth.frame, now.row) if not self._siren.active else ():
             if self._is_free(lanes.profile + shift, now, now.row + 30.0):
@@ -110,7 +133,7 @@ class Expert:
         if self._pass is not None:
             return
         candidate = lanes.candidate(now.row, now.speed_mps)
-        if candidate is not None and self._is_free(candidate, now, now.row + 90.0):
+        if candidate is not None and self._is_free(candidate, now, now.row + 90.0, within_s=_CHANGE_FREE_S):
             lanes.adopt(candidate)
 
     def _go_around(self, lanes: LaneChanges, now: Moment) -> Obstacle | None:
@@ -122,14 +145,24 @@ class Expert:
             return None
         lane_m = float(np.interp(now.row, now.scene.rows, lanes.profile))
         for way in ways_around(now.scene, ahead, now.row, now.right_m - lane_m, speed_mps=now.speed_mps):
-            if self._pass is not None or self._is_free(lanes.profile + way.shift, now, way.ends_row):
+            until = min(way.ends_row, now.row + _PASS_LOOK_M)
+            if self._pass is not None or self._is_free(lanes.profile + way.shift, now, until):
                 self._pass = way
+                self._doubts = 0
                 return None
         return ahead
 
-    def _is_free(self, profile: Floats, now: Moment, until_row: float) -> bool:
-        path = path_of(now.scene, profile, now.row, now.right_m, speed_mps=now.speed_mps)
-        return is_free(now, path, until_row)
+    def _give_up(self, lanes: LaneChanges, now: Moment) -> bool:
+        """Is a pass that has hardly begun no longer free, for several ticks on end?"""
+        if self._pass is None or now.row > self._pass.beside_row:
+            return False
+        until = min(self._pass.ends_row, now.row + _PASS_LOOK_M)
+        free = self._is_free(lanes.profile + self._pass.shift, now, until)
+        self._doubts = 0 if free else self._doubts + 1
+        return self._doubts > _DOUBTS
+
+    def _is_free(self, profile: Floats, now: Moment, until_row: float, *, within_s: float = math.inf) -> bool:
+        return is_free(now, now.path(profile), until_row, within_s=within_s)
 
     def _profile(self, lanes: LaneChanges, now: Moment, truth: GroundTruth) -> Floats:
         """The profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
@@ -155,12 +188,22 @@ class Expert:
                     return min(_KEEP_RIGHT_M, half_lane - scene.size[1] / 2.0 - 0.1)
         return 0.0
 
+    def _hurries(self, profile: Floats, now: Moment) -> bool:
+        """On the way out of a parking space, or in a lane that is not the ego's own."""
+        k = int(np.clip(now.row, 0, now.scene.count - 1))
+        return abs(now.right_m - float(profile[k])) > _PARKED_FROM_M or (
+            self._pass is not None and abs(self._pass.hold_m) > 1.0
+        )
+
     def _before(self, obstacle: Obstacle | None, now: Moment) -> float:
         """The row at which to wait for a way around."""
         if obstacle is None or obstacle.moving:
             return math.inf
+        front = now.row + now.scene.size[0] / 2.0
         wait = obstacle.first_row - _WAIT_BEFORE_M
-        return wait if wait > now.row + now.scene.size[0] / 2.0 + 0.3 else math.inf
+        if front < wait + 0.3:
+            return wait
+        return front if now.speed_mps < 1.0 else obstacle.first_row - 1.0
 
     # --- control ---
 

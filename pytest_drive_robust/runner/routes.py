@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +11,48 @@ from pytest_drive_robust.settings import DEFAULT_ROUTES
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["DEFAULT_ROUTES", "resolve_routes"]
+    OwnRoutes = Callable[[Sequence[str]], tuple[Route, ...]]
+
+__all__ = ["DEFAULT_ROUTES", "default_spec", "own_routes", "resolve_routes", "routes_for"]
+
+
+def own_routes(simulator: Simulator) -> OwnRoutes | None:
+    """The optional `Simulator.routes` of a world that cannot drive ours; None for all others."""
+    return getattr(simulator, "routes", None)
+
+
+def default_spec(settings: Settings, simulator: Simulator) -> str:
+    """What `--drive-routes` means when nobody gave it: ours, or by the simulator's name all of its own."""
+    if settings.routes_given or own_routes(simulator) is None:
+        return settings.routes
+    return simulator.name
+
+
+def routes_for(
+    spec: str, simulator: Simulator, load: Callable[[str], tuple[Route, ...]] | None = None
+) -> tuple[Route, ...]:
+    """`resolve_routes` for a simulator that may have routes of its own, which the specification then names first.
+
+    `gymnasium:merge-v0` are all of the simulator of that name, `merge-v0-3,merge-v0-12` some of them. Sets and files
+    are understood too: whether the simulator can drive them is for its `check_route` to say. `load` stands in for
+    `resolve_routes`. Raises as `resolve_routes` does.
+    """
+    load = load or resolve_routes
+    own = own_routes(simulator)
+    if own is None:
+        return load(spec)
+    if spec.strip() == simulator.name:
+        return own(())
+    try:
+        return own([name.strip() for name in spec.split(",")])
+    except UnknownNameError as unknown:
+        try:
+            return load(spec)
+        except UnknownNameError:
+            raise unknown from None
 
 
 def resolve_routes(spec: str) -> tuple[Route, ...]:

@@ -10,6 +10,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.settings import Settings
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Scopes:
     def routes(self, spec: str) -> tuple[Route, ...]:
         """The routes of a spec. Raises `UsageError` when there is no such set or file."""
         if spec not in self._routes:
-            self._routes[spec] = self._load_routes(spec)
+            self._routes[spec] = routes_for(spec, self._simulator, self._load_routes)
             self._check_routes(self._routes[spec])
         return self._routes[spec]
 
@@ -41,7 +42,7 @@ class Scopes:
         """The scope of a test with this marker. Raises `UsageError` for an unknown agent or routes."""
         agent = marker.agent or self._settings.agent
         self._require("agents", agent)
-        routes_spec = marker.routes or self._settings.routes
+        routes_spec = marker.routes or default_spec(self._settings, self._simulator)
         return Scope(agent, routes_spec, self.routes(routes_spec), marker.seeds or self._settings.seeds)
 
     def check(self) -> None:

@@ -46,8 +46,13 @@ class Simulator(Protocol):
     """One world, one episode at a time. No globals; everything seeded by (route, seed).
 
     The order of calls is `reset`, then for each tick `observe` (at most once) and `step`, until `done` is not None.
+    Making one is cheap: the world is built by `reset`.
+
     An optional `check_route(route)` is called at collection, before anything is driven, and raises `RouteError` for a
     route that cannot be driven here.
+
+    A world that cannot drive our routes has an optional `routes(names)`: its own routes of those names, or without
+    names those that are driven when `--drive-routes` is not given. It raises `UnknownNameError`.
     """
 
     name: str

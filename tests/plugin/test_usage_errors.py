@@ -29,7 +29,7 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
     ("args", "message"),
     [
         (("--drive-sim", "fak"), "there is no simulator named 'fak'. Did you mean 'fake'?"),
-        (("--drive-routes", "bench25"), "Did you mean 'bench24'?"),
+        (("--drive-routes", "dev11"), "Did you mean 'dev10'?"),
         (("--drive-routes", "routs.xml"), "Did you mean 'routes.xml'?"),
         (("--drive-seeds", "0,x"), "--drive-seeds is '0,x', expected whole numbers >= 0"),
         (("--drive-seeds", "1,1"), "holds seed 1 twice"),

@@ -34,7 +34,7 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_list_shows_every_kind_with_its_origin(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    for word in ("agents", "burst-frame-drop", "embedded", "built in", "comfort", "ParkedObstacle", "bench24"):
+    for word in ("agents", "burst-frame-drop", "embedded", "built in", "comfort", "one-per-scenario", "dev10"):
         assert word in shown
 
 
@@ -62,7 +62,7 @@ def test_an_agent_that_breaks_the_contract_exits_with_1(capsys: pytest.CaptureFi
 def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     from pytest_drive_robust.runner.routes import resolve_routes
 
-    ids = [route.id for route in resolve_routes("bench24")[:2]]
+    ids = [route.id for route in resolve_routes("full")[:2]]
     assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", ",".join(ids)]) == 0
     assert capsys.readouterr().out.count("keeps the contract") == 2
 
@@ -70,7 +70,7 @@ def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]
 def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFixture[str]) -> None:
     from pytest_drive_robust.runner.routes import resolve_routes
 
-    route = resolve_routes("bench24")[0]
+    route = resolve_routes("full")[0]
     arguments = ["replay", route.id, "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latency"]
     assert main([*arguments, "--seed", "5"]) == 0
     shown = capsys.readouterr().out
@@ -83,7 +83,7 @@ def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFi
 def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[str]) -> None:
     from pytest_drive_robust.runner.routes import resolve_routes
 
-    route = resolve_routes("bench24")[0]
+    route = resolve_routes("full")[0]
     assert main(["replay", route.id, "--agent", "cli_agents:Bad", "--sim", FAKE]) == 0
     shown = capsys.readouterr().out
     assert shown.count("under clean") == 1
@@ -97,7 +97,7 @@ def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[s
         (["list", "agnts"], "Did you mean 'agents'"),
         (["check-agent", "nobody"], "no agent named 'nobody'"),
         (["check-agent", "cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
-        (["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", "bench42"], "Did you mean 'bench24'"),
+        (["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", "dev11"], "Did you mean 'dev10'"),
         (["replay", "no-such", "--agent", "cli_agents:Good", "--sim", FAKE], "no route named 'no-such'"),
         (["replay", "1", "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latncy"], "latency"),
     ],
@@ -133,7 +133,11 @@ def test_the_module_runs_as_a_program() -> None:
 
 
 def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["replay", "601", "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop", "5"]) == 0
+    from pytest_drive_robust.runner.routes import resolve_routes
+
+    route = next(route.id for route in resolve_routes("full") if route.scenario.type == "ParkedObstacle")
+    arguments = ["replay", route, "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop"]
+    assert main([*arguments, "5"]) == 0
     assert "stopped early" in capsys.readouterr().out
-    assert main(["replay", "601", "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop", "soon"]) == 4
+    assert main([*arguments, "soon"]) == 4
     assert "--stuck-stop is 'soon', expected seconds > 0" in capsys.readouterr().err

@@ -24,7 +24,7 @@ class FakeConfig:
 
 def test_without_options_the_defaults_hold():
     assert Settings.from_pytest_config(FakeConfig()) == Settings()
-    assert (Settings().agent, Settings().routes, Settings().seeds) == ("classical", "bench24", (0,))
+    assert (Settings().agent, Settings().routes, Settings().seeds) == ("classical", "one-per-scenario", (0,))
 
 
 def test_the_command_line_wins_over_the_ini_file():

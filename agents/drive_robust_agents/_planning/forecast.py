@@ -28,14 +28,16 @@ Ints = NDArray[np.int64]
 _jit = numba.njit(cache=True)
 
 STEP_S = 0.2
-YIELD_MPS2 = 3.0
-"""How hard somebody behind is expected to brake once the ego is in the lane."""
+DRIVE_LAG = 0.4
+"""The engine gives so much of what is asked for in the first step."""
 LEADER_BRAKE_MPS2 = 5.5
 """How hard somebody ahead may brake."""
 SETTLE_MPS2 = 2.5
 """How hard the ego slows down for a lower speed limit."""
 ACCELERATE_S = 1.6
 """Who accelerates or brakes now is expected to go on with it for this long."""
+FASTEST_MPS = 18.0
+"""Nobody is expected to accelerate beyond this."""
 LANE_REACH_M = 3.3
 A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL = range(7)
 
@@ -144,7 +146,7 @@ def tracks(
         for step in range(steps + 1):
             found[i, step, 0], found[i, step, 1], found[i, step, 2], found[i, step, 3] = x, y, yaw, v
             if step * STEP_S < ACCELERATE_S:
-                v = min(max(v + accel * STEP_S, 0.0), max(v, 25.0))
+                v = min(max(v + accel * STEP_S, 0.0), max(v, FASTEST_MPS))
             ds = v * STEP_S
             if lane < 0:
                 x += ds * math.cos(yaw)
@@ -255,7 +257,7 @@ def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats
 @_jit
 def rollouts(
     path: Floats, s0: float, v0: float, size: Floats, forecast: Floats, sizes: Floats, leads: Ints, plans: Floats,
-    limits: Floats, boxes: Floats, stop_s: float, margins: Floats, pushy: bool,
+    limits: Floats, boxes: Floats, stop_s: float, margins: Floats, yields_mps2: float, pushy: bool,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """(seconds until trouble, metres driven until then) for each plan; without trouble that is the whole horizon.
 
@@ -263,8 +265,8 @@ def rollouts(
     (k, 2) length, width; `plans` (m, 3) accelerate at [0] for [1] seconds, then at [2]. `limits` is the speed limit of
     each row. `margins` are metres added to the ego's length, its width, and seconds by which who crosses may come
     earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or a stop within one of
-    the `boxes` (first row, last row) that could have been made before it. Who follows is expected to brake for the ego;
-    who crosses only when `pushy`.
+    the `boxes` (first row, last row) that could have been made before it. Who follows is expected to brake for the ego
+    at `yields_mps2`; who crosses only when `pushy`.
     """
     steps = forecast.shape[1] - 1
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
@@ -281,6 +283,8 @@ def rollouts(
         for step in range(1, steps + 1):
             limit = limits[int(min(max(s, 0.0), len(limits) - 1.0))]
             now = plans[p, 0] if step * STEP_S <= plans[p, 1] + 1e-9 else plans[p, 2]
+            if step == 1 and now > 0.0:
+                now *= DRIVE_LAG
             after = max(0.0, v + now * STEP_S)
             if after > limit:
                 after = min(after, max(limit, v - SETTLE_MPS2 * STEP_S))
@@ -308,8 +312,8 @@ def rollouts(
                 if expected and 0.0 < in_front < 40.0 and beside < 0.5 * (size[1] + sizes[i, 1]) and step > 2:
                     gap = in_front - 0.5 * (size[0] + sizes[i, 0])
                     closing = max(speed[j] - v, 0.0)
-                    if gap < 3.0 + closing * closing / (2.0 * YIELD_MPS2) + 0.4 * speed[j]:
-                        speed_now = max(min(v, speed[j]), speed[j] - YIELD_MPS2 * STEP_S)
+                    if gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * speed[j]:
+                        speed_now = max(min(v, speed[j]), speed[j] - yields_mps2 * STEP_S)
                 if leads[i] == 1:
                     speed_now = max(0.0, speed[j] - LEADER_BRAKE_MPS2 * STEP_S)
                 speed[j] = speed_now

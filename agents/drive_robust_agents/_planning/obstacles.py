@@ -22,6 +22,7 @@ _CLUSTER_M = 15.0
 """Things nearer to each other than this are passed in one go."""
 _QUEUE_S = 14.0
 """A car that stands in the middle of the lane longer than this is no queue."""
+_OTHER_LANE_M = 2.6
 _OFF_CENTRE_M = 0.4
 _STARTS_MPS2 = 0.5
 """Who accelerates like this is on the way."""
@@ -55,11 +56,14 @@ class Obstacle:
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """A way around: sideways metres to be added to the lane's own profile, and the rows between which it is off it."""
+    """A way around: sideways metres to be added to the lane's own profile, `hold_m` beside the obstacle.
+
+    Until the ego reaches `beside_row` it can still go back; at `ends_row` it is in its lane again.
+    """
 
     shift: Floats
     hold_m: float
-    first_row: float
+    beside_row: float
     ends_row: float
 
 
@@ -116,12 +120,12 @@ def ways_around(scene: Scene, ahead: Obstacle, row: float, right_m: float, *, sp
 def _pass(scene: Scene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float) -> Pass:
     """Shift until beside it, hold, come back; a crawling thing is followed with the hold."""
     length = shift_length_m(max(speed_mps, 3.0), hold_m - right_m)
-    beside = ahead.first_row - 3.5
-    start = max(row, min(beside - length, row + 10.0)) if abs(hold_m) < 2.6 else row
-    done = start + max(min(length, beside - start), 4.0) if beside > start + 4.0 else start + 4.0
+    latest = ahead.first_row - 3.5 - length
+    start = max(row, min(latest, row + 10.0)) if abs(hold_m) < _OTHER_LANE_M else row
+    done = start + length
     until = max(ahead.last_row + 4.0 + (4.0 * ahead.speed_mps if ahead.moving else 0.0), done + 1.0)
     back = max(12.0, shift_length_m(max(speed_mps, 5.0), hold_m))
     rows = scene.rows
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
-    return Pass(shift, hold_m, row, until + back)
+    return Pass(shift, hold_m, ahead.first_row - scene.size[0] / 2.0 - 1.0, until + back)

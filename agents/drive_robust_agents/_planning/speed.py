@@ -6,17 +6,22 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.forecast import leaders, rollouts
 from drive_robust_agents._planning.junctions import Junctions
+from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.traffic import Traffic
 
 __all__ = ["Moment", "SpeedChoice", "is_free"]
 
+Ints = NDArray[np.int64]
+
 _ACCELERATIONS = np.array([4.5, 2.3, 1.2, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0, -8.0])
 _COMFORT_ACCEL_MPS2 = 2.3
+_HURRY_ACCEL_MPS2 = 4.0
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
 _HORIZON_STEPS = 30
@@ -25,35 +30,47 @@ _GAP_MPS = 7.0
 """Below this speed a quick start is worth it when only that uses a gap."""
 _PATIENCE_S = 5.0
 _MARGINS, _TIGHT_MARGINS = np.array([1.2, 0.7, 0.25]), np.array([0.5, 0.3, 0.1])
-_PASS_ACCELERATIONS = np.array([4.0, 2.3, 1.2, 0.0, -1.2])
+_STARTS = np.array([[4.0, 99.0, 4.0], [4.0, 2.4, 0.0], [4.0, 1.6, 0.0], [2.3, 99.0, 2.3]])
+_MANOEUVRES = np.array(
+    [[4.0, 99.0, 4.0], [2.3, 99.0, 2.3], [1.2, 99.0, 1.2], [0.0, 99.0, 0.0], [-1.2, 2.0, 0.0], [-2.4, 2.0, 0.0]]
+)
+"""Ways to drive a manoeuvre, from standstill and at speed: acceleration, for so many seconds, and then."""
+_POLITE_MPS2, _YIELD_MPS2 = 1.8, 3.0
+"""How hard who follows is expected to brake for a manoeuvre that is to begin, and for one that is under way."""
 _LEFT_ALONE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What the decisions of one tick share; `right_m` is where the ego is, beside the route at `row`."""
+    """What the decisions of one tick share.
+
+    The ego is `right_m` metres beside the route at `row` and gains `drift` metres to the right on each metre of it.
+    """
 
     scene: Scene
     traffic: Traffic
     junctions: Junctions
     row: float
     right_m: float
+    drift: float
     speed_mps: float
     stop_row: float
 
+    def path(self, profile: Floats) -> Floats:
+        """The path from where the ego is onto a profile: see `lateral.path_of`."""
+        return path_of(self.scene, profile, self.row, self.right_m, speed_mps=self.speed_mps, drift=self.drift)
 
-def is_free(now: Moment, path: Floats, until_row: float) -> bool:
-    """Can a path be driven up to a row, or at least as far as the forecast reaches, without stopping on it?"""
-    plans = np.column_stack([_PASS_ACCELERATIONS, np.full(len(_PASS_ACCELERATIONS), np.inf), _PASS_ACCELERATIONS])
-    plans = plans if now.speed_mps > 4.0 else plans[:2]
+
+def is_free(now: Moment, path: Floats, until_row: float, *, within_s: float = math.inf) -> bool:
+    """Can a path be driven up to a row, or at least for `within_s` seconds, hindering nobody much?"""
+    plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
-    leads = leaders(path, now.row, traffic.boxes)
+    nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
     found, driven = rollouts(
-        path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.sizes, leads, plans, scene.limits,
-        np.zeros((0, 2)), now.stop_row, _MARGINS, False,
+        path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.sizes, nobody, plans, scene.limits,
+        np.zeros((0, 2)), now.stop_row, _MARGINS, _POLITE_MPS2, False,
     )  # fmt: skip
-    whole = (traffic.forecast.shape[1] - 1) * 0.2
-    return bool(np.any((found >= whole - 1e-9) | (now.row + driven >= until_row)))
+    return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
 
 
 class SpeedChoice:
@@ -63,14 +80,18 @@ class SpeedChoice:
         self._waited_s = 0.0
         self._pushing = False
 
-    def choose(self, now: Moment, path: Floats, stop_row: float, *, cruise_mps: float) -> float:
-        """Acceleration in m/s2; when nothing stays out of trouble, the one that does so longest."""
+    def choose(self, now: Moment, path: Floats, stop_row: float, *, cruise_mps: float, hurry: bool) -> float:
+        """Acceleration in m/s2; when nothing stays out of trouble, the one that does so longest.
+
+        `hurry` asks for more than comfort, while the ego is where it must not linger.
+        """
         v, scene = now.speed_mps, now.scene
         self._waited_s = self._waited_s + _DT_S if v < 0.5 else 0.0
         self._pushing = self._waited_s > _PATIENCE_S or (self._pushing and v < _GAP_MPS)
         limit = min(scene.limits[int(np.clip(now.row + 0.3 * v, 0, scene.count - 1))], max(cruise_mps, 3.0))
-        wanted = float(np.clip(1.2 * (limit - v), -2.5, _COMFORT_ACCEL_MPS2))
-        trial = _Trial(now, path, stop_row, pushy=self._pushing)
+        comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
+        wanted = float(np.clip(1.2 * (limit - v), -2.5, comfort))
+        trial = _Trial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         if trial.survives(wanted):
             return wanted
         for margins in (_MARGINS, _TIGHT_MARGINS):
@@ -80,8 +101,8 @@ class SpeedChoice:
         safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
         if len(safe) == 0:
             return float(_ACCELERATIONS[int(np.argmax(free))]) if free.max() > _LEFT_ALONE_S else -8.0
-        gentle = safe[safe <= _COMFORT_ACCEL_MPS2]
-        if v < _GAP_MPS and safe[0] > _COMFORT_ACCEL_MPS2 and (len(gentle) == 0 or gentle[0] < 0.5):
+        gentle = safe[safe <= comfort]
+        if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
             return float(safe[0])  # a gap that only a quick start can use
         return float(min(gentle[0], wanted)) if len(gentle) else float(safe[0])
 
@@ -89,9 +110,9 @@ class SpeedChoice:
 class _Trial:
     """Plans on one path in one moment."""
 
-    def __init__(self, now: Moment, path: Floats, stop_row: float, *, pushy: bool) -> None:
+    def __init__(self, now: Moment, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
-        self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
+        self.now, self.path, self.stop_row, self.pushy, self.hurry = now, path, stop_row, pushy, hurry
         self.leads = leaders(path, now.row, traffic.boxes)
         self.boxes = now.junctions.keep_clear(now.scene, traffic, path, self.leads)
         self.forecast = np.ascontiguousarray(traffic.forecast[:, : _HORIZON_STEPS + 1])
@@ -100,23 +121,27 @@ class _Trial:
     def survives(self, acceleration: float) -> bool:
         """Does going on for a moment leave the way to stop?"""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
-        return bool(self._roll(plan, _MARGINS)[0] >= self.horizon_s - 1e-9)
+        return bool(self._roll(plan, _MARGINS, self.leads)[0] >= self.horizon_s - 1e-9)
 
     def seconds(self, accelerations: Floats, margins: Floats) -> Floats:
         """Seconds until trouble for each: either going through is safe to the end, or a moment later stopping is."""
         count = len(accelerations)
-        through = np.column_stack([accelerations, np.full(count, np.inf), accelerations])
         then_stop = np.column_stack(
             [accelerations, np.full(count, _REACT_S), np.minimum(accelerations, _COMFORT_BRAKE_MPS2)]
         )
-        free = self._roll(np.concatenate([through, then_stop]), margins)
-        best: Floats = np.maximum(free[:count], free[count:])
-        return best
+        through = [np.column_stack([accelerations, np.full(count, 99.0), accelerations])]
+        if self.hurry:  # what was begun in a gap goes on in it: who is ahead keeps going, and so does the ego
+            through.append(np.column_stack([accelerations, np.full(count, _REACT_S + 1.0), np.zeros(count)]))
+        leads = np.zeros_like(self.leads) if self.hurry else self.leads
+        free = self._roll(then_stop, margins, self.leads)
+        for plans in through:
+            free = np.maximum(free, self._roll(plans, margins, leads))
+        return free
 
-    def _roll(self, plans: Floats, margins: Floats) -> Floats:
+    def _roll(self, plans: Floats, margins: Floats, leads: Ints) -> Floats:
         now, scene = self.now, self.now.scene
         found, _ = rollouts(
-            self.path, now.row, now.speed_mps, scene.size, self.forecast, now.traffic.sizes, self.leads, plans,
-            scene.limits, self.boxes, self.stop_row, margins, self.pushy,
+            self.path, now.row, now.speed_mps, scene.size, self.forecast, now.traffic.sizes, leads, plans,
+            scene.limits, self.boxes, self.stop_row, margins, _YIELD_MPS2, self.pushy,
         )  # fmt: skip
         return np.asarray(found)

@@ -14,10 +14,11 @@ __all__ = ["HORIZON_S", "Traffic"]
 
 Ints = NDArray[np.int64]
 
-HORIZON_S = 8.0
+HORIZON_S = 12.0
 _DT_S = 0.05
 _BOX = [Frame.X, Frame.Y, Frame.YAW, Frame.SPEED, Frame.LENGTH, Frame.WIDTH]
 _RANGE_M = 160.0
+_HARD_MPS2 = 1.5
 
 
 class Traffic:
@@ -46,16 +47,27 @@ class Traffic:
         self.ids = rows[:, Frame.ID].astype(np.int64)
         speed = rows[:, Frame.SPEED]
         self._remember(speed)
-        vehicles = self.kinds <= ActorKind.BICYCLE
         self.boxes = np.empty((len(rows), 7))
         self.boxes[:, :6] = rows[:, _BOX]
         self.boxes[:, 6] = np.where(self.kinds < ActorKind.BICYCLE, self._accelerations, 0.0)
+        self._doubt()
         self.sizes = np.ascontiguousarray(self.boxes[:, 4:6])
-        follows = (vehicles & (speed > 0.05)).astype(np.int64)
+        follows = ((self.kinds <= ActorKind.BICYCLE) & (self.boxes[:, 3] > 0.05)).astype(np.int64)
         self.forecast, under = tracks(
             self.boxes, follows, graph.points, graph.owner, graph.first, graph.after, round(HORIZON_S / STEP_S)
         )
         graph.learn(under)
+
+    def _doubt(self) -> None:
+        """Who accelerates hard may also stop doing so: those are there twice, the second time at constant speed."""
+        hard = np.abs(self.boxes[:, 6]) > _HARD_MPS2
+        if hard.any():
+            steady = self.boxes[hard]
+            steady[:, 6] = 0.0
+            self.boxes = np.concatenate([self.boxes, steady])
+            self.kinds = np.concatenate([self.kinds, self.kinds[hard]])
+            self.ids = np.concatenate([self.ids, self.ids[hard]])
+            self.stood_s = np.concatenate([self.stood_s, self.stood_s[hard]])
 
     def _remember(self, speed: Floats) -> None:
         most = int(self.ids.max(initial=-1)) + 1
@@ -64,7 +76,7 @@ class Traffic:
             self._speeds = np.concatenate([self._speeds, np.full(more, np.nan)])
             self._stood = np.concatenate([self._stood, np.zeros(more)])
         gained = np.nan_to_num((speed - self._speeds[self.ids]) / _DT_S)
-        self._accelerations = np.where(np.abs(gained) > 0.3, np.clip(gained, -8.0, 4.0), 0.0)
+        self._accelerations = np.where(np.abs(gained) > 0.3, np.clip(gained, -8.0, 8.0), 0.0)
         stood = np.where(speed < 0.1, self._stood[self.ids] + _DT_S, 0.0)
         self._speeds[:] = np.nan
         self._speeds[self.ids] = speed

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numba
 
-from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.bicycle import face, move
 from pytest_drive_robust.simulators.compat.columns import Arrays
 from pytest_drive_robust.simulators.compat.contact import collide
-from pytest_drive_robust.simulators.compat.drivers import act, tell
-from pytest_drive_robust.simulators.compat.lanes import coordinates
+from pytest_drive_robust.simulators.compat.drivers import act
+from pytest_drive_robust.simulators.compat.lanes import locate
 
 __all__ = ["advance", "settle"]
 
@@ -17,16 +16,13 @@ _jit = numba.njit(cache=True)
 
 
 @_jit
-def advance(arrays: Arrays, dt_s: float, ego: int, told: int, acceleration: float, steering: float) -> None:
-    """`ego.act(action)` (unless told nothing), `Road.act()`, `Road.step(dt_s)`."""
-    if told != c.TOLD_NOTHING:
-        tell(arrays, ego, told, acceleration, steering)
-    count = arrays.vehicle_count
-    for body in range(count):
+def advance(arrays: Arrays, vehicles: int, dt_s: float) -> None:
+    """`Road.act()` and `Road.step(dt_s)`; the first `vehicles` bodies are vehicles."""
+    for body in range(vehicles):
         act(arrays, body)
-    for body in range(count):
+    for body in range(vehicles):
         move(arrays, body, dt_s)
-    for body in range(count):
+    for body in range(vehicles):
         for other in range(body + 1, arrays.bodies.shape[0]):
             collide(arrays, body, other, dt_s)
 
@@ -36,6 +32,4 @@ def settle(arrays: Arrays) -> None:
     """Fill what depends on the poses of the bodies after they were read: directions and lane coordinates."""
     for body in range(arrays.bodies.shape[0]):
         face(arrays, body)
-        for lane in range(arrays.lanes.shape[0]):
-            s, lateral = coordinates(arrays, lane, arrays.bodies[body, c.B_X], arrays.bodies[body, c.B_Y])
-            arrays.along[lane, body], arrays.across[lane, body] = s, lateral
+        locate(arrays, body)

@@ -24,13 +24,13 @@ def face(arrays: Arrays, body: int) -> None:
 @_jit
 def _limit_controls(arrays: Arrays, body: int) -> None:
     """A wreck brakes; beyond the speed limits of the vehicle the acceleration leads back to them."""
-    mine, parameters = arrays.bodies[body], arrays.parameters[body]
+    mine = arrays.bodies[body]
     if arrays.body_ints[body, c.I_CRASHED]:
         mine[c.B_STEERING], mine[c.B_ACCELERATION] = 0.0, -1.0 * mine[c.B_SPEED]
-    if mine[c.B_SPEED] > parameters[c.P_MAX_SPEED]:
-        mine[c.B_ACCELERATION] = min(mine[c.B_ACCELERATION], parameters[c.P_MAX_SPEED] - mine[c.B_SPEED])
-    elif mine[c.B_SPEED] < parameters[c.P_MIN_SPEED]:
-        mine[c.B_ACCELERATION] = max(mine[c.B_ACCELERATION], parameters[c.P_MIN_SPEED] - mine[c.B_SPEED])
+    if mine[c.B_SPEED] > mine[c.P_MAX_SPEED]:
+        mine[c.B_ACCELERATION] = min(mine[c.B_ACCELERATION], mine[c.P_MAX_SPEED] - mine[c.B_SPEED])
+    elif mine[c.B_SPEED] < mine[c.P_MIN_SPEED]:
+        mine[c.B_ACCELERATION] = max(mine[c.B_ACCELERATION], mine[c.P_MIN_SPEED] - mine[c.B_SPEED])
 
 
 @_jit
@@ -49,7 +49,7 @@ def move(arrays: Arrays, body: int, dt_s: float) -> None:
         mine[c.B_X] += mine[c.B_IMPACT_X]
         mine[c.B_Y] += mine[c.B_IMPACT_Y]
         ints[c.I_CRASHED], ints[c.I_HAS_IMPACT] = 1, 0
-    mine[c.B_HEADING] += speed * sin(machine, slip) / (arrays.parameters[body, c.P_LENGTH] / 2) * dt_s
+    mine[c.B_HEADING] += speed * sin(machine, slip) / (mine[c.P_LENGTH] / 2) * dt_s
     mine[c.B_SPEED] += mine[c.B_ACCELERATION] * dt_s
     face(arrays, body)
     ints[c.I_LANE] = locate(arrays, body)

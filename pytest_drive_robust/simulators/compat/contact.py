@@ -21,7 +21,7 @@ _jit_inline = numba.njit(cache=True, forceinline=True)
 def _polygon(arrays: Arrays, body: int) -> c.Floats:
     """(5, 2): the corners of a body, the first one twice."""
     mine, machine = arrays.bodies[body], arrays.machine
-    long, wide = arrays.parameters[body, c.P_LENGTH] / 2, arrays.parameters[body, c.P_WIDTH] / 2
+    long, wide = mine[c.P_LENGTH] / 2, mine[c.P_WIDTH] / 2
     points = np.empty((5, 2))
     for k in range(5):
         ahead = long if k in (2, 3) else -long
@@ -48,7 +48,7 @@ def _between(low_a: float, high_a: float, low_b: float, high_b: float) -> float:
 
 @_jit
 def _centre(polygon: c.Floats, axis: int) -> float:
-    return (polygon[0, axis] + polygon[1, axis] + polygon[2, axis] + polygon[3, axis]) / 4
+    return float((polygon[0, axis] + polygon[1, axis] + polygon[2, axis] + polygon[3, axis]) / 4)
 
 
 @_jit
@@ -122,7 +122,7 @@ def collide(arrays: Arrays, body: int, other: int, dt_s: float) -> None:
     """Crash two bodies that overlap, and push apart two that will; a body that is not solid is only hit."""
     bodies, ints = arrays.bodies, arrays.body_ints
     dx, dy = bodies[other, c.B_X] - bodies[body, c.B_X], bodies[other, c.B_Y] - bodies[body, c.B_Y]
-    reach = (arrays.parameters[body, c.P_DIAGONAL] + arrays.parameters[other, c.P_DIAGONAL]) / 2
+    reach = (arrays.bodies[body, c.P_DIAGONAL] + arrays.bodies[other, c.P_DIAGONAL]) / 2
     reach += bodies[body, c.B_SPEED] * dt_s
     # the first two only save the root: it is never rounded below |dx| or |dy|
     if abs(dx) > reach or abs(dy) > reach or math.sqrt(dot2(arrays.machine, dx, dy, dx, dy)) > reach:

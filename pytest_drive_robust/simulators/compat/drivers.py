@@ -33,26 +33,26 @@ def _clip(x: float, low: float, high: float) -> float:
 @_jit
 def _steer_to(arrays: Arrays, body: int, lane: int) -> float:
     """Steering angle [rad] of the cascaded law: lateral offset to heading, heading to yaw rate, yaw rate to angle."""
-    machine, parameters, speed = arrays.machine, arrays.parameters[body], arrays.bodies[body, c.B_SPEED]
-    s, lateral = along(arrays, lane, body), arrays.across[lane, body]
-    future = heading_at(arrays, lane, s + speed * parameters[c.P_TAU_PURSUIT])
-    heading = arrays.bodies[body, c.B_HEADING]
+    machine, mine, speed = arrays.machine, arrays.bodies[body], arrays.bodies[body, c.B_SPEED]
+    s, lateral = along(arrays, lane, body), arrays.coordinates[c.ACROSS, lane, body]
+    future = heading_at(arrays, lane, s + speed * mine[c.P_TAU_PURSUIT])
+    heading = mine[c.B_HEADING]
     if arrays.body_ints[body, c.I_KIND] == c.LINEAR:
-        turn = wrap(future - heading) * parameters[c.P_LENGTH] / _not_zero(speed)
-        shift = -lateral * parameters[c.P_LENGTH] / scalar_power(_not_zero(speed), parameters[c.P_SQUARE])
-        return dot2(machine, parameters[c.P_STEERING], parameters[c.P_STEERING + 1], turn, shift)
-    sideways = -parameters[c.P_KP_LATERAL] * lateral
+        turn = wrap(future - heading) * mine[c.P_LENGTH] / _not_zero(speed)
+        shift = -lateral * mine[c.P_LENGTH] / scalar_power(_not_zero(speed), mine[c.P_SQUARE])
+        return dot2(machine, mine[c.P_STEERING], mine[c.P_STEERING + 1], turn, shift)
+    sideways = -mine[c.P_KP_LATERAL] * lateral
     wanted = arcsin(machine, _clip(sideways / _not_zero(speed), -1.0, 1.0))
     wanted = future + _clip(wanted, -math.pi / 4, math.pi / 4)
-    rate = parameters[c.P_KP_HEADING] * wrap(wanted - heading)
-    slip = arcsin(machine, _clip(parameters[c.P_LENGTH] / 2 / _not_zero(speed) * rate, -1.0, 1.0))
+    rate = mine[c.P_KP_HEADING] * wrap(wanted - heading)
+    slip = arcsin(machine, _clip(mine[c.P_LENGTH] / 2 / _not_zero(speed) * rate, -1.0, 1.0))
     angle = arctan(machine, 2 * tan(machine, slip))
-    return _clip(angle, -parameters[c.P_MAX_STEERING], parameters[c.P_MAX_STEERING])
+    return _clip(angle, -mine[c.P_MAX_STEERING], mine[c.P_MAX_STEERING])
 
 
 @_jit
 def _steer(arrays: Arrays, body: int) -> None:
-    most = arrays.parameters[body, c.P_MAX_STEERING]
+    most = arrays.bodies[body, c.P_MAX_STEERING]
     angle = _steer_to(arrays, body, arrays.body_ints[body, c.I_TARGET_LANE])
     arrays.bodies[body, c.B_STEERING] = _clip(angle, -most, most)
 
@@ -67,7 +67,7 @@ def _gap_to(arrays: Arrays, body: int, other: int) -> float:
 @_jit
 def _desired_gap(arrays: Arrays, judge: int, body: int, front: int) -> float:
     """The gap [m] that `judge` holds to be right for `body` behind `front`."""
-    mine, theirs, parameters = arrays.bodies[body], arrays.bodies[front], arrays.parameters[judge]
+    mine, theirs, parameters = arrays.bodies[body], arrays.bodies[front], arrays.bodies[judge]
     speed = mine[c.B_SPEED]
     comfort = -parameters[c.P_COMFORT_ACC_MAX] * parameters[c.P_COMFORT_ACC_MIN]
     closing = dot2(
@@ -77,7 +77,7 @@ def _desired_gap(arrays: Arrays, judge: int, body: int, front: int) -> float:
         mine[c.B_COS],
         mine[c.B_SIN],
     )
-    return (
+    return float(
         parameters[c.P_DISTANCE_WANTED]
         + speed * parameters[c.P_TIME_WANTED]
         + speed * closing / (2 * math.sqrt(comfort))
@@ -86,7 +86,7 @@ def _desired_gap(arrays: Arrays, judge: int, body: int, front: int) -> float:
 
 @_jit
 def _linear_acceleration(arrays: Arrays, judge: int, body: int, front: int) -> float:
-    parameters = arrays.parameters[judge]
+    parameters = arrays.bodies[judge]
     to_target, closing, short = 0.0, 0.0, 0.0
     if body >= 0:
         speed = arrays.bodies[body, c.B_SPEED]
@@ -107,23 +107,23 @@ def _acceleration(arrays: Arrays, judge: int, body: int, front: int) -> float:
         return _linear_acceleration(arrays, judge, body, front)
     if body < 0 or arrays.body_ints[body, c.I_KIND] < c.PLAIN:
         return 0.0
-    comfort = arrays.parameters[judge, c.P_COMFORT_ACC_MAX]
+    comfort = arrays.bodies[judge, c.P_COMFORT_ACC_MAX]
     target = arrays.bodies[body, c.B_TARGET_SPEED] if arrays.body_ints[body, c.I_KIND] >= c.CONTROLLED else 0.0
     limit = arrays.lanes[arrays.body_ints[body, c.I_LANE], c.L_SPEED_LIMIT]
     if not math.isnan(limit):
         target = _clip(target, 0.0, limit)
     share = max(arrays.bodies[body, c.B_SPEED], 0.0) / abs(_not_zero(target))
-    free = comfort * (1 - power(arrays.machine, share, arrays.parameters[judge, c.P_DELTA]))
+    free = comfort * (1 - power(arrays.machine, share, arrays.bodies[judge, c.P_DELTA]))
     if front < 0:
-        return free
+        return float(free)
     share = _desired_gap(arrays, judge, body, front) / _not_zero(_gap_to(arrays, body, front))
-    return free - comfort * power(arrays.machine, share, arrays.parameters[judge, c.P_SQUARE])
+    return float(free - comfort * power(arrays.machine, share, arrays.bodies[judge, c.P_SQUARE]))
 
 
 @_jit
 def _is_worth_it(arrays: Arrays, body: int, lane: int) -> bool:
     """MOBIL: nobody must brake hard, and the change gains acceleration, or the route wants it."""
-    parameters = arrays.parameters[body]
+    parameters = arrays.bodies[body]
     front, rear = neighbours(arrays, body, lane)
     rear_now = _acceleration(arrays, body, rear, front)
     rear_then = _acceleration(arrays, body, rear, body)
@@ -150,7 +150,7 @@ def _give_way_to_an_earlier_change(arrays: Arrays, body: int) -> None:
     mine = arrays.body_ints[body]
     if arrays.lane_ints[mine[c.I_LANE], c.LI_EDGE] != arrays.lane_ints[mine[c.I_TARGET_LANE], c.LI_EDGE]:
         return
-    for other in range(arrays.vehicle_count):
+    for other in range(arrays.bodies.shape[0]):
         theirs = arrays.body_ints[other]
         if other == body or theirs[c.I_KIND] < c.CONTROLLED or theirs[c.I_LANE] == mine[c.I_TARGET_LANE]:
             continue
@@ -168,7 +168,7 @@ def _choose_lane(arrays: Arrays, body: int) -> None:
     if lane != mine[c.I_TARGET_LANE]:
         _give_way_to_an_earlier_change(arrays, body)
         return
-    if not arrays.parameters[body, c.P_CHANGE_DELAY] < arrays.bodies[body, c.B_TIMER]:
+    if not arrays.bodies[body, c.P_CHANGE_DELAY] < arrays.bodies[body, c.B_TIMER]:
         return
     arrays.bodies[body, c.B_TIMER] = 0.0
     edge, place = arrays.edges[arrays.lane_ints[lane, c.LI_EDGE]], arrays.lane_ints[lane, c.LI_ID]
@@ -195,7 +195,7 @@ def _drive(arrays: Arrays, body: int) -> None:
     wanted = _acceleration(arrays, body, body, neighbours(arrays, body, lane)[0])
     if lane != target:
         wanted = min(wanted, _acceleration(arrays, body, body, neighbours(arrays, body, target)[0]))
-    most = arrays.parameters[body, c.P_ACC_MAX]
+    most = arrays.bodies[body, c.P_ACC_MAX]
     arrays.bodies[body, c.B_ACCELERATION] = _clip(wanted, -most, most)
 
 
@@ -203,7 +203,7 @@ def _drive(arrays: Arrays, body: int) -> None:
 def _control(arrays: Arrays, body: int) -> None:
     """The two low-level controllers of a vehicle that holds a lane and a speed."""
     _steer(arrays, body)
-    gain, speed = arrays.parameters[body, c.P_KP_A], arrays.bodies[body, c.B_SPEED]
+    gain, speed = arrays.bodies[body, c.P_KP_A], arrays.bodies[body, c.B_SPEED]
     arrays.bodies[body, c.B_ACCELERATION] = gain * (arrays.bodies[body, c.B_TARGET_SPEED] - speed)
 
 
@@ -219,15 +219,13 @@ def act(arrays: Arrays, body: int) -> None:
 
 
 @_jit
-def _step_speed(arrays: Arrays, body: int, change: int) -> None:
+def _step_speed(arrays: Arrays, body: int, change: int, speeds: c.Floats) -> None:
     """Aim at the next higher (+1) or lower (-1) of the target speeds of an MDP vehicle."""
-    mine = arrays.body_ints[body]
-    count = mine[c.I_SPEEDS]
-    speeds = arrays.target_speeds[mine[c.I_FIRST_SPEED] : mine[c.I_FIRST_SPEED] + count]
+    count = len(speeds)
     share = (arrays.bodies[body, c.B_SPEED] - speeds[0]) / (speeds[count - 1] - speeds[0])
     index = int(_clip(np.rint(share * (count - 1)), 0.0, count - 1.0)) + change
-    mine[c.I_SPEED_INDEX] = min(max(index, 0), count - 1)
-    arrays.bodies[body, c.B_TARGET_SPEED] = speeds[mine[c.I_SPEED_INDEX]]
+    index = min(max(index, 0), count - 1)
+    arrays.body_ints[body, c.I_SPEED_INDEX], arrays.bodies[body, c.B_TARGET_SPEED] = index, speeds[index]
 
 
 @_jit
@@ -240,23 +238,20 @@ def _aim_beside(arrays: Arrays, body: int, side: int) -> None:
 
 
 @_jit
-def tell(arrays: Arrays, body: int, told: int, acceleration: float, steering: float) -> None:
-    """`vehicle.act(action)`: what a policy tells its vehicle before everybody acts."""
+def tell(arrays: Arrays, body: int, told: int, speeds: c.Floats) -> None:
+    """`vehicle.act(action)` of a controlled vehicle, before everybody acts; `speeds`: the choices of an MDP vehicle."""
     kind = arrays.body_ints[body, c.I_KIND]
-    if told == c.TOLD_CONTROL:
-        arrays.bodies[body, c.B_ACCELERATION], arrays.bodies[body, c.B_STEERING] = acceleration, steering
-        return
-    if kind < c.CONTROLLED or kind >= c.IDM:
+    if kind >= c.IDM:
         act(arrays, body)
         return
     faster = 1 if told == c.TOLD_FASTER else (-1 if told == c.TOLD_SLOWER else 0)
     if kind == c.MDP and faster:
-        _step_speed(arrays, body, faster)
+        _step_speed(arrays, body, faster, speeds)
     follow_road(arrays, body)
     if kind == c.CONTROLLED and faster == 1:
-        arrays.bodies[body, c.B_TARGET_SPEED] += arrays.parameters[body, c.P_DELTA_SPEED]
+        arrays.bodies[body, c.B_TARGET_SPEED] += arrays.bodies[body, c.P_DELTA_SPEED]
     elif kind == c.CONTROLLED and faster == -1:
-        arrays.bodies[body, c.B_TARGET_SPEED] -= arrays.parameters[body, c.P_DELTA_SPEED]
+        arrays.bodies[body, c.B_TARGET_SPEED] -= arrays.bodies[body, c.P_DELTA_SPEED]
     elif told == c.TOLD_RIGHT:
         _aim_beside(arrays, body, 1)
     elif told == c.TOLD_LEFT:

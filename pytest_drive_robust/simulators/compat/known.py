@@ -8,8 +8,7 @@ from typing import TypeVar
 from highway_env.road.lane import CircularLane, SineLane, StraightLane
 from highway_env.road.regulation import RegulatedRoad
 from highway_env.road.road import Road, RoadNetwork
-from highway_env.vehicle.behavior import IDMVehicle, LinearVehicle
-from highway_env.vehicle.behavior import AggressiveVehicle, DefensiveVehicle
+from highway_env.vehicle.behavior import AggressiveVehicle, DefensiveVehicle, IDMVehicle, LinearVehicle
 from highway_env.vehicle.controller import ControlledVehicle, MDPVehicle
 from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Landmark, Obstacle
@@ -34,14 +33,19 @@ VEHICLES: Mapping[type, int] = {
 }
 # a subclass may set parameters and build itself as it likes; if it defines one of these it behaves in its own way
 _BODY_BEHAVIOUR = frozenset(
-    "act step clip_actions on_state_update handle_collisions _is_colliding polygon direction velocity "
-    "lane_distance_to follow_road steering_control speed_control acceleration desired_gap change_lane_policy mobil "
-    "acceleration_features steering_features index_to_speed speed_to_index".split()
-)
+    {
+        "_is_colliding", "acceleration", "acceleration_features", "act", "change_lane_policy", "clip_actions",
+        "desired_gap", "direction", "follow_road", "handle_collisions", "index_to_speed", "lane_distance_to", "mobil",
+        "on_state_update", "polygon", "speed_control", "speed_to_index", "steering_control", "steering_features",
+        "step", "velocity",
+    }
+)  # fmt: skip
 _LANE_BEHAVIOUR = frozenset(
-    "position local_coordinates heading_at width_at on_lane is_reachable_from after_end distance "
-    "distance_with_heading local_angle".split()
-)
+    {
+        "after_end", "distance", "distance_with_heading", "heading_at", "is_reachable_from", "local_angle",
+        "local_coordinates", "on_lane", "position", "width_at",
+    }
+)  # fmt: skip
 _ROAD_BEHAVIOUR = frozenset({"act", "step", "neighbour_vehicles"})
 _NETWORK_BEHAVIOUR = frozenset(
     {"get_lane", "get_closest_lane_index", "next_lane", "next_lane_given_next_road", "side_lanes"}
@@ -54,18 +58,19 @@ def _names(classes: Iterable[type]) -> str:
 
 def _find(thing: object, known: Mapping[type, Kind], behaviour: frozenset[str], what: str) -> Kind:
     """The entry of the nearest known class, when no class before it defines its own behaviour."""
+    own: list[str] = []
     for cls in type(thing).__mro__:
-        if cls in known:
+        if cls in known and not own:
             return known[cls]
-        own = sorted(behaviour & vars(cls).keys())
-        if own:
-            raise SimulationError(
-                f'compat="highway-env" does not know {what} of class {cls.__name__!r}: it has a {own[0]}() of its '
-                f"own. Known: {_names(known)}, and subclasses that only set parameters. Drive without compat instead."
-            )
+        if cls in known:
+            break
+        own += sorted(behaviour & vars(cls).keys())
+    else:
+        own = []
     raise SimulationError(
-        f'compat="highway-env" does not know {what} of class {type(thing).__name__!r}. Known: {_names(known)}. '
-        "Drive without compat instead."
+        f'compat="highway-env" does not know {what} of class {type(thing).__name__!r}'
+        + (f", which has a {own[0]}() of its own" if own else "")
+        + f". Known: {_names(known)}, and subclasses that only set parameters. Drive without compat instead."
     )
 
 

@@ -28,14 +28,14 @@ def _circle_along(arrays: Arrays, number: int, x: float, y: float) -> float:
     dx, dy = x - arrays.lanes[number, c.L_X], y - arrays.lanes[number, c.L_Y]
     start, turn = arrays.lanes[number, c.L_START_PHASE], arrays.lanes[number, c.L_TURN]
     phase = start + wrap(arctan2(arrays.machine, dy, dx) - start)
-    return turn * (phase - start) * arrays.lanes[number, c.L_RADIUS]
+    return float(turn * (phase - start) * arrays.lanes[number, c.L_RADIUS])
 
 
 @_jit_inline
 def _circle_across(arrays: Arrays, number: int, x: float, y: float) -> float:
     dx, dy = x - arrays.lanes[number, c.L_X], y - arrays.lanes[number, c.L_Y]
     radius = math.sqrt(dot2(arrays.machine, dx, dy, dx, dy))
-    return arrays.lanes[number, c.L_TURN] * (arrays.lanes[number, c.L_RADIUS] - radius)
+    return float(arrays.lanes[number, c.L_TURN] * (arrays.lanes[number, c.L_RADIUS] - radius))
 
 
 @_jit_inline
@@ -76,50 +76,50 @@ def heading_at(arrays: Arrays, number: int, s: float) -> float:
     kind, lanes = arrays.lane_ints[number, c.LI_KIND], arrays.lanes
     if kind == c.CIRCLE:
         phase = lanes[number, c.L_TURN] * s / lanes[number, c.L_RADIUS] + lanes[number, c.L_START_PHASE]
-        return phase + math.pi / 2 * lanes[number, c.L_TURN]
+        return float(phase + math.pi / 2 * lanes[number, c.L_TURN])
     if kind == c.SINE:
         slope = cos(arrays.machine, lanes[number, c.L_PULSATION] * s + lanes[number, c.L_PHASE])
         slope = lanes[number, c.L_AMPLITUDE] * lanes[number, c.L_PULSATION] * slope
-        return lanes[number, c.L_HEADING] + arctan(arrays.machine, slope)
-    return lanes[number, c.L_HEADING]
+        return float(lanes[number, c.L_HEADING] + arctan(arrays.machine, slope))
+    return float(lanes[number, c.L_HEADING])
 
 
 @_jit
 def _late_along(arrays: Arrays, number: int, body: int) -> float:
     s = _circle_along(arrays, number, arrays.bodies[body, c.B_X], arrays.bodies[body, c.B_Y])
-    arrays.along[number, body] = s
+    arrays.coordinates[c.ALONG, number, body] = s
     return s
 
 
 @_jit_inline
 def along(arrays: Arrays, number: int, body: int) -> float:
     """Longitudinal coordinate of a body on a lane [m]; on circles computed only when somebody asks."""
-    s = arrays.along[number, body]
+    s = arrays.coordinates[c.ALONG, number, body]
     return _late_along(arrays, number, body) if math.isnan(s) else s
 
 
 @_jit_inline
 def distance(arrays: Arrays, number: int, s: float, lateral: float) -> float:
     """L1 distance of lane coordinates to the lane [m]."""
-    return abs(lateral) + max(s - arrays.lanes[number, c.L_LENGTH], 0.0) + max(0.0 - s, 0.0)
+    return float(abs(lateral) + max(s - arrays.lanes[number, c.L_LENGTH], 0.0) + max(0.0 - s, 0.0))
 
 
 @_jit_inline
 def is_on(arrays: Arrays, number: int, body: int, margin_m: float) -> bool:
     """Whether a body is on a lane that is `margin_m` wider on both sides and a vehicle longer at both ends."""
-    if not abs(arrays.across[number, body]) <= arrays.lanes[number, c.L_WIDTH] / 2 + margin_m:
+    if not abs(arrays.coordinates[c.ACROSS, number, body]) <= arrays.lanes[number, c.L_WIDTH] / 2 + margin_m:
         return False
     s, margin = along(arrays, number, body), arrays.lanes[number, c.L_MARGIN]
-    return -margin <= s < arrays.lanes[number, c.L_LENGTH] + margin
+    return bool(-margin <= s < arrays.lanes[number, c.L_LENGTH] + margin)
 
 
 @_jit
 def is_reachable(arrays: Arrays, number: int, body: int) -> bool:
     """Whether a body may change to a lane."""
     width = arrays.lanes[number, c.L_WIDTH]
-    if arrays.lane_ints[number, c.LI_FORBIDDEN] or not abs(arrays.across[number, body]) <= 2 * width:
+    if arrays.lane_ints[number, c.LI_FORBIDDEN] or not abs(arrays.coordinates[c.ACROSS, number, body]) <= 2 * width:
         return False
-    return 0 <= along(arrays, number, body) < arrays.lanes[number, c.L_LENGTH] + arrays.lanes[number, c.L_MARGIN]
+    return bool(0 <= along(arrays, number, body) < arrays.lanes[number, c.L_LENGTH] + arrays.lanes[number, c.L_MARGIN])
 
 
 @_jit
@@ -138,7 +138,7 @@ def locate(arrays: Arrays, body: int) -> int:
                 s = _circle_along(arrays, number, x, y)
         else:
             s, lateral = coordinates(arrays, number, x, y)
-        arrays.along[number, body], arrays.across[number, body] = s, lateral
+        arrays.coordinates[c.ALONG, number, body], arrays.coordinates[c.ACROSS, number, body] = s, lateral
         if abs(lateral) < best:
             angle = abs(wrap(heading - heading_at(arrays, number, s)))
             far = distance(arrays, number, s, lateral) + 1.0 * angle

@@ -23,7 +23,7 @@ class Network:
     """The lanes and edges of a `RoadNetwork` in the order in which highway-env walks through them.
 
     `indices[k]` and `lanes[k]` belong to row k of `lane_floats` (L, LANE_FLOATS) and `lane_ints` (L, LANE_INTS);
-    `edge_numbers` gives the row of `edges` (E, EDGE_INTS) of a pair of nodes; `nodes` and `entering` as in `columns`.
+    `edge_numbers` gives the row of `edges` (E, EDGE_INTS) of a pair of nodes; `search` as in `columns`.
     """
 
     indices: tuple[LaneIndex, ...]
@@ -32,41 +32,43 @@ class Network:
     lane_floats: c.Floats
     lane_ints: c.Ints
     edges: c.Ints
-    nodes: c.Ints
-    entering: c.Ints
+    search: c.Floats
 
     @classmethod
-    def from_road_network(cls, network: RoadNetwork) -> Network:
-        """Read a live network. Raises `SimulationError` for a lane class that the kernels do not know."""
+    def from_road_network(cls, network: RoadNetwork, *, connected: bool) -> Network:
+        """Read a live network; `connected`: neighbours are searched on the lanes before and after too.
+
+        Raises `SimulationError` for a lane class that the kernels do not know.
+        """
         pairs = [(start, end) for start, ends in network.graph.items() for end in ends]
-        names = {name: k for k, name in enumerate(dict.fromkeys(name for pair in pairs for name in pair))}
-        edges, floats, ints, indices, lanes = [], [], [], [], []
-        for number, (start, end) in enumerate(pairs):
-            group = network.graph[start][end]
-            edges.append((names[start], names[end], len(lanes), len(group)))
-            for place, lane in enumerate(group):
-                kind = lane_kind(lane)
-                floats.append(_lane_row(lane, kind))
-                ints.append((kind, number, place, int(bool(lane.forbidden))))
-                indices.append((start, end, place))
-                lanes.append(lane)
-        nodes, entering = _nodes(edges, len(names))
+        groups = [network.graph[start][end] for start, end in pairs]
+        edges = _edges(pairs, [len(group) for group in groups])
+        lanes = [(number, place, lane) for number, group in enumerate(groups) for place, lane in enumerate(group)]
+        kinds = [lane_kind(lane) for _, _, lane in lanes]
+        floats = [_lane_row(lane, kind) for (_, _, lane), kind in zip(lanes, kinds, strict=True)]
+        ints: list[tuple[int, ...]] = []
+        search: list[tuple[int, float]] = []
+        for row, ((number, place, lane), kind) in enumerate(zip(lanes, kinds, strict=True)):
+            searched = _searched(row, place, edges, edges[number], floats) if connected else [(row, 0.0)]
+            ints.append((kind, number, place, bool(lane.forbidden), len(search), len(search) + len(searched)))
+            search += searched
         return cls(
-            indices=tuple(indices),
-            lanes=tuple(lanes),
+            indices=tuple((*pairs[number], place) for number, place, _ in lanes),
+            lanes=tuple(lane for _, _, lane in lanes),
             edge_numbers={pair: number for number, pair in enumerate(pairs)},
             lane_floats=np.array(floats, dtype=np.float64).reshape(-1, c.LANE_FLOATS),
             lane_ints=np.array(ints, dtype=np.int64).reshape(-1, c.LANE_INTS),
-            edges=np.array(edges, dtype=np.int64).reshape(-1, c.EDGE_INTS),
-            nodes=nodes,
-            entering=entering,
+            edges=edges,
+            search=np.array(search, dtype=np.float64).reshape(-1, c.SEARCH_FLOATS),
         )
 
     def edge(self, start: str, end: str) -> int:
         """The row of the edge between two nodes. Raises `SimulationError` where there is none."""
         number = self.edge_numbers.get((start, end))
         if number is None:
-            raise SimulationError(f"A route of the road leads from {start!r} to {end!r}, where the network has no lane.")
+            raise SimulationError(
+                f"A route of the road leads from {start!r} to {end!r}, where the network has no lane."
+            )
         return number
 
     def lane(self, index: LaneIndex) -> int:
@@ -82,15 +84,40 @@ class Network:
         return int(row[c.E_FIRST] + place)
 
 
-def _nodes(edges: list[tuple[int, int, int, int]], count: int) -> tuple[c.Ints, c.Ints]:
-    nodes = np.zeros((count, c.NODE_INTS), dtype=np.int64)
-    entering: list[int] = []
-    for node in range(count):
-        leaving = [k for k, edge in enumerate(edges) if edge[c.E_FROM] == node]
-        arriving = [k for k, edge in enumerate(edges) if edge[c.E_TO] == node]
-        nodes[node] = (leaving[0] if leaving else 0, len(leaving), len(entering), len(arriving))
-        entering += arriving
-    return nodes, np.array(entering, dtype=np.int64)
+def _edges(pairs: list[tuple[str, str]], counts: list[int]) -> c.Ints:
+    """(E, EDGE_INTS). The edges that leave a node follow each other, as in the graph's dictionaries."""
+    names = {name: node for node, name in enumerate(dict.fromkeys(name for pair in pairs for name in pair))}
+    starts = [start for start, _ in pairs]
+    rows = [
+        (
+            names[start],
+            names[end],
+            sum(counts[:number]),
+            counts[number],
+            starts.index(end) if end in starts else 0,
+            starts.count(end),
+        )
+        for number, (start, end) in enumerate(pairs)
+    ]
+    return np.array(rows, dtype=np.int64).reshape(-1, c.EDGE_INTS)
+
+
+def _searched(
+    lane: int, place: int, edges: c.Ints, own: c.Ints, floats: list[c.Floats]
+) -> list[tuple[int, float]]:  # fmt: skip
+    """The lanes around `lane` on which its neighbours may be, in highway-env's order, with their offsets [m]."""
+    after = [_beside(edge, place) for edge in edges[own[c.E_NEXT] : own[c.E_NEXT] + own[c.E_NEXT_COUNT]]]
+    before = [_beside(edge, place) for edge in edges[edges[:, c.E_TO] == own[c.E_FROM]]]
+    return [
+        (lane, 0.0),
+        *((number, floats[lane][c.L_LENGTH]) for number in after),
+        *((number, -floats[number][c.L_LENGTH]) for number in before),
+    ]
+
+
+def _beside(edge: c.Ints, place: int) -> int:
+    """The lane of an edge with the id `place`, or its first one."""
+    return int(edge[c.E_FIRST]) + (place if place < edge[c.E_COUNT] else 0)
 
 
 def _lane_row(lane: Any, kind: int) -> c.Floats:

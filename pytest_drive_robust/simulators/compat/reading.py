@@ -23,13 +23,14 @@ __all__ = ["Reading"]
 class Reading:
     """The arrays of a road and the live things they were read from.
 
-    `live`: vehicles, then objects, one for each row. `routes`: the live route lists, one for each row of
-    `route_spans`; vehicles that share a list share the row.
+    `live`: vehicles (`vehicle_count` of them), then objects, one for each row. `live_routes`: the live route lists, one
+    for each of the first rows of `routes`; vehicles that share a list share the row.
     """
 
     arrays: Arrays
+    vehicle_count: int
     live: tuple[Any, ...]
-    routes: tuple[list[Any], ...]
+    live_routes: tuple[list[Any], ...]
 
     @classmethod
     def of_road(cls, road: Any, network: Network) -> Reading:
@@ -38,70 +39,44 @@ class Reading:
         live = vehicles + objects
         kinds = [vehicle_kind(vehicle) for vehicle in vehicles] + [object_kind(thing) for thing in objects]
         routes = {id(route): route for route in (getattr(vehicle, "route", None) for vehicle in vehicles) if route}
-        arrays = _empty_arrays(road, network, bodies=len(live), vehicles=len(vehicles), routes=tuple(routes.values()))
         numbers = {key: number for number, key in enumerate(routes)}
-        speeds: list[float] = []
-        for row, (body, kind) in enumerate(zip(live, kinds, strict=True)):
-            floats, ints = arrays.bodies[row], arrays.body_ints[row]
-            read_parameters(body, kind, arrays.parameters[row])
+        arrays = Arrays(
+            machine=machine(),
+            lanes=network.lane_floats,
+            lane_ints=network.lane_ints,
+            edges=network.edges,
+            search=network.search,
+            bodies=np.zeros((len(live), c.BODY_FLOATS)),
+            body_ints=np.zeros((len(live), c.BODY_INTS), dtype=np.int64),
+            routes=_route_rows(network, tuple(routes.values())),
+            coordinates=np.zeros((2, len(network.lanes), len(live))),
+        )
+        for body, kind, floats, ints in zip(live, kinds, arrays.bodies, arrays.body_ints, strict=True):
+            read_parameters(body, kind, floats)
             read_body(body, kind, network, floats=floats, ints=ints)
             ints[c.I_ROUTE] = numbers.get(id(getattr(body, "route", None)), -1)
-            if kind == c.MDP:
-                ints[[c.I_FIRST_SPEED, c.I_SPEEDS]] = len(speeds), len(body.target_speeds)
-                speeds += [float(speed) for speed in body.target_speeds]
-        arrays = arrays._replace(target_speeds=np.array(speeds, dtype=np.float64))
         settle(arrays)
-        return cls(arrays, live, tuple(routes.values()))
+        return cls(arrays, len(vehicles), live, tuple(routes.values()))
 
     def write(self, network: Network, *, keep_history: bool) -> None:
         """Write the arrays into the live things; `keep_history`: append the pose to the vehicles' trails too."""
         for row, body in enumerate(self.live):
             write_body(body, network, floats=self.arrays.bodies[row], ints=self.arrays.body_ints[row])
-            if keep_history and row < self.arrays.vehicle_count:
+            if keep_history and row < self.vehicle_count:
                 body.history.appendleft(body.create_from(body))
-        for route, (first, end) in zip(self.routes, self.arrays.route_spans, strict=True):
+        for route, (first, end) in zip(self.live_routes, self.arrays.routes, strict=False):
             del route[: len(route) - int(end - first)]
 
 
-def _empty_arrays(
-    road: Any, network: Network, *, bodies: int, vehicles: int, routes: tuple[list[Any], ...]
-) -> Arrays:  # fmt: skip
-    lanes, search = len(network.lanes), 2 * len(network.edges) + 1
-    steps, spans = _route_arrays(network, routes)
-    return Arrays(
-        machine=machine(),
-        connected=int(getattr(road, "neighbour_vehicles_connected_lanes", False)),
-        lanes=network.lane_floats,
-        lane_ints=network.lane_ints,
-        edges=network.edges,
-        nodes=network.nodes,
-        entering=network.entering,
-        vehicle_count=vehicles,
-        bodies=np.zeros((bodies, c.BODY_FLOATS)),
-        body_ints=np.zeros((bodies, c.BODY_INTS), dtype=np.int64),
-        parameters=np.zeros((bodies, c.BODY_PARAMETERS)),
-        route_steps=steps,
-        route_spans=spans,
-        target_speeds=np.zeros(0),
-        along=np.zeros((lanes, bodies)),
-        across=np.zeros((lanes, bodies)),
-        search_lanes=np.zeros(search, dtype=np.int64),
-        search_offsets=np.zeros(search),
-    )
-
-
-def _route_arrays(network: Network, routes: tuple[list[Any], ...]) -> tuple[c.Ints, c.Ints]:
-    """(steps, 2) and (routes, 2) as in `columns`."""
-    steps: list[tuple[int, int]] = []
+def _route_rows(network: Network, routes: tuple[list[Any], ...]) -> c.Ints:
+    """(routes + steps, 2) as in `columns`."""
     spans: list[tuple[int, int]] = []
+    steps: list[tuple[int, int]] = []
     for route in routes:
-        first = len(steps)
+        first = len(routes) + len(steps)
+        spans.append((first, first + len(route)))
         steps += [_route_step(network, index) for index in route]
-        spans.append((first, len(steps)))
-    return (
-        np.array(steps, dtype=np.int64).reshape(-1, 2),
-        np.array(spans, dtype=np.int64).reshape(-1, 2),
-    )
+    return np.array(spans + steps, dtype=np.int64).reshape(-1, 2)
 
 
 def _route_step(network: Network, index: tuple[str, str, int | None]) -> tuple[int, int]:
@@ -110,5 +85,7 @@ def _route_step(network: Network, index: tuple[str, str, int | None]) -> tuple[i
     if place is None:
         return edge, c.NO_ID
     if not 0 <= place < network.edges[edge, c.E_COUNT]:
-        raise SimulationError(f"The route step {index!r} asks for an id from 0 to {network.edges[edge, c.E_COUNT] - 1}.")
+        raise SimulationError(
+            f"The route step {index!r} asks for an id from 0 to {network.edges[edge, c.E_COUNT] - 1}."
+        )
     return edge, int(place)

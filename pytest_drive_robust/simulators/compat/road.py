@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import SimulationError, nearest
 from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.advance import advance
 from pytest_drive_robust.simulators.compat.arithmetic import is_exact
+from pytest_drive_robust.simulators.compat.drivers import tell
 from pytest_drive_robust.simulators.compat.known import check_road
 from pytest_drive_robust.simulators.compat.network import LaneIndex, Network
 from pytest_drive_robust.simulators.compat.reading import Reading
@@ -51,7 +52,8 @@ class CompatRoad:
         for a `RegulatedRoad` unless `ignore_road_rules`.
         """
         check_road(road, ignore_road_rules=ignore_road_rules)
-        return cls(road, Network.from_road_network(road.network), ego=ego)
+        connected = bool(getattr(road, "neighbour_vehicles_connected_lanes", False))
+        return cls(road, Network.from_road_network(road.network, connected=connected), ego=ego)
 
     @property
     def exact(self) -> bool:
@@ -66,17 +68,17 @@ class CompatRoad:
     @property
     def positions_m(self) -> NDArray[np.float64]:
         """(n, 2) copy: vehicles in the order of the road, then objects."""
-        return self._arrays.bodies[:, [c.B_X, c.B_Y]]
+        return self._column(slice(c.B_X, c.B_Y + 1))
 
     @property
     def headings_rad(self) -> NDArray[np.float64]:
         """(n,) copy, not normalised."""
-        return self._arrays.bodies[:, c.B_HEADING].copy()
+        return self._column(c.B_HEADING)
 
     @property
     def speeds_mps(self) -> NDArray[np.float64]:
         """(n,) copy; negative in reverse."""
-        return self._arrays.bodies[:, c.B_SPEED].copy()
+        return self._column(c.B_SPEED)
 
     @property
     def crashed(self) -> NDArray[np.bool_]:
@@ -94,8 +96,9 @@ class CompatRoad:
         `ego_action` is (acceleration [m/s2], steering [rad]) for a plain `Vehicle`, and "IDLE", "FASTER", "SLOWER",
         "LANE_LEFT" or "LANE_RIGHT" for a `ControlledVehicle`. Raises `SimulationError` for another one.
         """
-        told, acceleration, steering = self._told(ego_action)
-        advance(self._arrays, dt_s, self._ego_row, told, acceleration, steering)
+        if ego_action is not None:
+            self._tell(ego_action)
+        advance(self._arrays, self._reading.vehicle_count, dt_s)
 
     def read_back(self) -> None:
         """Read all vehicles and objects again, after somebody changed, added or removed some on the live road."""
@@ -122,21 +125,24 @@ class CompatRoad:
         for array, before in zip(self._state(), saved, strict=True):
             array[...] = before
 
+    def _column(self, which: int | slice) -> NDArray[np.float64]:
+        return np.array(self._arrays.bodies[:, which])
+
     def _state(self) -> Saved:
         arrays = self._arrays
-        return arrays.bodies, arrays.body_ints, arrays.route_spans, arrays.along, arrays.across
+        return arrays.bodies, arrays.body_ints, arrays.routes, arrays.coordinates
 
-    def _told(self, action: tuple[float, float] | str | None) -> tuple[int, float, float]:
-        """What the kernel is told: a code, acceleration, steering."""
-        if action is None:
-            return c.TOLD_NOTHING, 0.0, 0.0
+    def _tell(self, action: tuple[float, float] | str) -> None:
         if self._ego_row < 0:
             raise SimulationError("Nobody can be told anything: CompatRoad.from_road got no ego.")
         plain = self._arrays.body_ints[self._ego_row, c.I_KIND] == c.PLAIN
         if plain and not isinstance(action, str):
-            return c.TOLD_CONTROL, float(action[0]), float(action[1])
+            self._arrays.bodies[self._ego_row, [c.B_ACCELERATION, c.B_STEERING]] = action
+            return
         if not plain and isinstance(action, str) and action in _TOLD:
-            return _TOLD[action], 0.0, 0.0
+            speeds = np.array(getattr(self._ego, "target_speeds", ()), dtype=np.float64)
+            tell(self._arrays, self._ego_row, _TOLD[action], speeds)
+            return
         near = None if plain or not isinstance(action, str) else nearest(action, _TOLD)
         expected = "(acceleration_mps2, steering_rad)" if plain else f"one of {', '.join(sorted(_TOLD))}"
         raise SimulationError(

@@ -11,7 +11,7 @@ from pytest_drive_robust.simulators.compat.network import Network
 
 __all__ = ["read_body", "read_parameters", "write_body"]
 
-# column of `parameters` -> attribute of a vehicle of that kind or above
+# column of `bodies` -> attribute of a vehicle of that kind or above
 _PARAMETERS: dict[int, tuple[tuple[int, str], ...]] = {
     c.PLAIN: ((c.P_MAX_SPEED, "MAX_SPEED"), (c.P_MIN_SPEED, "MIN_SPEED")),
     c.CONTROLLED: (
@@ -39,7 +39,7 @@ _PARAMETERS: dict[int, tuple[tuple[int, str], ...]] = {
 
 def read_parameters(body: Any, kind: int, row: c.Floats) -> None:
     """Enter sizes and driver parameters, of the instance where it has its own."""
-    row[c.P_LENGTH], row[c.P_WIDTH], row[c.P_DIAGONAL], row[c.P_SQUARE] = body.LENGTH, body.WIDTH, body.diagonal, 2.0
+    row[[c.P_LENGTH, c.P_WIDTH, c.P_DIAGONAL]], row[c.P_SQUARE] = (body.LENGTH, body.WIDTH, body.diagonal), 2.0
     for least, entries in _PARAMETERS.items():
         if kind >= least:
             for column, name in entries:

@@ -77,13 +77,15 @@ class Cast:
         sync_m: float = 0.0,
         appears: bool = False,
         blind: bool = False,
+        late: bool = False,
         yaw_rad: float = 0.0,
     ) -> int:
         """Add one actor on a path; returns its number. Without a script it just does what its mode says.
 
         `background` actors count for the driving efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far
         ahead of the ego; one that `appears` does not exist before its script starts; a `blind` one drives on whatever
-        is ahead of it; `yaw_rad` turns a standing one against its path.
+        is ahead of it, a `late` one brakes only for who is in the middle of its lane already; `yaw_rad` turns a
+        standing one against its path.
         """
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
         row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[kind]
@@ -93,7 +95,8 @@ class Cast:
         row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = brake_mps2, accel_mps2, yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH, c.I_AT_END]] = int(kind), mode, path, at_end
         whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if appears else 1, 1, -100000, -1
-        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH, c.I_BLIND]] = background, obeys_lights, leash, blind
+        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = background, obeys_lights, leash
+        whole[c.I_BLIND] = c.SEES_NOBODY if blind else c.SEES_LATE if late else c.SEES_ALL
         if kind is ActorKind.DIRT:
             whole[c.I_SOLID] = 0
         whole[c.I_PHASE] = c.PHASE_DONE
@@ -131,6 +134,7 @@ class Cast:
         kinds: tuple[ActorKind, ...],
         obeys_lights: bool,
         blind: bool,
+        late: bool,
     ) -> None:
         """A source and a sink on a path; `gaps_m` are the distances between one car and the next, drawn beforehand."""
         slots = int((sink_m - source_m) / float(np.min(gaps_m))) + 3
@@ -148,6 +152,7 @@ class Cast:
                 background=background,
                 obeys_lights=obeys_lights,
                 blind=blind,
+                late=late,
             )
             self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
         self.flow_rows.append([source_m, sink_m, speed_mps, float(gaps_m[0]), right_m])

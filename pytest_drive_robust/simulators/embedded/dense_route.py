@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town, follow, join
-from pytest_drive_robust.simulators.embedded.matching import lane_change_side, match_lanes
+from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.passages import Passage
 
 __all__ = ["DenseRoute", "lay_route"]
@@ -71,11 +71,11 @@ class DenseRoute:
         return int(np.argmax(flags)) if flags.any() else None
 
     def passages(self) -> tuple[Passage, ...]:
-        """The ways through junctions that the route takes, in order."""
-        found = []
+        """The ways through junctions that the route takes, in order; a route across the turning lanes takes none."""
+        found: list[Passage] = []
         for inside in self._junction_lanes():
             ways = (way for way in self.town.passages if _contains(way.inside, inside))
-            found.append(next(ways))
+            found.extend(islice(ways, 1))
         return tuple(found)
 
     def first_passage(self) -> Passage | None:
@@ -102,7 +102,7 @@ class DenseRoute:
 
     def _parts(self) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
         """Lanes before the route, of the route, after it."""
-        used = tuple(dict.fromkeys(int(k) for k in self.lanes))
+        used = tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
         before, after = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
         return before[: before.index(used[0])], used, after[after.index(used[-1]) + 1 :]
 
@@ -126,8 +126,10 @@ class DenseRoute:
     def lane_changes(self) -> list[tuple[int, int, int]]:
         """(first row, row after the last, 1 to the right or -1 to the left) of every lane change."""
         lanes = self.lane_map.lanes
+        changes: list[tuple[int, int, int]] = []
+        if len(set(self.lanes.tolist())) == 1:
+            return changes
         aside = [abs(project(lanes[k].centre, x, y)[1]) for k, (x, y) in zip(self.lanes, self.rows[:, :2], strict=True)]
-        changes = []
         for row in np.flatnonzero(np.diff(self.lanes)):
             side = lane_change_side(lanes, int(self.lanes[row]), int(self.lanes[row + 1]))
             if side:
@@ -158,11 +160,11 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
     lane_map = compile_town(route.town).lane_map
     line = resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
-    lanes, away = match_lanes(lane_map, line)
+    lanes = match_lanes(lane_map, line)
     if (lanes < 0).any():
-        row = int(np.argmin(lanes))
+        x, y = (float(value) for value in line[int(np.argmin(lanes)), :2])
         raise RouteError(
-            f"route {route.id}: waypoint ({line[row, 0]:.1f}, {line[row, 1]:.1f}) is {away[row]:.1f} m from the "
+            f"route {route.id}: waypoint ({x:.1f}, {y:.1f}) is {distance_to_lanes(lane_map, x, y):.1f} m from the "
             f"nearest lane of town {route.town!r}; expected half a lane and 0.5 m at most, on a lane that leads the "
             "route's way"
         )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -15,16 +15,25 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
-from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, Snapshot
 
-__all__ = ["WorldEnv"]
+__all__ = ["WorldEnv", "WorldSnapshot"]
 
 Observed = dict[str, NDArray[Any]]
 _TARGET_AHEAD_M = 5.0
 _INFRACTION_COST = 10.0
+
+
+class WorldSnapshot(NamedTuple):
+    """A moment of an episode of `WorldEnv`. Opaque: give it to `WorldEnv.restore`."""
+
+    simulator: Snapshot
+    next_point: int
+    seen: tuple[float, int]
 
 
 class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
@@ -36,9 +45,19 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
       each camera
     * reward: metres of route gained in this tick, minus 10 for each infraction event
     * terminated: the route ended (completed, off the route, blocked); truncated: the tick cap
-    * info: `end`, `route`, `progress_m`
+    * info: `route` its id, `progress_m`, `infractions` how many so far, `end` how it ended or None, `is_success` whether
+      the end was reached without an infraction
 
-    `routes` are drawn from by the environment's seeded generator; `reset(options={"route": "101"})` picks one.
+    Each `reset` draws a route and a seed for its actors from the environment's own generator, so `reset(seed=...)`
+    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. Training routes of your own
+    go in as `routes`.
+
+    `snapshot` and `restore` branch an episode: try several actions from the same moment, or search ahead::
+
+        here = env.snapshot()
+        for action in candidates:
+            env.restore(here)
+            env.step(action)
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 -- gymnasium declares it so
@@ -72,13 +91,12 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Start a route. Raises `KeyError` when `options["route"]` is none of the environment's route ids."""
+        """Start a route.
+
+        Raises `UnknownNameError` when `options["route"]` is none of the environment's route ids, or for other options.
+        """
         super().reset(seed=seed)
-        wanted = (options or {}).get("route")
-        if wanted is None:
-            route = self._routes[int(self.np_random.integers(len(self._routes)))]
-        else:
-            route = {route.id: route for route in self._routes}[str(wanted)]
+        route = self._chosen(options or {})
         self._route_id = route.id
         self._simulator.reset(route, seed=int(self.np_random.integers(2**31)), cameras=self._cameras)
         self._plan = self._simulator.plan()
@@ -96,6 +114,18 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         info = self._info(end)
         return self._observed(self._simulator.observe()), reward, end is not None and not truncated, truncated, info
 
+    def snapshot(self) -> WorldSnapshot:
+        """This moment of the episode. Copies a few kilobytes of arrays, and the images of cameras slower than 20 Hz."""
+        return WorldSnapshot(self._simulator.snapshot(), self._next, self._seen)
+
+    def restore(self, snapshot: WorldSnapshot) -> None:
+        """Go back to a moment of this episode; steps from there give the same bits as they would have given then.
+
+        Raises `SimulationError` for a snapshot taken before the last `reset`.
+        """
+        self._simulator.restore(snapshot.simulator)
+        self._next, self._seen = snapshot.next_point, snapshot.seen
+
     def render(self) -> NDArray[np.uint8]:
         """A bird's-eye view, (512, 512, 3) uint8 RGB."""
         from pytest_drive_robust.simulators.embedded.bev import draw_bev
@@ -107,19 +137,36 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         """Free the world."""
         self._simulator.close()
 
+    def _chosen(self, options: Mapping[str, Any]) -> Route:
+        unknown = sorted(options.keys() - {"route"})
+        if unknown:
+            raise UnknownNameError.of("reset option", unknown[0], ["route"])
+        if "route" not in options:
+            return self._routes[int(self.np_random.integers(len(self._routes)))]
+        by_id = {route.id: route for route in self._routes}
+        wanted = str(options["route"])
+        if wanted not in by_id:
+            raise UnknownNameError.of("route of this environment", wanted, by_id)
+        return by_id[wanted]
+
+    def _infractions(self) -> int:
+        state = self._simulator.world.state
+        return int(np.sum(state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND] != c.EVENT_SPEED))
+
     def _reward(self) -> float:
-        events = self._simulator.world.state.events[: self._simulator.world.state.criteria_ints[c.CI_EVENTS]]
-        infractions = int(np.sum(events[:, c.EV_KIND] != c.EVENT_SPEED))
-        progress_m = self._simulator.progress_m
+        infractions, progress_m = self._infractions(), self._simulator.progress_m
         gained = progress_m - self._seen[0] - _INFRACTION_COST * (infractions - self._seen[1])
         self._seen = (progress_m, infractions)
         return float(gained)
 
     def _info(self, end: End | None) -> dict[str, Any]:
+        infractions = self._infractions()
         return {
-            "end": None if end is None else end.value,
             "route": self._route_id,
             "progress_m": self._simulator.progress_m,
+            "infractions": infractions,
+            "end": None if end is None else end.value,
+            "is_success": end is End.COMPLETED and infractions == 0,
         }
 
     def _observed(self, observation: Observation) -> Observed:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 
-__all__ = ["lane_change_side", "match_lanes"]
+__all__ = ["distance_to_lanes", "lane_change_side", "match_lanes"]
 
 Floats = NDArray[np.float64]
 _BEYOND_EDGE_M = 0.5
@@ -17,32 +17,42 @@ _NEXT_COST, _CHANGE_COST, _JUMP_COST = 0.05, 2.0, 50.0
 _TURN_COST_M = 3.0
 
 
-def match_lanes(lane_map: LaneMap, line: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """(lane index under each row or -1, distance of each row from the nearest lane), both (n,).
+def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
+    """The lane index under each row of `line` (n, 3), or -1 where no lane fits.
 
     A row fits a driving lane when it lies on it (half a metre beside it at most) and heads its way. Of the rows of
     lanes that fit, the one with the least total distance is taken, where going on to a lane that neither follows nor
     lies beside the last one counts as 50 m and a change of lane as 2 m: at forks, where several lanes share their first
-    metres, the end of the route decides. Without a fitting lane the row, and then every row, has -1.
+    metres, the end of the route decides.
     """
-    driving = [lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
-    away, cost = _costs(driving, line)
-    nearest = away.min(axis=1)
-    if not np.isfinite(cost).any(axis=1).all():
-        fits = np.isfinite(cost).any(axis=1)
-        return np.where(fits, 0, -1), nearest
-    steps = _step_costs(driving)
+    near = [lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING and _is_near(lane, line)]
+    cost = _costs(near, line)
+    fits = np.isfinite(cost).any(axis=1)
+    if not fits.all():
+        return np.where(fits, 0, -1)
+    found = _cheapest(cost, _step_costs(near))
+    return np.array([lane.index for lane in near], dtype=np.int64)[found]
+
+
+def distance_to_lanes(lane_map: LaneMap, x_m: float, y_m: float) -> float:
+    """Metres from a point to the middle of the nearest driving lane."""
+    lanes = [lane.centre for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
+    return float(min(np.hypot(centre[:, 0] - x_m, centre[:, 1] - y_m).min() for centre in lanes))
+
+
+def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:
+    """The cheapest way through the columns of `cost` (n, k) from row to row, with `steps` (k, k) between columns."""
     total = cost[0]
     came_from = np.zeros(cost.shape, dtype=np.int64)
-    for row in range(1, len(line)):
+    for row in range(1, len(cost)):
         through = total[:, None] + steps
         came_from[row] = np.argmin(through, axis=0)
         total = np.min(through, axis=0) + cost[row]
-    found = np.empty(len(line), dtype=np.int64)
+    found = np.empty(len(cost), dtype=np.int64)
     found[-1] = int(np.argmin(total))
-    for row in range(len(line) - 1, 0, -1):
+    for row in range(len(cost) - 1, 0, -1):
         found[row - 1] = came_from[row, found[row]]
-    return np.array([lane.index for lane in driving], dtype=np.int64)[found], nearest
+    return found
 
 
 def lane_change_side(lanes: tuple[Lane, ...], before: int, after: int) -> int:
@@ -64,17 +74,25 @@ def _right(lane: Lane) -> int:
     return lane.right if lane.right_same_way else -1
 
 
-def _costs(driving: list[Lane], line: Floats) -> tuple[Floats, Floats]:
-    """(distance, cost) of every row to every lane, (n, lanes) each; infinite cost where the lane does not fit."""
-    points = np.concatenate([lane.centre for lane in driving])
-    starts = np.concatenate([[0], np.cumsum([len(lane.centre) for lane in driving])[:-1]])
-    away = np.hypot(line[:, :1] - points[:, 0], line[:, 1:2] - points[:, 1])
-    heads = np.column_stack([np.cos(line[:, 2]), np.sin(line[:, 2])])
-    along = heads @ np.stack([np.cos(points[:, 2]), np.sin(points[:, 2])])
-    reach = np.repeat([lane.width_m / 2.0 + _BEYOND_EDGE_M for lane in driving], [len(k.centre) for k in driving])
-    fits = (away <= reach) & (along >= _SAME_WAY)
-    cost = np.where(fits, away + _TURN_COST_M * (1.0 - along), np.inf)
-    return np.minimum.reduceat(away, starts, axis=1), np.minimum.reduceat(cost, starts, axis=1)
+def _is_near(lane: Lane, line: Floats) -> bool:
+    """Whether the boxes around a lane and a line touch."""
+    reach = lane.width_m / 2.0 + _BEYOND_EDGE_M
+    low = np.maximum(line[:, :2].min(axis=0), lane.centre[:, :2].min(axis=0) - reach)
+    high = np.minimum(line[:, :2].max(axis=0), lane.centre[:, :2].max(axis=0) + reach)
+    return bool((low <= high).all())
+
+
+def _costs(driving: list[Lane], line: Floats) -> Floats:
+    """The cost of every row on every lane, (n, lanes); infinite where the lane does not fit."""
+    cost = np.full((len(line), len(driving)), np.inf)
+    for k, lane in enumerate(driving):
+        away = np.hypot(line[:, :1] - lane.centre[:, 0], line[:, 1:2] - lane.centre[:, 1])
+        nearest = away.argmin(axis=1)
+        distance = away[np.arange(len(line)), nearest]
+        along = np.cos(line[:, 2] - lane.centre[nearest, 2])
+        fits = (distance <= lane.width_m / 2.0 + _BEYOND_EDGE_M) & (along >= _SAME_WAY)
+        cost[fits, k] = (distance + _TURN_COST_M * (1.0 - along))[fits]
+    return cost
 
 
 def _step_costs(driving: list[Lane]) -> Floats:
@@ -85,9 +103,11 @@ def _step_costs(driving: list[Lane]) -> Floats:
             if side in number:
                 steps[k, number[side]] = _CHANGE_COST
                 for onward in driving[number[side]].successors:
-                    steps[k, number[onward]] = np.minimum(steps[k, number[onward]], _CHANGE_COST)
+                    if onward in number:
+                        steps[k, number[onward]] = min(steps[k, number[onward]], _CHANGE_COST)
     for k, lane in enumerate(driving):
         for onward in lane.successors:
-            steps[k, number[onward]] = _NEXT_COST
+            if onward in number:
+                steps[k, number[onward]] = _NEXT_COST
     np.fill_diagonal(steps, 0.0)
     return steps

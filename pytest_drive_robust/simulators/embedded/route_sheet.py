@@ -52,7 +52,8 @@ def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | Non
     """One captioned picture of a scene, (height, width, 3) uint8 RGB; with `camera`, what it sees on the right.
 
     The route is blue, from a cyan to a white ring; the magenta bar is the trigger point. Yellow arrows show where
-    vehicles are in 1.5 s, orange ones the ways of those who walk, orange rings where they are. The caption: id and type, town, length, weather.
+    vehicles are in 1.5 s, orange ones the ways of those who walk, orange rings where they are now. The caption says id
+    and type, town, length and weather.
     """
     picture = _from_above(scene, size_px)
     if camera is not None:

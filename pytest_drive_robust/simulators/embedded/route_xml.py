@@ -17,6 +17,7 @@ from pytest_drive_robust.errors import RouteError
 
 __all__ = ["load_routes", "save_routes"]
 
+
 def load_routes(path: Path) -> tuple[Route, ...]:
     """Every route of a file, in its order. Raises `RouteError` that names file, route and element."""
     from defusedxml.common import DefusedXmlException

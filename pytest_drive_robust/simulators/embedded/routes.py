@@ -42,7 +42,10 @@ _DEV10 = frozenset(
 
 _SETS: dict[str, tuple[str, Callable[[Route, int], bool]]] = {
     "bench24": ("the first two of each scenario type", lambda route, n: n < 2),
-    "dev10": ("the first of each type of Bench2Drive's Dev10", lambda route, n: n == 0 and route.scenario.type in _DEV10),
+    "dev10": (
+        "the first of each type of Bench2Drive's Dev10",
+        lambda route, n: n == 0 and route.scenario.type in _DEV10,
+    ),
     "full": ("all of them", lambda route, n: True),
     "one-per-scenario": ("the first of each scenario type", lambda route, n: n == 0),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -49,6 +49,18 @@ class Sensors:
             speed=Speed(ego.speed_mps, tick),
             cameras=dict(self._images),
         )
+
+    def snapshot(self) -> dict[str, Image]:
+        """Copies of the images of slow cameras, which the next `observe` may deliver again; give them to `restore`."""
+        return {
+            name: Image(image.pixels.copy(), image.tick)
+            for name, image in self._images.items()
+            if self._every[name] > 1
+        }
+
+    def restore(self, images: Mapping[str, Image]) -> None:
+        """Go back to a `snapshot` of this rig."""
+        self._images = dict(images)
 
 
 def _ticks_per_frame(camera: CameraSpec, dt_s: float) -> int:

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.truth import LightState
 __all__ = ["GREEN", "RED", "Program", "compile_programs", "green_then_red", "red_then_green"]
 
 MAX_PHASES = 4
-_YELLOW_S = 1.0
+_YELLOW_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import Frame, GroundTruth
@@ -17,7 +18,15 @@ from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.embedded.state import State
 from pytest_drive_robust.simulators.embedded.world import DT_S, World
 
-__all__ = ["EmbeddedSimulator"]
+__all__ = ["EmbeddedSimulator", "Snapshot"]
+
+
+class Snapshot(NamedTuple):
+    """A moment of an episode: the world it is of, its changing arrays, and the last images of slow cameras."""
+
+    world: World
+    state: State
+    images: Mapping[str, Image]
 
 
 class EmbeddedSimulator:
@@ -65,9 +74,13 @@ class EmbeddedSimulator:
 
     def observe(self) -> Observation:
         """Clean sensors of this moment."""
+        return self._rig.observe(self.frame)
+
+    @property
+    def _rig(self) -> Sensors:
         if self._sensors is None:
             raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
-        return self._sensors.observe(self.frame)
+        return self._sensors
 
     @property
     def frame(self) -> Frame:
@@ -102,13 +115,20 @@ class EmbeddedSimulator:
         self.world.close_criteria()
         return score_of(self.world, self.options)
 
-    def snapshot(self) -> State:
-        """A copy of everything that changes; microseconds."""
-        return self.world.snapshot()
+    def snapshot(self) -> Snapshot:
+        """A copy of everything that changes; microseconds without slow cameras."""
+        world = self.world
+        return Snapshot(world, world.snapshot(), self._rig.snapshot())
 
-    def restore(self, snapshot: State) -> None:
-        """Go back to a snapshot of the current episode."""
-        self.world.restore(snapshot)
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of the current episode, as often as you like.
+
+        Raises `SimulationError` for one of another episode.
+        """
+        if snapshot.world is not self.world:
+            raise SimulationError("a snapshot is of another episode, expected one taken since the last reset")
+        self.world.restore(snapshot.state)
+        self._rig.restore(snapshot.images)
         self._frame = None
 
     def versions(self) -> Mapping[str, str]:

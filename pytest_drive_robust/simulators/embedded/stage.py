@@ -156,17 +156,23 @@ class Stage(Places):
         kinds: tuple[ActorKind, ...] = _CARS,
         obeys_lights: bool = False,
         blind: bool = False,
+        late: bool = False,
+        dense_m: float = 0.0,
     ) -> None:
         """Cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
         Gaps are drawn from `gap_m` (front of one to rear of the next). Our flows never end, so every third gap is
-        twice as long: somebody who waits patiently gets through. `blind` cars drive on whatever is ahead of them.
+        twice as long: somebody who waits patiently gets through. In the first `dense_m` metres of the flow, counted
+        back from its sink, none is. `blind` cars drive on whatever is ahead of them, `late` ones brake only for who is
+        in the middle of their lane already.
         """
         name = f"flow{len(self.cast.flow_rows)}"
         sink = self.length_m(path) if sink_m is None else sink_m
         gaps = self.draws(name).uniform(max(gap_m[0], 4.0), max(gap_m[1], 4.5), size=_GAPS)
-        gaps[2::3] *= 2.0
-        gaps += max(SIZES_M[kind][0] for kind in kinds)
+        length = max(SIZES_M[kind][0] for kind in kinds)
+        dense = min(int(np.searchsorted(np.cumsum(gaps + length), dense_m)), _GAPS // 2)
+        gaps[dense + 2 :: 3] *= 2.0
+        gaps += length
         self.cast.flow(
             path,
             source_m=source_m,
@@ -178,6 +184,7 @@ class Stage(Places):
             kinds=kinds,
             obeys_lights=obeys_lights,
             blind=blind,
+            late=late,
         )
 
     def surround(self, path: int, *, speed_mps: float, ahead: int = 2, behind: int = 2) -> None:

@@ -51,6 +51,8 @@ def weave(town: CompiledTown, chains: list[str], *, start_m: float, changes_m: l
 def _move_over(
     line: Floats, other: Floats, from_m: float, over_m: float, names: list[str]
 ) -> list[tuple[float, float]]:
+    if from_m + over_m > arc_lengths(line)[-1]:
+        raise RouteError(f"lane {names[0]!r} ends before the route has changed to {names[1]!r}")
     moved = []
     for step in np.arange(0.0, over_m):
         here = np.array(place(line, from_m + step)[:2])

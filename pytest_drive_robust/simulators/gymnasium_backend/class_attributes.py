@@ -8,19 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from types import MappingProxyType
 
-import highway_env.vehicle.behavior  # noqa: F401 -- its classes must exist before they can be watched
-import highway_env.vehicle.controller
-import highway_env.vehicle.dynamics  # noqa: F401
+import highway_env.vehicle.behavior
+import highway_env.vehicle.dynamics  # noqa: F401 -- classes must exist before they can be watched
 from highway_env.vehicle.objects import RoadObject
 
 from pytest_drive_robust.errors import SimulationError
 
-__all__ = ["ClassAttributes", "class_attributes", "differences"]
+__all__ = ["ClassAttributes"]
 
-Values = Mapping[tuple[type, str], object]
-ABSENT = object()
+Values = Mapping[type, Mapping[str, object]]
+_ABSENT = object()
 """The value of an attribute that a class does not define itself."""
 
 
@@ -31,79 +29,91 @@ class ClassAttributes:
     >>> own, before = ClassAttributes(), IDMVehicle.DISTANCE_WANTED
     >>> with own.inside():
     ...     IDMVehicle.DISTANCE_WANTED = 7
-    >>> IDMVehicle.DISTANCE_WANTED == before, own.leaks
+    >>> IDMVehicle.DISTANCE_WANTED == before, own.written
     (True, ('IDMVehicle.DISTANCE_WANTED',))
     """
 
     def __init__(self) -> None:
-        self._own: Values = MappingProxyType({})
-        self._outside = class_attributes()
+        self._own: Values = {}
+        self._outside = _snapshot()
 
     @property
-    def leaks(self) -> tuple[str, ...]:
+    def written(self) -> tuple[str, ...]:
         """What the environment wrote so far, sorted: `("IDMVehicle.DISTANCE_WANTED", ...)`."""
-        return tuple(sorted(f"{cls.__name__}.{name}" for cls, name in self._own))
+        return _names(self._own)
 
     @contextmanager
     def inside(self) -> Iterator[None]:
         """Run the environment's code with its own values; everybody else's come back afterwards, also on an error."""
-        outside = class_attributes()
+        outside = _snapshot()
         _write(self._own)
         try:
             yield
         finally:
-            self._own = MappingProxyType(differences(outside, class_attributes()))
-            _write({key: outside.get(key, ABSENT) for key in self._own})
+            self._own = _changes(outside, _snapshot())
+            _write({cls: {name: outside[cls].get(name, _ABSENT) for name in own} for cls, own in self._own.items()})
 
     def begin(self) -> None:
         """A new episode: forget what the last one wrote, and remember what everybody has now."""
-        self._own = MappingProxyType({})
-        self._outside = class_attributes()
+        self._own = {}
+        self._outside = _snapshot()
 
     def check(self) -> None:
-        """Raise `SimulationError` when the classes are not as they were at `begin`: numbers of this process are mixed.
+        """Raise `SimulationError` when the classes are not as they were at `begin`.
 
-        What `inside` saw is put back, so this happens only when other code changed the classes meanwhile.
+        What environments write is put back by `inside`: this finds other code that changed them meanwhile, and whose
+        episodes would depend on their order.
         """
-        changed = differences(self._outside, class_attributes())
+        changed = _changes(self._outside, _snapshot())
         if changed:
-            names = ", ".join(sorted(f"{cls.__name__}.{name}" for cls, name in changed))
             raise SimulationError(
-                f"class attributes of highway-env changed while an episode ran, by other code than its environment: "
-                f"{names}. Set them before the episode, or on the vehicles themselves."
+                f"while an episode ran, other code than its environment changed {', '.join(_names(changed))} for all "
+                "vehicles of this process. Change classes before the episode, or set the values on single vehicles."
             )
 
 
-def class_attributes() -> dict[tuple[type, str], object]:
-    """Every plain value that a class of highway-env's road objects holds: no methods, properties or dunders."""
-    return {
-        (cls, name): value
-        for cls in _family(RoadObject)
-        for name, value in vars(cls).items()
-        if not name.startswith("__") and not callable(value) and not hasattr(value, "__get__")
-    }
+def _snapshot() -> Values:
+    """What each class of highway-env's road objects defines itself."""
+    return {cls: vars(cls).copy() for cls in _family()}
 
 
-def differences(before: Values, after: Values) -> dict[tuple[type, str], object]:
-    """The attributes whose value is another one afterwards, with that value; `ABSENT` for one that is gone."""
-    changed = {key: value for key, value in after.items() if before.get(key, ABSENT) is not value}
-    return changed | {key: ABSENT for key in before if key not in after}
+def _family() -> list[type]:
+    """`RoadObject` and all that descend from it, each once."""
+    family: list[type] = [RoadObject]
+    for cls in family:  # grows while it is read
+        children: list[type] = cls.__subclasses__()
+        family.extend(child for child in children if child not in family)
+    return family
+
+
+def _changes(before: Values, after: Values) -> dict[type, dict[str, object]]:
+    """The plain attributes that are others afterwards, by class. Classes that are new have always been so."""
+    changes: dict[type, dict[str, object]] = {}
+    for cls, values in after.items():
+        earlier = before.get(cls, values)
+        for name, value in values.items():
+            if earlier.get(name, _ABSENT) is not value and _is_plain(name, value):
+                changes.setdefault(cls, {})[name] = value
+        if len(earlier) > len(values) or cls in changes:
+            for name, value in earlier.items():
+                if name not in values and _is_plain(name, value):
+                    changes.setdefault(cls, {})[name] = _ABSENT
+    return changes
+
+
+def _is_plain(name: str, value: object) -> bool:
+    """A number, text or list: no method, property or dunder."""
+    return not name.startswith("__") and not callable(value) and not hasattr(value, "__get__")
 
 
 def _write(values: Values) -> None:
-    for (cls, name), value in values.items():
-        if value is not ABSENT:
-            setattr(cls, name, value)
-        elif name in vars(cls):
-            delattr(cls, name)
+    for cls, attributes in values.items():
+        for name, value in attributes.items():
+            if value is not _ABSENT:
+                setattr(cls, name, value)
+            elif name in vars(cls):
+                delattr(cls, name)
 
 
-def _family(cls: type) -> Iterator[type]:
-    """The class and all that descend from it, each once, in the order of their making."""
-    seen: dict[type, None] = {cls: None}
-    for each in (waiting := [cls]):
-        for child in each.__subclasses__():
-            if child not in seen:
-                seen[child] = None
-                waiting.append(child)
-    return iter(seen)
+def _names(values: Values) -> tuple[str, ...]:
+    return tuple(sorted(f"{cls.__name__}.{name}" for cls, attributes in values.items() for name in attributes))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from highway_env.envs.exit_env import ExitEnv
@@ -66,7 +67,7 @@ def _through(network: RoadNetwork, start: LaneKey, destination: str) -> tuple[La
     if not nodes:
         raise SimulationError(f"the environment sends its ego from {start} to node {destination!r}: there is no way.")
     lanes = [start]
-    for node, after in zip(nodes, nodes[1:], strict=False):
+    for node, after in pairwise(nodes):
         lanes.append((node, after, _number_on(network, lanes[-1], after)))
     return tuple(lanes)
 

@@ -3,69 +3,88 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
-from pytest_drive_robust.errors import RouteError, nearest
+from pytest_drive_robust.errors import RouteError, UnknownNameError
 
-__all__ = ["refusal_of", "reset_seed", "route_of", "routes_of", "working_ids"]
+__all__ = ["ROUTES", "refusal_of", "reset_seed", "routes_of", "working_ids"]
 
+ROUTES = 10
+"""So many routes are driven when nobody names any."""
+_MOST_ROUTES = 100_000
 _WORKING = (
-    "exit-v0 exit-v1 highway-v0 highway-fast-v0 intersection-v0 intersection-v1 intersection-v2 merge-v0 merge-v1 "
-    "merge-generic-v0 merge-generic-v1 racetrack-v0 racetrack-v1 racetrack-large-v0 racetrack-large-v1 "
-    "racetrack-oval-v0 racetrack-oval-v1 roundabout-v0 roundabout-v1 roundabout-generic-v0 roundabout-generic-v1 "
-    "two-way-v0 u-turn-v0 u-turn-v1"
-).split()
+    *("exit-v0", "exit-v1", "highway-v0", "highway-fast-v0", "intersection-v0", "intersection-v1", "intersection-v2"),
+    *("merge-v0", "merge-v1", "merge-generic-v0", "merge-generic-v1", "racetrack-v0", "racetrack-v1"),
+    *("racetrack-large-v0", "racetrack-large-v1", "racetrack-oval-v0", "racetrack-oval-v1", "roundabout-v0"),
+    *("roundabout-v1", "roundabout-generic-v0", "roundabout-generic-v1", "two-way-v0", "u-turn-v0", "u-turn-v1"),
+)
 _PARKING = "it has no lane to drive along and needs a reverse gear, which throttle, steer and brake do not have"
 _SEVERAL = "it has several egos, and here one agent drives one"
+_OWN_STEP = "it steers a car of constant speed by a step of its own, without traffic"
+_RULES = "its cars yield by rules that the compiled copy of highway-env leaves out"
 _REFUSED = {
-    "intersection-multi-agent-v0": _SEVERAL,
-    "intersection-multi-agent-v1": _SEVERAL,
-    "intersection-multi-agent-v2": _SEVERAL,
-    "lane-keeping-v0": "it steers a car of constant speed by a step of its own, without traffic",
-    "parking-v0": _PARKING,
-    "parking-ActionRepeat-v0": _PARKING,
-    "parking-parked-v0": _PARKING,
+    "intersection-multi-agent-v0": (_SEVERAL, "gymnasium:intersection-v0"),
+    "intersection-multi-agent-v1": (_SEVERAL, "gymnasium:intersection-v1"),
+    "intersection-multi-agent-v2": (_SEVERAL, "gymnasium:intersection-v2"),
+    "lane-keeping-v0": (_OWN_STEP, "gymnasium:racetrack-v0"),
+    "parking-v0": (_PARKING, "gymnasium:roundabout-v0"),
+    "parking-ActionRepeat-v0": (_PARKING, "gymnasium:roundabout-v0"),
+    "parking-parked-v0": (_PARKING, "gymnasium:roundabout-v0"),
 }
-ROUTES = 10
-_MOST_ROUTES = 100_000
+"""Why not, and the nearest that can."""
+_REFUSED_COMPILED = {
+    identifier: (_RULES, f"gymnasium:{identifier}")
+    for identifier in ("intersection-v0", "intersection-v1", "intersection-v2")
+}
 
 
-def working_ids() -> tuple[str, ...]:
-    """highway-env's ids that can be driven, sorted."""
-    return tuple(sorted(_WORKING))
+def working_ids(prefix: str = "gymnasium") -> tuple[str, ...]:
+    """highway-env's ids that can be driven as `prefix:ID`, sorted."""
+    refused = _REFUSED_COMPILED if prefix == "highway-env" else {}
+    return tuple(sorted(identifier for identifier in _WORKING if identifier not in refused))
 
 
-def refusal_of(identifier: str, *, simulator: str = "gymnasium") -> str | None:
+def refusal_of(identifier: str, prefix: str = "gymnasium") -> str | None:
     """Why we do not drive one of highway-env's ids, with those that work and the nearest of them; None for others."""
-    reason = _REFUSED.get(identifier)
-    if reason is None:
+    refused = _REFUSED | _REFUSED_COMPILED if prefix == "highway-env" else _REFUSED
+    if identifier not in refused:
         return None
-    close = nearest(identifier, _WORKING)
-    instead = f"Try {close!r}. " if close else ""
-    return f"{simulator}:{identifier} cannot be driven: {reason}. {instead}These work: {', '.join(working_ids())}."
+    reason, instead = refused[identifier]
+    working = ", ".join(working_ids(prefix))
+    return f"{prefix}:{identifier} cannot be driven: {reason}. The nearest is {instead}. With {prefix}: {working}."
 
 
-def routes_of(simulator: str, identifier: str) -> tuple[Route, ...]:
-    """The routes that are driven when nobody names any: `intersection-v1-0` to `-9`."""
-    return tuple(route_of(simulator, identifier, number) for number in range(ROUTES))
+def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:
+    """The routes of those names, each once; without names `intersection-v1-0` to `-9`.
 
-
-def route_of(simulator: str, identifier: str, number: int) -> Route:
-    """Route `number` of an id. Where it leads is known once it is reset: it has no waypoints."""
+    Where a route leads is known once it is reset: it has no waypoints. Raises `UnknownNameError`.
+    """
+    wanted = names or [f"{identifier}-{number}" for number in range(ROUTES)]
+    for name in wanted:
+        if _number(name, identifier) is None:
+            known = [f"{identifier}-{number}" for number in range(ROUTES)]
+            hint = f"Any number up to {_MOST_ROUTES - 1} will do."
+            raise UnknownNameError.of(f"route of {simulator}", name, known, hint=hint)
     scenario = ScenarioSpec(identifier, identifier, TriggerPoint(0.0, 0.0, 0.0, 0.0))
-    return Route(f"{identifier}-{number}", simulator, (), scenario)
+    return tuple(Route(name, simulator, (), scenario) for name in dict.fromkeys(wanted))
 
 
-def reset_seed(route: Route, identifier: str, seed: int) -> int:
+def reset_seed(route: Route, seed: int, *, simulator: str, identifier: str) -> int:
     """What the environment is reset with: the route's number + 100000 times the episode's seed.
 
     Raises `RouteError` for a route that is none of this environment's.
     """
-    found = re.fullmatch(re.escape(identifier) + r"-(\d{1,5})", route.id)
-    if found is None:
+    number = _number(route.id, identifier)
+    if number is None:
         raise RouteError(
-            f"route {route.id!r} of town {route.town!r} does not fit gymnasium:{identifier}, which makes its own roads: "
-            f"expected routes named {identifier}-0 to {identifier}-{_MOST_ROUTES - 1}. Leave --drive-routes out for the "
-            f"first {ROUTES}."
+            f"route {route.label!r} is for town {route.town!r} and does not fit {simulator}, which makes its own "
+            f"roads: give --drive-routes {simulator} for its first {ROUTES} routes, or some of {identifier}-0 to "
+            f"{identifier}-{_MOST_ROUTES - 1} by name"
         )
-    return int(found.group(1)) + _MOST_ROUTES * seed
+    return number + _MOST_ROUTES * seed
+
+
+def _number(name: str, identifier: str) -> int | None:
+    found = re.fullmatch(re.escape(identifier) + r"-(0|[1-9]\d{0,4})", name)
+    return None if found is None else int(found.group(1))

@@ -30,9 +30,7 @@ class LiveRoad:
     effect within the tick in which it is found.
     """
 
-    def __init__(
-        self, env: gymnasium.Env[Any, Any], lane_map: LaneMap, index: dict[Any, int], *, dt_s: float
-    ) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], lane_map: LaneMap, index: dict[Any, int], *, dt_s: float) -> None:
         self._env = env
         self._inner: Any = env.unwrapped
         self._lane_map = lane_map

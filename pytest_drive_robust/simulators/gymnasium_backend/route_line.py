@@ -66,8 +66,7 @@ def draw_line(network: RoadNetwork, itinerary: Itinerary, start: Floats, junctio
     position = max(0.0, float(network.get_lane(lanes[0]).local_coordinates(start)[0]))
     for begin, end in _roads(lanes):
         lane = network.get_lane(lanes[end - 1])
-        stop = itinerary.end_m if end == len(lanes) else float(lane.length)
-        stop = max(stop, min(position + _SHORTEST_M, float(lane.length))) if end == len(lanes) else stop
+        stop = max(itinerary.end_m, position + _SHORTEST_M) if end == len(lanes) else float(lane.length)
         if stop - position > 1.0:
             pieces += _along_road(network, lanes[begin:end], (position, stop), junctions)
         position = 0.0

@@ -14,19 +14,24 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import Frame, GroundTruth, LaneMap
-from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.errors import SimulationError, UsageError
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.gymnasium_backend.class_attributes import ClassAttributes
 from pytest_drive_robust.simulators.gymnasium_backend.criteria import Judge
 from pytest_drive_robust.simulators.gymnasium_backend.destinations import itinerary_of
-from pytest_drive_robust.simulators.gymnasium_backend.environments import RATE_HZ, Driven, find_spec, make_environment
-from pytest_drive_robust.simulators.gymnasium_backend.ids import reset_seed, routes_of
+from pytest_drive_robust.simulators.gymnasium_backend.environments import (
+    RATE_HZ,
+    Environment,
+    find_spec,
+    make_environment,
+)
+from pytest_drive_robust.simulators.gymnasium_backend.ids import reset_seed, routes_of, working_ids
 from pytest_drive_robust.simulators.gymnasium_backend.live_road import LiveRoad
 from pytest_drive_robust.simulators.gymnasium_backend.road_map import RoadMap, junction_keys
 from pytest_drive_robust.simulators.gymnasium_backend.route_line import RouteLine, draw_line
 
-__all__ = ["GymnasiumSimulator"]
+__all__ = ["CompiledSimulator", "GymnasiumSimulator"]
 
 
 @dataclass
@@ -53,32 +58,37 @@ class GymnasiumSimulator:
     prefix = "gymnasium"
     version = "1"
     dt_s = 1.0 / RATE_HZ
-    mixin: type = Driven
 
     def __init__(self, identifier: str, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
-        self._spec = find_spec(identifier, simulator=self.prefix)
+        self._spec = find_spec(identifier, self.prefix)
         self.name = f"{self.prefix}:{identifier}"
         self._classes = ClassAttributes()
-        self._env: gymnasium.Env[Any, Any] | None = None
+        self._env: Environment | None = None
         self._episode: _Episode | None = None
+        if self._spec.id not in working_ids(self.prefix):  # a stranger's: tell now whether it can be driven
+            with self._classes.inside():
+                self._env = self._make()
 
-    def routes(self) -> tuple[Route, ...]:
-        """What is driven when nobody names routes: `intersection-v1-0` to `intersection-v1-9`."""
-        return routes_of(self.name, self._spec.id)
+    def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
+        """The routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
+
+        Raises `UnknownNameError`.
+        """
+        return routes_of(self.name, self._spec.id, names)
 
     def check_route(self, route: Route) -> None:
         """Raise `RouteError` for a route that is none of this environment's."""
-        reset_seed(route, self._spec.id, 0)
+        self._reset_seed(route, 0)
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
-        number = reset_seed(route, self._spec.id, seed)
+        number = self._reset_seed(route, seed)
         self._finish()
         self._classes.begin()
         with self._classes.inside():
             if self._env is None:
-                self._env = make_environment(self._spec, simulator=self.prefix, mixin=self.mixin)
+                self._env = self._make()
             self._env.reset(seed=number)
             self._episode = self._begin(self._env, route, cameras)
         return self._episode.frame
@@ -142,6 +152,12 @@ class GymnasiumSimulator:
             self._env.close()
             self._env = None
 
+    def _reset_seed(self, route: Route, seed: int) -> int:
+        return reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
+
+    def _make(self) -> Environment:
+        return make_environment(self._spec, name=self.name)
+
     @property
     def _now(self) -> _Episode:
         if self._episode is None:
@@ -154,7 +170,7 @@ class GymnasiumSimulator:
             self._episode = None
             self._classes.check()
 
-    def _begin(self, env: gymnasium.Env[Any, Any], route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
+    def _begin(self, env: Environment, route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
         inner: Any = env.unwrapped
         network, start = inner.road.network, np.asarray(inner.vehicle.position, dtype=float)
         line = draw_line(network, itinerary_of(inner), start, junction_keys(network))
@@ -170,3 +186,24 @@ class GymnasiumSimulator:
             ),
             frame=road.frame(),
         )
+
+
+class CompiledSimulator(GymnasiumSimulator):
+    """`highway-env:ID`: the same world, whose road is stepped by our compiled copy (`simulators.compat`)."""
+
+    prefix = "highway-env"
+
+    def _make(self) -> Environment:
+        """The environment. Raises `UsageError` for roads, lanes or vehicles that the copy does not know."""
+        from pytest_drive_robust.simulators.compat import CompatRoad
+        from pytest_drive_robust.simulators.gymnasium_backend.compiled import Compiled
+
+        env = make_environment(self._spec, name=self.name, mixin=Compiled)
+        inner: Any = env.unwrapped
+        try:
+            CompatRoad.from_road(inner.road, ego=inner.vehicle)
+        except SimulationError as error:
+            raise UsageError(
+                f"{self.name} cannot be driven: {error} Give gymnasium:{self._spec.id} instead."
+            ) from error
+        return env

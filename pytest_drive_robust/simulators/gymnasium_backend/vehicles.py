@@ -23,8 +23,8 @@ from pytest_drive_robust.simulators.embedded.kernels.ego import (
 __all__ = [
     "ACCELERATION_RANGE_MPS2",
     "STEERING_RANGE_RAD",
+    "EgoAction",
     "EgoVehicle",
-    "PlanningVehicle",
     "acceleration_and_steering",
     "action_of",
 ]
@@ -34,27 +34,22 @@ STEERING_RANGE_RAD = (-0.9, 0.9)
 """A full turn of the wheel needs 0.887 rad of highway-env's car, whose wheelbase is its length of 5 m."""
 
 
-class PlanningVehicle(Vehicle):
-    """The ego as environments make it, except that it remembers the destination that its environment plans for it.
+class EgoVehicle(Vehicle):  # type: ignore[misc]
+    """The ego as environments make it, with a memory for its destination and without copies of the world.
 
     Environments call `plan_route_to` on every ego and ignore that a plain `Vehicle` has no such method; their answer
     to "where shall the ego go?" is what a route needs.
+
+    highway-env's `predict_trajectory_constant_speed` deep-copies the vehicle and with it the road and all cars, twice
+    a second for every pair: a fifth of the time of an intersection. Ours gives the same numbers.
     """
 
     destination_node: str | None = None
 
-    def plan_route_to(self, destination: str) -> PlanningVehicle:
+    def plan_route_to(self, destination: str) -> EgoVehicle:
         """Remember the node of the road network that the ego is to reach."""
         self.destination_node = str(destination)
         return self
-
-
-class EgoVehicle(PlanningVehicle):
-    """A `PlanningVehicle` whose future is predicted without copying the world.
-
-    highway-env's `predict_trajectory_constant_speed` deep-copies the vehicle and with it the road and all cars, twice
-    a second for every pair: a fifth of the time of an intersection. The numbers are the same.
-    """
 
     def predict_trajectory_constant_speed(
         self, times: NDArray[np.float64]
@@ -71,6 +66,15 @@ class EgoVehicle(PlanningVehicle):
             positions.append(ghost.position.copy())
             headings.append(ghost.heading)
         return positions, headings
+
+
+class EgoAction(ContinuousAction):  # type: ignore[misc]
+    """highway-env's continuous action for an ego of our class."""
+
+    @property
+    def vehicle_class(self) -> type[EgoVehicle]:
+        """Whom environments put on the road as the ego."""
+        return EgoVehicle
 
 
 def acceleration_and_steering(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
-from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
 
 ROUTES = """<routes>
   <route id="7" town="Straight">
@@ -42,17 +42,21 @@ def ids(spec: str) -> list[str]:
 
 
 def test_a_named_set_gives_its_routes() -> None:
-    routes = resolve_routes("bench24")
-    assert len(routes) == 24
-    assert len({route.id for route in routes}) == 24
-    assert 0 < len(resolve_routes("one-per-scenario")) < 24
+    full, first, hard = (resolve_routes(name) for name in ("full", "one-per-scenario", "dev10"))
+    assert len({route.id for route in full}) == len(full)
+    assert [route.scenario.type for route in first] == sorted({route.scenario.type for route in full})
+    assert all(route in first for route in hard)
+    assert all(route in full for route in first)
+    assert resolve_routes(DEFAULT_ROUTES) == first
 
 
-def test_ids_alone_are_of_the_default_set_and_keep_their_order() -> None:
-    first, second, *_ = ids("bench24")
+def test_ids_alone_are_looked_up_among_all_that_we_ship_and_keep_their_order() -> None:
+    first, second, *_ = ids("full")
     assert ids(f"{second},{first}") == [second, first]
     assert ids(f" {second} , {first}, {second}") == [second, first]
-    assert ids(f"bench24:{second}") == [second]
+    assert ids(f"one-per-scenario:{first}") == [first]
+    with pytest.raises(UnknownNameError, match=f"no route in one-per-scenario named '{second}'"):
+        ids(f"one-per-scenario:{second}")
 
 
 def test_a_file_gives_all_of_its_routes_or_those_that_are_named(route_file: str) -> None:
@@ -64,18 +68,20 @@ def test_a_file_gives_all_of_its_routes_or_those_that_are_named(route_file: str)
 def test_an_unknown_id_is_answered_with_those_of_the_file(route_file: str) -> None:
     with pytest.raises(UnknownNameError, match=r"no route in mine\.xml named '71'.*Known: 12, 7"):
         resolve_routes(f"{route_file}:71")
-    with pytest.raises(UnknownNameError, match="no route in bench24 named '999999'"):
+    with pytest.raises(
+        UnknownNameError, match=r"no route in full named '999999'.*`drive-robust routes list full` shows them"
+    ):
         resolve_routes("999999")
 
 
 def test_an_unknown_set_or_file_is_answered_with_the_nearest(route_file: str) -> None:
-    with pytest.raises(UnknownNameError, match="Did you mean 'bench24'"):
-        resolve_routes("bench42")
+    with pytest.raises(UnknownNameError, match="Did you mean 'one-per-scenario'"):
+        resolve_routes("one-per-scenrio")
     with pytest.raises(UnknownNameError, match=r"no route file named 'mien\.xml'. Did you mean 'mine\.xml'"):
         resolve_routes("mien.xml")
 
 
-@pytest.mark.parametrize("spec", ["", "  ", "bench24:", "bench24: ,"])
+@pytest.mark.parametrize("spec", ["", "  ", "full:", "full: ,"])
 def test_nothing_named_is_an_error(spec: str) -> None:
     with pytest.raises(UsageError, match="no route"):
         resolve_routes(spec)

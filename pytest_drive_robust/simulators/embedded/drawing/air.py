@@ -79,6 +79,11 @@ class Air(NamedTuple):
         )
 
     @property
+    def street_light(self) -> float:
+        """0..1: how brightly street lamps light the road; nothing before it is half dark."""
+        return self.night if self.night > 0.5 else 0.0
+
+    @property
     def on_lens(self) -> bool:
         """True when something lies over the finished picture: rain, drops, a dazzling sun."""
         return self.rain > 0.0 or self.drops > 0.0 or self.glare > 0.0

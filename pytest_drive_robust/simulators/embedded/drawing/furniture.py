@@ -1,4 +1,4 @@
-"""The solid things of a map that never move: buildings, traffic lights, stop signs."""
+"""The solid things of a map that never move: buildings, traffic lights, stop signs, street lamps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BLUE, GLOW, RED, Box, Material, box_rows
+from pytest_drive_robust.simulators.embedded.drawing.street_lamps import lamp_boxes, lamp_places
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,6 +55,7 @@ class Furniture:
 
     `rows` is (n, BOX_COLUMNS). `lamp_rows`, `lamp_lines` and `lamp_states` (m,) say which row shines when the light of
     which stop line has which `LightState`; `lit` and `dim` (m, 3) are the colours of a lamp that shines or not.
+    `street_lamps` (k, 3) are the `lamp_places`.
     """
 
     rows: Floats
@@ -62,10 +64,11 @@ class Furniture:
     lamp_states: NDArray[np.int64]
     lit: Floats
     dim: Floats
+    street_lamps: Floats
 
     @classmethod
-    def of(cls, lane_map: LaneMap) -> Furniture:
-        """Build the boxes of `lane_map`."""
+    def of(cls, lane_map: LaneMap, *, night: float = 0.0) -> Furniture:
+        """Build the boxes of `lane_map`; street lamps shine by `night` 0..1."""
         boxes = [_building(index, building) for index, building in enumerate(lane_map.buildings)]
         lamps: list[tuple[int, int, LightState]] = []
         for index, line in enumerate(lane_map.stop_lines):
@@ -79,7 +82,9 @@ class Furniture:
                 boxes += octagon
         lit = np.array([LAMP_COLOURS[state] for _, _, state in lamps]).reshape(len(lamps), 3)
         rows, lines, states = (np.array([lamp[column] for lamp in lamps], np.int64) for column in range(3))
-        return cls(box_rows(boxes), rows, lines, states, lit, lit * _DIM)
+        places = lamp_places(lane_map)
+        boxes += lamp_boxes(places, night=night)
+        return cls(box_rows(boxes), rows, lines, states, lit, lit * _DIM, places)
 
     def show(self, rows: Floats, lights: NDArray[np.int64]) -> None:
         """Set the colours of the lamps in `rows`, a copy of `self.rows`, to the states `lights` of the stop lines."""

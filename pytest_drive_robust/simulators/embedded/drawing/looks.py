@@ -159,12 +159,12 @@ _TRUCK = [
 
 _EMERGENCY = [
     Part(0.0, 0.0, 0.12, 1.0, 0.97, 0.42, _WHITE),
-    Part(-0.02, 0.0, 0.53, 0.96, 0.96, 0.4, _WHITE, front=0.17, sides=0.05),
+    Part(-0.02, 0.0, 0.53, 0.96, 0.96, 0.34, _WHITE, front=0.17, sides=0.05),
     Part(0.0, 0.0, 0.36, 1.006, 0.985, 0.12, _RED),
     Part(0.295, 0.0, 0.56, 0.35, 0.955, 0.26, _GLASS, front=0.32, rear=0.05, sides=0.025),
     Part(-0.494, 0.0, 0.6, 0.02, 0.7, 0.2, _GLASS, sides=0.05),
-    Part(0.12, -0.24, 0.92, 0.07, 0.3, 0.08, _BLUE, Role.LEFT_BEACON),
-    Part(0.12, 0.24, 0.92, 0.07, 0.3, 0.08, _BLUE, Role.RIGHT_BEACON),
+    Part(0.06, -0.23, 0.86, 0.1, 0.36, 0.14, _BLUE, Role.LEFT_BEACON),
+    Part(0.06, 0.23, 0.86, 0.1, 0.36, 0.14, _BLUE, Role.RIGHT_BEACON),
     *_wheels(0.31, 0.13, 0.33),
     *_lamps(0.2, 0.14, 0.14),
 ]
@@ -223,6 +223,19 @@ _WARNING_SIGN = [
     Part(0.0, 0.0, 0.44, 0.9, 0.08, 0.05, _TYRE),
 ]
 
+_DOOR = [
+    Part(0.0, 0.0, 0.18, 0.1, 1.0, 0.5, role=Role.BODY),
+    Part(0.0, 0.06, 0.68, 0.08, 0.88, 0.3, _GLASS, sides=0.08),
+    Part(0.0, -0.47, 0.18, 0.12, 0.06, 0.5, _ORANGE),
+]
+
+_DIRT = [
+    Part(0.0, 0.0, 0.0, 1.0, 0.4, 1.0, (120.0, 88.0, 56.0)),
+    Part(-0.03, 0.05, 0.0, 0.84, 0.72, 1.2, (112.0, 80.0, 50.0)),
+    Part(0.04, -0.03, 0.0, 0.52, 1.0, 1.4, (104.0, 74.0, 46.0)),
+    Part(0.08, 0.1, 0.0, 0.36, 0.3, 1.6, (84.0, 60.0, 38.0)),
+]
+
 _BUILDING = [Part(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, role=Role.BODY, material=Material.FACADE)]
 
 LOOKS: dict[ActorKind, list[Part]] = {
@@ -237,6 +250,8 @@ LOOKS: dict[ActorKind, list[Part]] = {
     ActorKind.CONTAINER: _CONTAINER,
     ActorKind.WARNING_SIGN: _WARNING_SIGN,
     ActorKind.BUILDING: _BUILDING,
+    ActorKind.DOOR: _DOOR,
+    ActorKind.DIRT: _DIRT,
 }
 """The parts of every kind."""
 

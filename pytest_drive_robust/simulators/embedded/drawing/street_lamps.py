@@ -27,6 +27,7 @@ _BESIDE_M = 0.7
 _CLEAR_M = 0.3
 _POLE_M, _ARM_M = 6.2, 1.6
 _STEEL = (96.0, 99.0, 104.0)
+_DARK_HEAD = (176.0, 178.0, 180.0)
 _WARM = (255.0, 224.0, 168.0)
 _REACH_M = 140.0
 _POOL_M = 9.5
@@ -42,7 +43,9 @@ def lamp_places(lane_map: LaneMap) -> Floats:
     """
     roads = [lane for lane in lane_map.lanes if lane.kind != LaneKind.SIDEWALK]
     points = np.concatenate([lane.centre[:, :2] for lane in roads]) if roads else np.zeros((0, 2))
-    halves = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in roads]) if roads else points[:, 0]
+    halves = (
+        np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in roads]) if roads else points[:, 0]
+    )
     places = []
     for lane in roads:
         if lane.kind is not LaneKind.DRIVING or lane.junction or _leads_same_way(lane_map, lane):
@@ -73,15 +76,26 @@ def _width_beyond(lane_map: LaneMap, lane: Lane) -> float:
 def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
     """Pole, arm and head of each lamp; the head glows by `night` 0..1."""
     boxes = []
+    red, green, blue = (a + (b - a) * night for a, b in zip(_DARK_HEAD, _WARM, strict=True))
     for x, y, towards in places:
         reach_x, reach_y = math.cos(towards), math.sin(towards)
         middle_x, middle_y = x + 0.5 * _ARM_M * reach_x, y + 0.5 * _ARM_M * reach_y
         head_x, head_y = x + _ARM_M * reach_x, y + _ARM_M * reach_y
-        colour = tuple(a + (b - a) * night for a, b in zip((176.0, 178.0, 180.0), _WARM, strict=True))
         boxes += [
             Box(x, y, 0.0, towards, 0.14, 0.14, _POLE_M, _STEEL, reach_m=_REACH_M),
             Box(middle_x, middle_y, _POLE_M - 0.1, towards, _ARM_M, 0.09, 0.09, _STEEL, reach_m=60.0),
-            Box(head_x, head_y, _POLE_M - 0.16, towards, 0.7, 0.28, 0.14, colour, glow=night, reach_m=_REACH_M),
+            Box(
+                head_x,
+                head_y,
+                _POLE_M - 0.16,
+                towards,
+                0.7,
+                0.28,
+                0.14,
+                (red, green, blue),
+                glow=night,
+                reach_m=_REACH_M,
+            ),
         ]
     return boxes
 
@@ -130,13 +144,21 @@ def _pool_row(
     chord = math.sqrt(_POOL_M * _POOL_M - forward_m * forward_m)
     first = max(math.ceil(0.5 * width + (aside_m - chord) / pixel_m - 0.5), 0)
     last = min(math.floor(0.5 * width + (aside_m + chord) / pixel_m - 0.5), width - 1)
+    one, gain32, third = np.float32(1.0), np.float32(gain), np.float32(1.0 / (3.0 * _BRIGHTEST))
+    fade, step = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(pixel_m)
+    nearest = one - np.float32(forward_m * forward_m) * fade
+    start = np.float32((first + 0.5 - 0.5 * width) * pixel_m - aside_m)
+    line, hidden = image[row], faces[row]
     for column in range(first, last + 1):
-        if faces[row, column] != 0:
+        if hidden[column] != 0:
             continue
-        side = (column + 0.5 - 0.5 * width) * pixel_m - aside_m
-        near = 1.0 - (forward_m * forward_m + side * side) / (_POOL_M * _POOL_M)
-        bright = 0.33 * (float(image[row, column, 0]) + float(image[row, column, 1]) + float(image[row, column, 2]))
-        more = gain * near * near * max(1.0 - bright / _BRIGHTEST, 0.0)
-        image[row, column, 0] = np.uint8(min(image[row, column, 0] * (1.0 + more), 255.0))
-        image[row, column, 1] = np.uint8(min(image[row, column, 1] * (1.0 + 0.92 * more), 255.0))
-        image[row, column, 2] = np.uint8(min(image[row, column, 2] * (1.0 + 0.7 * more), 255.0))
+        side = start + np.float32(column - first) * step
+        near = nearest - side * side * fade
+        red, green, blue = np.float32(line[column, 0]), np.float32(line[column, 1]), np.float32(line[column, 2])
+        dark = one - (red + green + blue) * third
+        if dark <= 0.0:
+            continue
+        more = gain32 * near * near * dark
+        line[column, 0] = np.uint8(min(np.int32(red + red * more), 255))
+        line[column, 1] = np.uint8(min(np.int32(green + green * more * np.float32(0.92)), 255))
+        line[column, 2] = np.uint8(min(np.int32(blue + blue * more * np.float32(0.7)), 255))

@@ -26,6 +26,8 @@ LOOK_AHEAD_M = 70.0
 # how far the traffic around the ego may get away from it
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
 SIDEWAYS_SHARE = 0.5
+NOTICED_LATE_M = 1.0
+"""Who sees late brakes for a body only once its middle has come this near to the line that he drives on."""
 _RED = int(LightState.RED)
 _YELLOW = int(LightState.YELLOW)
 _BRAKING = int(ActorState.BRAKING)
@@ -51,14 +53,19 @@ def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, 
 
 
 @inner
-def _leader(bodies: Floats, i: int, s: float, right: float, length: float, width: float) -> tuple[float, float]:
-    """(gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i."""
+def _leader(
+    bodies: Floats, i: int, s: float, right: float, length: float, width: float, notices_m: float
+) -> tuple[float, float]:
+    """(gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i.
+
+    Bodies farther aside than `notices_m` are overlooked.
+    """
     gap, speed = math.inf, 0.0
     for body in range(len(bodies)):
         ahead = bodies[body, c.S_ALONG] - s
         if ahead <= 0.0 or ahead > LOOK_AHEAD_M or body == i:
             continue
-        if abs(bodies[body, c.S_RIGHT] - right) > 0.5 * (width + bodies[body, c.S_WIDTH]) + 0.2:
+        if abs(bodies[body, c.S_RIGHT] - right) > min(0.5 * (width + bodies[body, c.S_WIDTH]) + 0.2, notices_m):
             continue
         found = ahead - 0.5 * (length + bodies[body, c.S_LENGTH])
         if found < gap:
@@ -101,9 +108,10 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
     if actor[c.A_SYNC_M] > 0.0:
         return _abreast(actor, state.ego)
     gap, leader_v = math.inf, 0.0
-    if whole[c.I_BLIND] == 0:
+    if whole[c.I_BLIND] != c.SEES_NOBODY:
+        notices_m = NOTICED_LATE_M if whole[c.I_BLIND] == c.SEES_LATE else math.inf
         path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
-        gap, leader_v = _leader(statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH])
+        gap, leader_v = _leader(statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m)
         line = statics.path_stop_line[path]
         if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and state.lights[line] in (_RED, _YELLOW):
             ahead = statics.path_stop_s[path] - s - 0.5 * length

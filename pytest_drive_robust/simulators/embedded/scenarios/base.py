@@ -16,8 +16,8 @@ class Site:
 
     `chain` names a chain of lanes of the town style, or several with lane changes between them:
     `"ramp.f0>road.right"`. `before_m` metres lie between the start and the chain's anchor (its first junction, on ramps
-    where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are ranges,
-    the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
+    where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are
+    ranges, the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
     """
 
     style: str

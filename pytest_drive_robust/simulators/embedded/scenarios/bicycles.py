@@ -33,7 +33,12 @@ def crossing_bicycle_flow(stage: Stage) -> None:
     """Turn across a biking lane whose riders go straight on; the ego's light is red for five seconds first."""
     stage.lights(ego=red_then_green(RED_S), opposite=GREEN)
     route_flow(
-        stage, _first_biking_lane(stage), speed_mps=(8.0, 12.0), gap_m=(5.0, 30.0), kinds=(ActorKind.BICYCLE,)
+        stage,
+        _first_biking_lane(stage),
+        speed_mps=(8.0, 12.0),
+        gap_m=(5.0, 30.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+        kinds=(ActorKind.BICYCLE,),
     )
     end_behind_junction(stage)
 

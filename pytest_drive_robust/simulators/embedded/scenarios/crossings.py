@@ -68,12 +68,16 @@ def dynamic_object_crossing(stage: Stage) -> None:
     parameters={"distance": (36.0, 45.0)},
 )
 def parking_crossing_pedestrian(stage: Stage) -> None:
-    """A pedestrian steps out from behind a parked van at 2 m/s and walks 8 m; starts at 2.15 s or 6 m."""
+    """A pedestrian at 2 m/s from behind a parked van; starts when the ego is 2.15 s or 6 m away.
+
+    They cross the whole road, where Bench2Drive's vanish after 8 m.
+    """
     at = ahead(stage, 40.0)
     kerb = stage.lane_width_m / 2.0 + 1.2
     for k, further in enumerate(_PARKED_M):
         stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, kerb)
-    stage.walker(at, from_right_m=kerb + 0.6, walks_m=8.0, speed_mps=2.0, trigger=Arrival(2.15, 6.0))
+    across = kerb + 0.6 + road_edge_m(stage, "left", at) + 1.0
+    stage.walker(at, from_right_m=kerb + 0.6, walks_m=across, speed_mps=2.0, trigger=Arrival(2.15, 6.0))
     scenery(stage)
     stage.end_m = stage.trigger_m + at + 20.0
 
@@ -134,8 +138,9 @@ def vehicle_turning_route_pedestrian(stage: Stage) -> None:
 
 
 def _crosses_after_turn(stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival) -> None:
+    """Somebody starts beside the road that the ego turns into, and crosses all of it."""
     at = stage.exit_ahead_m() + behind_exit_m
-    start = road_edge_m(stage, "right", at) + 1.2
+    start = road_edge_m(stage, "right", at) + stage.draw("kerb", 1.2, 2.4)
     across = start + road_edge_m(stage, "left", at) + 1.5
     stage.walker(at, from_right_m=start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind)
     stage.green_for_ego()

@@ -44,7 +44,13 @@ _TRIGGER_M = (3.0, 8.0)
 def signalized_left_turn(stage: Stage) -> None:
     """Turn left across an oncoming flow; the ego's light is red for five seconds, the flow's is green all the time."""
     stage.lights(ego=red_then_green(RED_S), opposite=GREEN)
-    route_flow(stage, stage.from_arm("opposite"), speed_mps=(9.0, 11.0), gap_m=(15.0, 28.0))
+    route_flow(
+        stage,
+        stage.from_arm("opposite"),
+        speed_mps=(9.0, 11.0),
+        gap_m=(15.0, 28.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -62,7 +68,13 @@ def signalized_left_turn(stage: Stage) -> None:
 def signalized_left_turn_enter_flow(stage: Stage) -> None:
     """Turn left and join the oncoming flow that turns right into the same exit; red for five seconds, then green."""
     stage.lights(ego=red_then_green(RED_S), opposite=GREEN)
-    route_flow(stage, stage.from_arm("opposite", into="exit"), speed_mps=(8.0, 10.0), gap_m=(15.0, 30.0))
+    route_flow(
+        stage,
+        stage.from_arm("opposite", into="exit"),
+        speed_mps=(8.0, 10.0),
+        gap_m=(15.0, 30.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -81,7 +93,13 @@ def signalized_left_turn_enter_flow(stage: Stage) -> None:
 def signalized_right_turn(stage: Stage) -> None:
     """Turn right into a flow from the left, which keeps its green; the ego's light is red for five seconds first."""
     stage.lights(ego=red_then_green(RED_S), opposite=red_then_green(RED_S), crossing=GREEN)
-    route_flow(stage, stage.from_arm("left"), speed_mps=(10.0, 14.0), gap_m=(19.0, 38.0))
+    route_flow(
+        stage,
+        stage.from_arm("left"),
+        speed_mps=(10.0, 14.0),
+        gap_m=(19.0, 38.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -98,7 +116,13 @@ def signalized_right_turn(stage: Stage) -> None:
 )
 def non_signalized_left_turn(stage: Stage) -> None:
     """Turn left across an oncoming flow; no light holds it back."""
-    route_flow(stage, stage.from_arm("opposite"), speed_mps=(8.0, 11.0), gap_m=(15.0, 30.0))
+    route_flow(
+        stage,
+        stage.from_arm("opposite"),
+        speed_mps=(8.0, 11.0),
+        gap_m=(15.0, 30.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -115,7 +139,13 @@ def non_signalized_left_turn(stage: Stage) -> None:
 )
 def non_signalized_left_turn_enter_flow(stage: Stage) -> None:
     """Turn left and join the oncoming flow that turns right into the same exit."""
-    route_flow(stage, stage.from_arm("opposite", into="exit"), speed_mps=(8.0, 10.0), gap_m=(15.0, 30.0))
+    route_flow(
+        stage,
+        stage.from_arm("opposite", into="exit"),
+        speed_mps=(8.0, 10.0),
+        gap_m=(15.0, 30.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -133,7 +163,9 @@ def non_signalized_left_turn_enter_flow(stage: Stage) -> None:
 )
 def non_signalized_right_turn(stage: Stage) -> None:
     """Turn right into a flow that comes from the left; nobody stops for you."""
-    route_flow(stage, stage.from_arm("left"), speed_mps=(8.0, 14.0), gap_m=(16.0, 30.0))
+    route_flow(
+        stage, stage.from_arm("left"), speed_mps=(8.0, 14.0), gap_m=(16.0, 30.0), meets_ahead_m=stage.junction_ahead_m()
+    )
     end_behind_junction(stage)
 
 
@@ -151,5 +183,11 @@ def non_signalized_right_turn(stage: Stage) -> None:
 def enter_actor_flow(stage: Stage) -> None:
     """Turn into a fast flow from the left; where there are lights, both have green."""
     stage.lights(ego=GREEN, opposite=GREEN, crossing=GREEN)
-    route_flow(stage, stage.from_arm("left"), speed_mps=(12.0, 19.0), gap_m=(17.0, 39.0))
+    route_flow(
+        stage,
+        stage.from_arm("left"),
+        speed_mps=(12.0, 19.0),
+        gap_m=(17.0, 39.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)

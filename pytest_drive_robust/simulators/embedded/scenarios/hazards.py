@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
@@ -57,7 +56,7 @@ _CONE_STEP_M = 6.0
 def hazard_at_side_lane(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; the lane to the left is in use."""
     side_traffic(stage, 50.0)
-    stage.end_m = stage.trigger_m + _bicycles(stage) + 20.0
+    stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
 @scenario(
@@ -75,7 +74,7 @@ def hazard_at_side_lane(stage: Stage) -> None:
 def hazard_at_side_lane_two_ways(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; cars come the other way."""
     oncoming_gaps(stage, (75.0, 100.0))
-    stage.end_m = stage.trigger_m + _bicycles(stage) + 20.0
+    stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
 @scenario(
@@ -141,7 +140,7 @@ def control_loss(stage: Stage) -> None:
 
 
 def _bicycles(stage: Stage) -> float:
-    """Two bicycles 9 m apart set off as the scenario wakes up; metres from the trigger to where they turn off."""
+    """Two bicycles 9 m apart set off as the scenario wakes up; metres from the trigger to where the last one stops."""
     at = ahead(stage, 43.0)
     ride = speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
     drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
@@ -149,11 +148,10 @@ def _bicycles(stage: Stage) -> float:
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
         bicycle = stage.drive(
-            ActorKind.BICYCLE, stage.ego_path, start, 0.0, target_mps=ride, right_m=edge, end_m=start + drive,
-            at_end=c.AT_END_LEAVE,
-        )  # fmt: skip
+            ActorKind.BICYCLE, stage.ego_path, start, 0.0, target_mps=ride, right_m=edge, end_m=start + drive
+        )
         stage.cast.script(bicycle, stage.passing(0.0), stage.ride(ride, edge))
-    return at + drive
+    return at + 9.0 + drive
 
 
 def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:

@@ -90,7 +90,7 @@ def sequential_lane_change(stage: Stage) -> None:
         stage.flow(
             stage.add_path(join(lane_map, lanes)),
             speed_mps=(0.8 + 0.05 * number) * stage.speed_limit_mps,
-            gap_m=(22.0, 45.0),
+            gap_m=(20.0, 40.0),
             background=True,
         )
     stage.end_m = stage.dense.length_m - _LAST_M
@@ -99,7 +99,7 @@ def sequential_lane_change(stage: Stage) -> None:
 def _flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tuple[float, float]) -> None:
     """The flow of the route file in the lane in which the route ends; background traffic farther left."""
     end = route_end_ahead_m(stage)
-    route_flow(stage, stage.own(end), speed_mps=speed_mps, gap_m=gap_m)
+    route_flow(stage, stage.own(end), speed_mps=speed_mps, gap_m=gap_m, meets_ahead_m=end)
     level = 0.0 if stage.has_lane_beside("left") else end
     if stage.has_lane_beside("left", level):
         stage.flow(

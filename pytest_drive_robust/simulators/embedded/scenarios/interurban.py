@@ -28,7 +28,13 @@ _START_MPS = 8.0
 def interurban_actor_flow(stage: Stage) -> None:
     """Turn left off a country road, across the flow that comes the other way."""
     stage.start_mps = _START_MPS
-    route_flow(stage, stage.from_arm("opposite"), speed_mps=(15.0, 16.0), gap_m=(42.0, 98.0))
+    route_flow(
+        stage,
+        stage.from_arm("opposite"),
+        speed_mps=(15.0, 16.0),
+        gap_m=(42.0, 98.0),
+        meets_ahead_m=stage.junction_ahead_m(),
+    )
     end_behind_junction(stage)
 
 
@@ -47,5 +53,11 @@ def interurban_advanced_actor_flow(stage: Stage) -> None:
     """Turn left onto a country road: cross the flow from the left, join the one from the right."""
     stage.start_mps = _START_MPS
     for bearing in ("left", "right"):
-        route_flow(stage, stage.from_arm(bearing), speed_mps=(16.0, 18.0), gap_m=(36.0, 94.0))
+        route_flow(
+            stage,
+            stage.from_arm(bearing),
+            speed_mps=(16.0, 18.0),
+            gap_m=(36.0, 94.0),
+            meets_ahead_m=stage.junction_ahead_m(),
+        )
     end_behind_junction(stage, metres=30.0)

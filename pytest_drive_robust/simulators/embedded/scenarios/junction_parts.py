@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.signals import Program, green_then_red, red_then_green
+from pytest_drive_robust.simulators.embedded.signals import Program, red_then_green
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = [
@@ -25,9 +25,12 @@ __all__ = [
 RED_S = 5.0
 """How long lights stay red (or green) after the scenario woke up."""
 
-_CLEAR_S = 2.0  # between the end of one road's green and the start of the other's
-_YELLOW_S = 1.0
+_YELLOW_S = 2.0
+"""Long enough that everybody at town speeds can stop before the line or be past it."""
+_ALL_RED_S = 1.0
 _MEET_M = 1.0
+_DENSE_S = 10.0
+"""As long as a driver needs to the place where it meets the flow."""
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 
 
@@ -37,18 +40,22 @@ def route_flow(
     *,
     speed_mps: tuple[float, float],
     gap_m: tuple[float, float],
+    meets_ahead_m: float,
     kinds: tuple[ActorKind, ...] = _CARS,
 ) -> None:
     """The flow of the route file: `flow_speed` and gaps from `source_dist_interval`, from edge to edge of the town.
 
-    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out.
+    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers give way to
+    nobody (Bench2Drive's do not even brake for a car in their lane), and who comes to `meets_ahead_m` without waiting
+    finds no gap longer than those drawn.
     """
     gaps = (
         stage.spec.number("source_dist_interval", gap_m[0], attribute="from"),
         stage.spec.number("source_dist_interval", gap_m[1], attribute="to"),
     )
     speed = stage.spec.number("flow_speed", sum(speed_mps) / 2.0)
-    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds)
+    dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + _DENSE_S * speed
+    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, late=True, dense_m=dense_m)
 
 
 def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), obeys_lights: bool = False) -> None:
@@ -67,24 +74,37 @@ def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), ob
 
 def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:
     """Red along the ego's road, then green; the crossing road has green before that."""
-    before = green_then_red(max(red_s - _CLEAR_S, 0.0), np.inf)
-    stage.lights(ego=red_then_green(red_s), opposite=red_then_green(red_s), crossing=before)
+    own = red_then_green(red_s)
+    stage.lights(ego=own, opposite=own, crossing=_green_between(0.0, max(red_s - _ALL_RED_S - _YELLOW_S, 0.0)))
 
 
 def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_S) -> None:
     """Green along the ego's road, then red, during which the crossing road has its green, then green again."""
-    own = green_then_red(green_s, red_s)
-    starts, ends = green_s + _CLEAR_S, green_s + max(_YELLOW_S + red_s - _CLEAR_S, _CLEAR_S)
-    between = Program(
-        LightState.RED,
+    red_at = green_s + _YELLOW_S
+    own = Program(
+        LightState.GREEN,
         (
-            (LightState.RED, starts),
-            (LightState.GREEN, ends),
-            (LightState.YELLOW, ends + _YELLOW_S),
+            (LightState.GREEN, green_s),
+            (LightState.YELLOW, red_at),
+            (LightState.RED, red_at + red_s),
+            (LightState.GREEN, np.inf),
+        ),
+    )
+    between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, 2.0 * _ALL_RED_S))
+    stage.lights(ego=own, opposite=own, crossing=between)
+
+
+def _green_between(start_s: float, end_s: float) -> Program:
+    """Red but for one green, which a yellow ends."""
+    return Program(
+        LightState.RED if start_s > 0.0 else LightState.GREEN,
+        (
+            (LightState.RED, start_s),
+            (LightState.GREEN, end_s),
+            (LightState.YELLOW, end_s + _YELLOW_S),
             (LightState.RED, np.inf),
         ),
     )
-    stage.lights(ego=own, opposite=own, crossing=between)
 
 
 def meeting_point(stage: Stage, path: int) -> tuple[float, float] | None:

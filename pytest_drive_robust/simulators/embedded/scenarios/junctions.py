@@ -46,7 +46,7 @@ def t_junction(stage: Stage) -> None:
 )
 def vanilla_turn(stage: Stage) -> None:
     """A plain turn where nothing is controlled; there is traffic on the other road."""
-    cross_traffic(stage)
+    cross_traffic(stage, gap_m=(24.0, 48.0))
     end_behind_junction(stage)
 
 
@@ -67,9 +67,9 @@ def vanilla_stop_sign(stage: Stage) -> None:
 @scenario(
     "VanillaSignalizedTurnEncounterGreenLight",
     sites=(
-        Site("LightCrossing", "E.right0", (72.0, 86.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
-        Site("LightTee", "W.right0", (72.0, 86.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
-        Site("LightAvenueCrossing", "S.left0", (80.0, 92.0), trigger_m=(2.0, 4.0), before_m=(44.0, 52.0)),
+        Site("LightCrossing", "E.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+        Site("LightTee", "W.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+        Site("LightAvenueCrossing", "S.left0", (86.0, 100.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
     ),
 )
 def vanilla_green_light(stage: Stage) -> None:

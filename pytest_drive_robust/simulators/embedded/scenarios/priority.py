@@ -19,7 +19,8 @@ from pytest_drive_robust.simulators.embedded.triggers import Arrival
 __all__ = ["opposite_vehicle_running_red_light", "opposite_vehicle_taking_priority"]
 
 _SPEED_MPS = 60.0 / 3.6
-_ACCEL_MPS2 = 8.0
+_ACCEL_MPS2 = 15.0
+"""Bench2Drive's vehicles have their speed at once; so they show early what they are up to."""
 _TTA_S = 2.2
 _WITHIN_M = 12.0
 _BEARINGS = ("left", "right", "opposite")

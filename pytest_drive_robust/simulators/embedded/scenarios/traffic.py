@@ -9,12 +9,16 @@ from contextlib import suppress
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import Script
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Passing
 
 __all__ = ["yield_to_emergency_vehicle"]
+
+_AHEAD_M = (25.0, 95.0)
+"""Cars in the lane to the right, where the ego must find room."""
 
 
 @scenario(
@@ -38,7 +42,8 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
     with suppress(RouteError):  # a one-way street has no oncoming lane
         stage.flow(stage.oncoming(), speed_mps=cruise, gap_m=(45.0, 90.0), background=True)
     right = stage.beside("right")
-    # nobody stands beside the ego's start; those farther ahead leave gaps to move into
-    free_m = stage.along(right, 45.0 - stage.trigger_m)
-    stage.flow(right, speed_mps=cruise, gap_m=(60.0, 90.0), source_m=free_m, background=True)
+    for ahead_m in _AHEAD_M:
+        at_m = stage.along(right, ahead_m)
+        stage.drive(ActorKind.CAR, right, at_m, cruise, end_m=stage.length_m(right), at_end=c.AT_END_LEAVE,
+                    background=True)  # fmt: skip
     stage.end_m = stage.dense.length_m

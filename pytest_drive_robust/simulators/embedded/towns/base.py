@@ -70,12 +70,13 @@ class Arm:
 class Control:
     """What stands at the end of a lane: `what` is `"light"` or `"stop"`.
 
-    A light hangs `far_m` metres beyond the end of the lane, on the far side of the junction.
+    A light stands `far_m` metres beyond the end of the lane, on the far side of the junction, `aside_m` off the kerb.
     """
 
     lane: LaneKey
     what: str
     far_m: float
+    aside_m: float
 
 
 @dataclass(slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,8 @@ _STEP_M = 22
 
 def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
     """(b, 6): x, y, yaw, length, width, height of every house."""
-    rng = np.random.Generator(np.random.Philox(key=[sum(map(ord, town.name)), 0x6275]))
+    key = np.frombuffer(hashlib.blake2b(f"{town.name}\x1fhouses".encode(), digest_size=16).digest(), dtype=np.uint64)
+    rng = np.random.Generator(np.random.Philox(key=key))
     points = np.concatenate([lane.centre[:, :2] for lane in lanes])
     radii = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in lanes])
     walks = [lane for lane in lanes if lane.kind is LaneKind.SIDEWALK]

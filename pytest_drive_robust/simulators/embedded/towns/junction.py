@@ -16,6 +16,7 @@ __all__ = ["Connection", "chains_through", "connect", "crosswalk", "draw_arms", 
 
 _PLAIN = (LineType.NONE, LineType.NONE)
 _RIGHT_ANGLE = math.pi / 2.0
+_OFF_KERB_M = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +76,7 @@ def connect(town: Town, arms: list[Arm], *, controls: dict[str, str]) -> list[Co
                 made.append(_connection(town, source, target, lane, junction=junction))
             if source.name in controls:
                 key = town.chains[source.inward(str(lane))][-1]
-                far = source.box_m + lanes * source.section.width_m + source.section.biking_m + 1.0
-                town.controls.append(Control(key, controls[source.name], far))
+                town.controls.append(_control(source, key, controls[source.name]))
     for source in arms:
         for target in arms:
             if source.section.biking_m and target is not source and turn_between(source, target) == "straight":
@@ -92,6 +92,13 @@ def chains_through(town: Town, connections: list[Connection]) -> None:
             made.key,
             *town.chains[made.target.outward(str(made.lane))],
         ]
+
+
+def _control(arm: Arm, lane: LaneKey, what: str) -> Control:
+    """A light stands in the far corner, halfway round the kerb along which cars turn right."""
+    edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
+    aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M
+    return Control(lane, what, arm.box_m + edge + aside, aside)
 
 
 def _may_turn(turn: str, lane: int, lanes: int) -> bool:

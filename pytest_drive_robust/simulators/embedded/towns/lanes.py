@@ -115,7 +115,7 @@ def _stop_line(k: int, lane: Lane, control: Control, lanes: tuple[Lane, ...]) ->
     x, y, heading = place(lane.centre, length - _STOP_BEFORE_END_M)
     edge = lane.width_m / 2.0 + _to_kerb_m(lanes, lane)
     is_light = control.what == "light"
-    pole = place(lane.centre, length + control.far_m, edge + 2.0) if is_light else place(
+    pole = place(lane.centre, length + control.far_m, edge + control.aside_m) if is_light else place(
         lane.centre, length - _STOP_BEFORE_END_M + 0.5, edge + 1.0
     )  # fmt: skip
     return StopLine(k, lane.index, x, y, heading, lane.width_m, is_light, pole[0], pole[1])

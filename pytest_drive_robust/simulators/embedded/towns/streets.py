@@ -79,7 +79,7 @@ def rural_road(town: Town, rng: np.random.Generator) -> None:
 
 def highway(town: Town, rng: np.random.Generator) -> None:
     """One carriageway of a motorway: two lanes and an entry lane to their right."""
-    section = Section(3, 0, 3.6, float(rng.choice([20.0, 22.0])), sidewalk=False)
+    speed = float(rng.choice([20.0, 22.0]))
     pieces = [(520.0, 0.0)] if rng.random() < 0.5 else winding(rng, 520.0, radius_m=(300.0, 500.0))
-    road(town, "road", (-120.0, 0.0, 0.0), pieces, section)
+    road(town, "road", (-120.0, 0.0, 0.0), pieces, Section(3, 0, float(rng.uniform(3.5, 3.75)), speed, sidewalk=False))
     town.building_gap_m = _COUNTRY_GAP_M

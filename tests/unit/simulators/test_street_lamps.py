@@ -1,0 +1,81 @@
+"""Street lamps stand beside the roads and light them by night."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from camera_scene import lane, town
+
+from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.truth import LaneKind, LaneMap
+from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
+from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools, lamp_boxes, lamp_places
+from pytest_drive_robust.simulators.embedded.drawing.view import View
+
+NOTHING = np.zeros((0, 6))
+CAMERA = CameraSpec("front", width_px=160, height_px=96)
+
+
+def road(*lanes: object) -> LaneMap:
+    return LaneMap("Hand", lanes, (), np.zeros((0, 4, 2)), NOTHING)  # type: ignore[arg-type]
+
+
+def test_no_lamp_stands_on_a_lane() -> None:
+    lane_map = town()
+    places = lamp_places(lane_map)
+    assert len(places) >= 6
+    for each in lane_map.lanes:
+        if each.kind != LaneKind.SIDEWALK:
+            away = np.hypot(*(each.centre[:, None, :2] - places[None, :, :2]).transpose(2, 0, 1)).min(axis=0)
+            assert (away > each.width_m / 2.0).all()
+
+
+def test_a_straight_road_has_one_every_30_m_on_its_right_beyond_the_parking() -> None:
+    driving = lane(0, (0, 0), (120, 0), right=1)
+    parking = lane(1, (0, 3), (120, 3), kind=LaneKind.PARKING, width=2.5)
+    places = lamp_places(road(driving, parking))
+    assert np.allclose(places[:, 0], [12.0, 42.0, 72.0, 102.0], atol=1.01)
+    assert (places[:, 1] > 3.0 + 1.25).all()
+    assert np.allclose(places[:, 2], -math.pi / 2.0)
+
+
+def test_inner_lanes_and_junctions_have_none() -> None:
+    inner = lane(0, (0, 0), (100, 0), right=1)
+    outer = lane(1, (0, 3.5), (100, 3.5))
+    junction = lane(2, (0, 40), (100, 40), junction=True)
+    assert set(np.sign(lamp_places(road(inner, outer, junction))[:, 1] - 3.5)) == {1.0}
+    assert len(lamp_places(road(junction))) == 0
+    assert lamp_places(road()).shape == (0, 3)
+
+
+def test_heads_glow_by_night_only() -> None:
+    places = lamp_places(town())
+    for night in (0.0, 1.0):
+        boxes = lamp_boxes(places, night=night)
+        assert len(boxes) == 3 * len(places)
+        assert sum(box.glow for box in boxes) == night * len(places)
+    assert len(Furniture.of(town(), night=1.0).street_lamps) == len(places)
+
+
+def test_a_lamp_lights_the_road_below_it_and_nothing_that_hides_it() -> None:
+    places = np.array(((15.0, 5.0, -math.pi / 2.0),))
+    view = View.of(CAMERA, 0.0, 0.0, 0.0)
+    faces = np.zeros((96, 160), np.int32)
+    faces[:, :60] = 1
+    image = np.full((96, 160, 3), 20, np.uint8)
+    draw_pools(image, faces, places, view, 0.002, 1.0)
+    assert (image[:48] == 20).all()
+    assert (image[:, :60] == 20).all()
+    lit = image[48:, :, 0].astype(int)
+    row, column = np.unravel_index(lit.argmax(), lit.shape)
+    assert lit.max() > 50
+    assert abs((48 + row) - (48 + view.focal_px * 1.6 / 14.2)) < 4.0
+    assert abs(column - (80 + view.focal_px * 3.4 / 14.2)) < 8.0
+
+
+def test_what_is_bright_already_does_not_burn_out() -> None:
+    places = np.array(((15.0, 5.0, -math.pi / 2.0),))
+    image = np.full((96, 160, 3), 200, np.uint8)
+    draw_pools(image, np.zeros((96, 160), np.int32), places, View.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
+    assert (image == 200).all()
