@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drive_robust_agents._planning.control import Floats, look_ahead_m, pedals, steer_to
-from drive_robust_agents._planning.forecast import project
+from drive_robust_agents._planning.forecast import project, project_all
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lanes import LaneChanges, Siren
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
@@ -38,7 +38,9 @@ _PASS_LOOK_M, _DOUBTS = 90.0, 6
 _PARKED_FROM_M = 1.5
 _SLOWER = 0.9
 """While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
-_INVADER_LOOK_M, _KEEP_RIGHT_M = 45.0, 0.5
+_INVADER_LOOK_M, _INVADER_GAP_M, _INVADER_TICKS = 90, 0.5, 600
+_EDGE_M = 0.3
+"""So far beyond the right edge of its lane the ego goes to keep clear of an invader."""
 
 
 class Expert:
@@ -64,6 +66,7 @@ class Expert:
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
         self._doubts = 0
+        self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
         self._path: tuple[tuple[float, float], ...] = ()
 
@@ -174,19 +177,21 @@ class Expert:
         return lanes.profile + self._keep_right(now)
 
     def _keep_right(self, now: Moment) -> float:
-        """Metres to the right while somebody who comes the other way reaches into the lane."""
+        """Metres to the right while somebody who comes the other way reaches into the lane, and a little longer."""
         scene, boxes = now.scene, self._traffic.boxes
         k = int(np.clip(now.row, 0, scene.count - 1))
-        coming = (np.cos(boxes[:, 2] - scene.route[k, 2]) < 0.3) & (boxes[:, 3] > 1.0)
+        at = project_all(scene.route, k - 5, k + _INVADER_LOOK_M, boxes)
+        rows = np.clip(at[:, 0], 0, scene.count - 1).astype(int)
+        coming = (np.cos(boxes[:, 2] - scene.route[rows, 2]) < -0.8) & (boxes[:, 3] > 1.0) & (at[:, 0] > now.row - 3.0)
+        edge = at[:, 1] + 0.5 * boxes[:, 5]
         half_lane = 0.5 * scene.lane_at(now.row).width_m
-        for box in boxes[coming]:
-            at, right = project(scene.route, k - 5, k + int(_INVADER_LOOK_M), box[0], box[1])
-            j = int(np.clip(at, 0, scene.count - 1))
-            opposite = math.cos(box[2] - scene.route[j, 2]) < -0.8
-            if opposite and -half_lane - 1.5 < right + 0.5 * box[5] - 0.0 and right < 0.0 and at > now.row - 3.0:
-                if right + 0.5 * box[5] > -half_lane + 0.03:
-                    return min(_KEEP_RIGHT_M, half_lane - scene.size[1] / 2.0 - 0.1)
-        return 0.0
+        invades = coming & (at[:, 1] < -0.5) & (edge > 0.05 - half_lane)
+        if invades.any():
+            need = float(edge[invades].max()) + scene.size[1] / 2.0 + _INVADER_GAP_M
+            self._aside_m = float(np.clip(need, 0.0, half_lane - scene.size[1] / 2.0 + _EDGE_M))
+            self._aside_ticks = _INVADER_TICKS
+        self._aside_ticks -= 1
+        return self._aside_m if self._aside_ticks > 0 else 0.0
 
     def _hurries(self, profile: Floats, now: Moment) -> bool:
         """On the way out of a parking space, or in a lane that is not the ego's own."""

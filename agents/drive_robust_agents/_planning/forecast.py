@@ -38,6 +38,10 @@ ACCELERATE_S = 1.6
 """Who accelerates or brakes now is expected to go on with it for this long."""
 FASTEST_MPS = 18.0
 """Nobody is expected to accelerate beyond this."""
+NOSE_M, HARD_BRAKE_MPS2 = 2.5, 6.0
+"""With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more."""
+BICYCLE_WIDTH_M = 1.0
+"""Nobody narrower than this is expected to brake for the ego."""
 LANE_REACH_M = 3.3
 A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL = range(7)
 
@@ -308,7 +312,7 @@ def rollouts(
                 in_front, beside = rx * co + ry * so, abs(-rx * so + ry * co)
                 aligned = math.cos(yaw - oyaw)
                 speed_now = min(speed[j] + 2.5 * STEP_S, planned) if leads[i] == 0 else speed[j]
-                expected = aligned > (-0.5 if pushy else 0.6)
+                expected = sizes[i, 1] > BICYCLE_WIDTH_M and aligned > (-0.5 if pushy else 0.6)
                 if expected and 0.0 < in_front < 40.0 and beside < 0.5 * (size[1] + sizes[i, 1]) and step > 2:
                     gap = in_front - 0.5 * (size[0] + sizes[i, 0])
                     closing = max(speed[j] - v, 0.0)
@@ -325,14 +329,15 @@ def rollouts(
                 reach = 0.5 * (length + width + sizes[i, 0] + sizes[i, 1]) + margins[2] * planned
                 if abs(x - ox) > reach or abs(y - oy) > reach:
                     continue
-                stretch = 0.0 if aligned > 0.8 or leads[i] == 1 else 2.0 * margins[2] * speed_now
+                in_line = leads[i] == 1 or (aligned > 0.8 and beside < 0.5 * (size[1] + sizes[i, 1]))
+                stretch = 0.0 if in_line else 2.0 * margins[2] * speed_now
                 trouble = _touch(x, y, yaw, length, width, ox, oy, a[2], sizes[i, 0] + stretch, sizes[i, 1])
             if trouble:
                 found[p] = (step - 1) * STEP_S
                 break
             if v <= 0.0 and plans[p, 2] < 0.0:
                 for b in range(len(boxes)):
-                    before = s0 + half <= boxes[b, 0] + 0.5
+                    before = s0 + half <= boxes[b, 0] + NOSE_M and s - s0 > 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2)
                     if before and s + half > boxes[b, 0] + 0.5 and s - half < boxes[b, 1]:
                         found[p] = min(found[p], 0.1)
         driven[p] = s - s0

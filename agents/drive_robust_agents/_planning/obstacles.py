@@ -20,9 +20,13 @@ _CRAWL_MPS = 4.5
 _CLEAR_M = 0.75
 _CLUSTER_M = 15.0
 """Things nearer to each other than this are passed in one go."""
+_BESIDE_M = 2.0
+"""Things that stand nearer to the middle of the lane than this belong to what blocks it."""
 _QUEUE_S = 14.0
 """A car that stands in the middle of the lane longer than this is no queue."""
 _OTHER_LANE_M = 2.6
+_HOME_SHARE = 0.8
+"""The way back into the lane is this much sharper than the way out of it."""
 _OFF_CENTRE_M = 0.4
 _STARTS_MPS2 = 0.5
 """Who accelerates like this is on the way."""
@@ -84,18 +88,20 @@ def nearest_obstacle(scene: Scene, traffic: Traffic, lane: Floats, row: float) -
     ahead = (at[:, 0] + half_length > row - 3.0) & (at[:, 0] - half_length < row + _LOOK_M)
     stays = (traffic.kinds[slow] > ActorKind.PEDESTRIAN) | (np.abs(right) > _OFF_CENTRE_M)
     stays |= (traffic.stood_s[slow] > _QUEUE_S) | (traffic.kinds[slow] == ActorKind.BICYCLE)
-    going = (np.cos(turn) > 0.5) | (boxes[slow, 3] < 0.5)
+    going = (np.cos(turn) > 0.5) | (traffic.kinds[slow] > ActorKind.PEDESTRIAN)
+    solid = traffic.kinds[slow] > ActorKind.PEDESTRIAN
+    near = np.abs(right) - half_width < _BESIDE_M
     found: Obstacle | None = None
-    chosen = np.flatnonzero(in_lane & ahead & stays & going)
-    for k in chosen[np.argsort(at[chosen, 0], kind="stable")]:
+    for k in np.argsort(at[:, 0], kind="stable"):
         one = Obstacle(
             float(at[k, 0] - half_length[k]), float(at[k, 0] + half_length[k]), float(right[k] - half_width[k]),
             float(right[k] + half_width[k]), float(boxes[slow, 3][k]),
         )  # fmt: skip
+        blocks = in_lane[k] and ahead[k] and stays[k] and going[k]
         if found is None:
-            found = one
-        elif one.first_row < found.last_row + _CLUSTER_M:
-            found = found.joined(one)
+            found = one if blocks else None
+        elif (blocks or (solid[k] and near[k])) and one.first_row < found.last_row + _CLUSTER_M:
+            found = found.joined(one)  # what stands beside it is passed with it
     return found
 
 
@@ -123,8 +129,8 @@ def _pass(scene: Scene, ahead: Obstacle, row: float, right_m: float, hold_m: flo
     latest = ahead.first_row - 3.5 - length
     start = max(row, min(latest, row + 10.0)) if abs(hold_m) < _OTHER_LANE_M else row
     done = start + length
-    until = max(ahead.last_row + 4.0 + (4.0 * ahead.speed_mps if ahead.moving else 0.0), done + 1.0)
-    back = max(12.0, shift_length_m(max(speed_mps, 5.0), hold_m))
+    until = max(ahead.last_row + 3.4 + (4.0 * ahead.speed_mps if ahead.moving else 0.0), done + 1.0)
+    back = max(12.0, _HOME_SHARE * shift_length_m(max(speed_mps, 8.0), hold_m))
     rows = scene.rows
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)

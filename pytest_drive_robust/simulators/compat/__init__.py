@@ -4,11 +4,10 @@ It serves agents that were trained on highway-env. On one machine the results ar
 whether this machine's numpy could be matched (otherwise they agree to about 1e-9).
 
 Where is what: `road` is the door; `known` says which classes we port and refuses the others; `network` and `vehicles`
-turn highway-env's objects into the arrays of `columns` and back; `arithmetic` computes as numpy does on this machine;
-`lanes`, `graph`, `drivers`, `bicycle` and `contact` are the kernels; `advance` is one tick of them.
-
-After a change of a kernel or of `columns` delete the compiled ones (`find . -name "*.nb[ci]" -delete`): numba's cache
-looks at the file of the outermost kernel only.
+turn highway-env's objects into the arrays of `columns` and back, `reading` all of them at once; `arithmetic` computes
+as numpy does on this machine, by numpy's own `loops`; `lanes`, `graph`, `drivers`, `bicycle` and `contact` are parts of
+the kernels, `advance` is one tick of them, and `told` is what a policy may say before it; `compiled` says how they are
+compiled, and when to delete the results.
 """
 
 from __future__ import annotations

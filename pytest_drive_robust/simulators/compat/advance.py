@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import numba
-
 from pytest_drive_robust.simulators.compat.bicycle import face, move
 from pytest_drive_robust.simulators.compat.columns import Arrays
+from pytest_drive_robust.simulators.compat.compiled import kernel
 from pytest_drive_robust.simulators.compat.contact import collide
 from pytest_drive_robust.simulators.compat.drivers import act
 from pytest_drive_robust.simulators.compat.lanes import locate
 
 __all__ = ["advance", "settle"]
 
-_jit = numba.njit(cache=True)
 
-
-@_jit
+@kernel
 def advance(arrays: Arrays, vehicles: int, dt_s: float) -> None:
     """`Road.act()` and `Road.step(dt_s)`; the first `vehicles` bodies are vehicles."""
     for body in range(vehicles):
@@ -27,7 +24,7 @@ def advance(arrays: Arrays, vehicles: int, dt_s: float) -> None:
             collide(arrays, body, other, dt_s)
 
 
-@_jit
+@kernel
 def settle(arrays: Arrays) -> None:
     """Fill what depends on the poses of the bodies after they were read: directions and lane coordinates."""
     for body in range(arrays.bodies.shape[0]):

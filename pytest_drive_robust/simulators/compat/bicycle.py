@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import numba
-
 from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.arithmetic import arctan, cos, sin, tan
 from pytest_drive_robust.simulators.compat.columns import Arrays
+from pytest_drive_robust.simulators.compat.compiled import part
 from pytest_drive_robust.simulators.compat.lanes import locate
 
 __all__ = ["face", "move"]
 
-_jit = numba.njit(cache=True)
 
-
-@_jit
+@part
 def face(arrays: Arrays, body: int) -> None:
     """Enter the direction of a body's heading."""
     mine = arrays.bodies[body]
     mine[c.B_COS], mine[c.B_SIN] = cos(arrays.machine, mine[c.B_HEADING]), sin(arrays.machine, mine[c.B_HEADING])
 
 
-@_jit
+@part
 def _limit_controls(arrays: Arrays, body: int) -> None:
     """A wreck brakes; beyond the speed limits of the vehicle the acceleration leads back to them."""
     mine = arrays.bodies[body]
@@ -33,7 +30,7 @@ def _limit_controls(arrays: Arrays, body: int) -> None:
         mine[c.B_ACCELERATION] = max(mine[c.B_ACCELERATION], mine[c.P_MIN_SPEED] - mine[c.B_SPEED])
 
 
-@_jit
+@part
 def move(arrays: Arrays, body: int, dt_s: float) -> None:
     """Advance a vehicle, push it by the impact of its last collision, find its lane."""
     mine, ints, machine = arrays.bodies[body], arrays.body_ints[body], arrays.machine

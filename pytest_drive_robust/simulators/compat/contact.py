@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from pytest_drive_robust.simulators.compat import columns as c
-from pytest_drive_robust.simulators.compat.arithmetic import Machine, dot2
+from pytest_drive_robust.simulators.compat.arithmetic import Machine, dot2, turn2
 from pytest_drive_robust.simulators.compat.columns import Arrays
+from pytest_drive_robust.simulators.compat.compiled import inline_part, part
 
 __all__ = ["collide"]
 
-_jit = numba.njit(cache=True)
-_jit_inline = numba.njit(cache=True, forceinline=True)
 
-
-@_jit
+@part
 def _polygon(arrays: Arrays, body: int) -> c.Floats:
     """(5, 2): the corners of a body, the first one twice."""
     mine, machine = arrays.bodies[body], arrays.machine
@@ -26,12 +23,12 @@ def _polygon(arrays: Arrays, body: int) -> c.Floats:
     for k in range(5):
         ahead = long if k in (2, 3) else -long
         right = wide if k in (1, 2) else -wide
-        points[k, 0] = dot2(machine, mine[c.B_COS], -mine[c.B_SIN], ahead, right) + mine[c.B_X]
-        points[k, 1] = dot2(machine, mine[c.B_SIN], mine[c.B_COS], ahead, right) + mine[c.B_Y]
+        points[k, 0] = turn2(machine, mine[c.B_COS], -mine[c.B_SIN], ahead, right) + mine[c.B_X]
+        points[k, 1] = turn2(machine, mine[c.B_SIN], mine[c.B_COS], ahead, right) + mine[c.B_Y]
     return points
 
 
-@_jit
+@part
 def _project(machine: Machine, polygon: c.Floats, nx: float, ny: float) -> tuple[float, float]:
     low, high = math.inf, -math.inf
     for k in range(5):
@@ -40,18 +37,18 @@ def _project(machine: Machine, polygon: c.Floats, nx: float, ny: float) -> tuple
     return low, high
 
 
-@_jit
+@part
 def _between(low_a: float, high_a: float, low_b: float, high_b: float) -> float:
     """Distance of two intervals, negative when they overlap."""
     return low_b - high_a if low_a < low_b else low_a - high_b
 
 
-@_jit
+@part
 def _centre(polygon: c.Floats, axis: int) -> float:
     return float((polygon[0, axis] + polygon[1, axis] + polygon[2, axis] + polygon[3, axis]) / 4)
 
 
-@_jit
+@part
 def _separate(
     machine: Machine, a: c.Floats, b: c.Floats, moves_x: float, moves_y: float
 ) -> tuple[bool, bool, float, float]:
@@ -85,13 +82,13 @@ def _separate(
     return now, then, least * out_x, least * out_y
 
 
-@_jit
+@part
 def _push(arrays: Arrays, body: int, x: float, y: float) -> None:
     arrays.bodies[body, c.B_IMPACT_X], arrays.bodies[body, c.B_IMPACT_Y] = x, y
     arrays.body_ints[body, c.I_HAS_IMPACT] = 1
 
 
-@_jit
+@part
 def _touch(arrays: Arrays, body: int, other: int, dt_s: float) -> None:
     """The two boxes against each other, and what follows from it."""
     mine, theirs, one, two = arrays.body_ints[body], arrays.body_ints[other], arrays.bodies[body], arrays.bodies[other]
@@ -117,7 +114,7 @@ def _touch(arrays: Arrays, body: int, other: int, dt_s: float) -> None:
         theirs[c.I_HIT] = 1
 
 
-@_jit_inline
+@inline_part
 def collide(arrays: Arrays, body: int, other: int, dt_s: float) -> None:
     """Crash two bodies that overlap, and push apart two that will; a body that is not solid is only hit."""
     bodies, ints = arrays.bodies, arrays.body_ints

@@ -1,36 +1,34 @@
-"""What the vehicles decide: steering law, speed law, IDM, MOBIL, and what a told ego does."""
+"""What the vehicles decide: steering law, speed law, IDM and MOBIL."""
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.arithmetic import arcsin, arctan, dot2, dot3, power, scalar_power, tan
 from pytest_drive_robust.simulators.compat.columns import Arrays
+from pytest_drive_robust.simulators.compat.compiled import part
 from pytest_drive_robust.simulators.compat.graph import follow_road, neighbours, wanted_id
 from pytest_drive_robust.simulators.compat.lanes import along, heading_at, is_reachable, wrap
 
-__all__ = ["act", "tell"]
-
-_jit = numba.njit(cache=True)
+__all__ = ["act", "control"]
 
 
-@_jit
+@part
 def _not_zero(x: float) -> float:
     if abs(x) > 1e-2:
         return x
     return 1e-2 if x >= 0 else -1e-2
 
 
-@_jit
+@part
 def _clip(x: float, low: float, high: float) -> float:
     return min(max(x, low), high)
 
 
-@_jit
+@part
 def _steer_to(arrays: Arrays, body: int, lane: int) -> float:
     """Steering angle [rad] of the cascaded law: lateral offset to heading, heading to yaw rate, yaw rate to angle."""
     machine, mine, speed = arrays.machine, arrays.bodies[body], arrays.bodies[body, c.B_SPEED]
@@ -50,21 +48,21 @@ def _steer_to(arrays: Arrays, body: int, lane: int) -> float:
     return _clip(angle, -mine[c.P_MAX_STEERING], mine[c.P_MAX_STEERING])
 
 
-@_jit
+@part
 def _steer(arrays: Arrays, body: int) -> None:
     most = arrays.bodies[body, c.P_MAX_STEERING]
     angle = _steer_to(arrays, body, arrays.body_ints[body, c.I_TARGET_LANE])
     arrays.bodies[body, c.B_STEERING] = _clip(angle, -most, most)
 
 
-@_jit
+@part
 def _gap_to(arrays: Arrays, body: int, other: int) -> float:
     """Distance from one body to another along the first one's lane [m], centre to centre."""
     lane = arrays.body_ints[body, c.I_LANE]
     return along(arrays, lane, other) - along(arrays, lane, body)
 
 
-@_jit
+@part
 def _desired_gap(arrays: Arrays, judge: int, body: int, front: int) -> float:
     """The gap [m] that `judge` holds to be right for `body` behind `front`."""
     mine, theirs, parameters = arrays.bodies[body], arrays.bodies[front], arrays.bodies[judge]
@@ -84,7 +82,7 @@ def _desired_gap(arrays: Arrays, judge: int, body: int, front: int) -> float:
     )
 
 
-@_jit
+@part
 def _linear_acceleration(arrays: Arrays, judge: int, body: int, front: int) -> float:
     parameters = arrays.bodies[judge]
     to_target, closing, short = 0.0, 0.0, 0.0
@@ -100,7 +98,7 @@ def _linear_acceleration(arrays: Arrays, judge: int, body: int, front: int) -> f
     return dot3(arrays.machine, weights[0], weights[1], weights[2], to_target, closing, short)
 
 
-@_jit
+@part
 def _acceleration(arrays: Arrays, judge: int, body: int, front: int) -> float:
     """Acceleration [m/s2] of `body` behind `front` (-1: nobody) by the model and the parameters of `judge`."""
     if arrays.body_ints[judge, c.I_KIND] == c.LINEAR:
@@ -120,7 +118,7 @@ def _acceleration(arrays: Arrays, judge: int, body: int, front: int) -> float:
     return float(free - comfort * power(arrays.machine, share, arrays.bodies[judge, c.P_SQUARE]))
 
 
-@_jit
+@part
 def _is_worth_it(arrays: Arrays, body: int, lane: int) -> bool:
     """MOBIL: nobody must brake hard, and the change gains acceleration, or the route wants it."""
     parameters = arrays.bodies[body]
@@ -144,7 +142,7 @@ def _is_worth_it(arrays: Arrays, body: int, lane: int) -> bool:
     return not mine_then - mine_now + parameters[c.P_POLITENESS] * others < parameters[c.P_MIN_GAIN]
 
 
-@_jit
+@part
 def _give_way_to_an_earlier_change(arrays: Arrays, body: int) -> None:
     """Abort a lane change when somebody shortly ahead is already changing into the same lane."""
     mine = arrays.body_ints[body]
@@ -161,7 +159,7 @@ def _give_way_to_an_earlier_change(arrays: Arrays, body: int) -> None:
                 return
 
 
-@_jit
+@part
 def _choose_lane(arrays: Arrays, body: int) -> None:
     mine = arrays.body_ints[body]
     lane = mine[c.I_LANE]
@@ -182,7 +180,7 @@ def _choose_lane(arrays: Arrays, body: int) -> None:
             mine[c.I_TARGET_LANE] = number
 
 
-@_jit
+@part
 def _drive(arrays: Arrays, body: int) -> None:
     """One decision of an IDM or linear driver."""
     if arrays.body_ints[body, c.I_CRASHED]:
@@ -199,15 +197,15 @@ def _drive(arrays: Arrays, body: int) -> None:
     arrays.bodies[body, c.B_ACCELERATION] = _clip(wanted, -most, most)
 
 
-@_jit
-def _control(arrays: Arrays, body: int) -> None:
+@part
+def control(arrays: Arrays, body: int) -> None:
     """The two low-level controllers of a vehicle that holds a lane and a speed."""
     _steer(arrays, body)
     gain, speed = arrays.bodies[body, c.P_KP_A], arrays.bodies[body, c.B_SPEED]
     arrays.bodies[body, c.B_ACCELERATION] = gain * (arrays.bodies[body, c.B_TARGET_SPEED] - speed)
 
 
-@_jit
+@part
 def act(arrays: Arrays, body: int) -> None:
     """Decide without being told anything; a plain vehicle goes on with what it was told last."""
     kind = arrays.body_ints[body, c.I_KIND]
@@ -215,45 +213,4 @@ def act(arrays: Arrays, body: int) -> None:
         _drive(arrays, body)
     elif kind >= c.CONTROLLED:
         follow_road(arrays, body)
-        _control(arrays, body)
-
-
-@_jit
-def _step_speed(arrays: Arrays, body: int, change: int, speeds: c.Floats) -> None:
-    """Aim at the next higher (+1) or lower (-1) of the target speeds of an MDP vehicle."""
-    count = len(speeds)
-    share = (arrays.bodies[body, c.B_SPEED] - speeds[0]) / (speeds[count - 1] - speeds[0])
-    index = int(_clip(np.rint(share * (count - 1)), 0.0, count - 1.0)) + change
-    index = min(max(index, 0), count - 1)
-    arrays.body_ints[body, c.I_SPEED_INDEX], arrays.bodies[body, c.B_TARGET_SPEED] = index, speeds[index]
-
-
-@_jit
-def _aim_beside(arrays: Arrays, body: int, side: int) -> None:
-    target = arrays.body_ints[body, c.I_TARGET_LANE]
-    edge = arrays.edges[arrays.lane_ints[target, c.LI_EDGE]]
-    place = min(max(arrays.lane_ints[target, c.LI_ID] + side, 0), edge[c.E_COUNT] - 1)
-    if is_reachable(arrays, edge[c.E_FIRST] + place, body):
-        arrays.body_ints[body, c.I_TARGET_LANE] = edge[c.E_FIRST] + place
-
-
-@_jit
-def tell(arrays: Arrays, body: int, told: int, speeds: c.Floats) -> None:
-    """`vehicle.act(action)` of a controlled vehicle, before everybody acts; `speeds`: the choices of an MDP vehicle."""
-    kind = arrays.body_ints[body, c.I_KIND]
-    if kind >= c.IDM:
-        act(arrays, body)
-        return
-    faster = 1 if told == c.TOLD_FASTER else (-1 if told == c.TOLD_SLOWER else 0)
-    if kind == c.MDP and faster:
-        _step_speed(arrays, body, faster, speeds)
-    follow_road(arrays, body)
-    if kind == c.CONTROLLED and faster == 1:
-        arrays.bodies[body, c.B_TARGET_SPEED] += arrays.bodies[body, c.P_DELTA_SPEED]
-    elif kind == c.CONTROLLED and faster == -1:
-        arrays.bodies[body, c.B_TARGET_SPEED] -= arrays.bodies[body, c.P_DELTA_SPEED]
-    elif told == c.TOLD_RIGHT:
-        _aim_beside(arrays, body, 1)
-    elif told == c.TOLD_LEFT:
-        _aim_beside(arrays, body, -1)
-    _control(arrays, body)
+        control(arrays, body)

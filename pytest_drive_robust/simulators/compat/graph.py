@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.columns import Arrays
+from pytest_drive_robust.simulators.compat.compiled import part
 from pytest_drive_robust.simulators.compat.lanes import along, centre_point, coordinates, distance, is_on
 
 __all__ = ["follow_road", "neighbours", "next_lane", "wanted_id"]
 
-_jit = numba.njit(cache=True)
 
-
-@_jit
+@part
 def wanted_id(arrays: Arrays, body: int) -> int:
     """The lane id that a body's route asks for next, or NO_ID."""
     route = arrays.body_ints[body, c.I_ROUTE]
@@ -24,7 +21,7 @@ def wanted_id(arrays: Arrays, body: int) -> int:
     return int(arrays.routes[arrays.routes[route, c.R_FIRST], c.R_ID])
 
 
-@_jit
+@part
 def _enter_edge(arrays: Arrays, lane: int, edge: int, asked_id: int, x: float, y: float) -> tuple[int, float]:
     """The lane of `edge` on which to go on after `lane`, and the distance of (x, y) to it.
 
@@ -44,14 +41,14 @@ def _enter_edge(arrays: Arrays, lane: int, edge: int, asked_id: int, x: float, y
     return closest, best
 
 
-@_jit
+@part
 def _drop_finished_step(arrays: Arrays, route: int, edge: int) -> None:
     first = arrays.routes[route, c.R_FIRST]
     if first < arrays.routes[route, c.R_END] and arrays.routes[first, c.R_EDGE] == edge:
         arrays.routes[route, c.R_FIRST] = first + 1
 
 
-@_jit
+@part
 def next_lane(arrays: Arrays, body: int, lane: int) -> int:
     """The lane after `lane`: along the body's route if it goes on from here, else the closest of all that leave."""
     edge = arrays.lane_ints[lane, c.LI_EDGE]
@@ -73,7 +70,7 @@ def next_lane(arrays: Arrays, body: int, lane: int) -> int:
     return following
 
 
-@_jit
+@part
 def follow_road(arrays: Arrays, body: int) -> None:
     """At the end of the target lane aim at the next one."""
     target = arrays.body_ints[body, c.I_TARGET_LANE]
@@ -82,7 +79,7 @@ def follow_road(arrays: Arrays, body: int) -> None:
         arrays.body_ints[body, c.I_TARGET_LANE] = next_lane(arrays, body, target)
 
 
-@_jit
+@part
 def neighbours(arrays: Arrays, body: int, lane: int) -> tuple[int, int]:
     """The bodies directly in front of and behind `body` on a lane (landmarks are not seen), or -1."""
     first, end = arrays.lane_ints[lane, c.LI_SEARCH], arrays.lane_ints[lane, c.LI_SEARCH_END]

@@ -11,10 +11,10 @@ from pytest_drive_robust.errors import SimulationError, nearest
 from pytest_drive_robust.simulators.compat import columns as c
 from pytest_drive_robust.simulators.compat.advance import advance
 from pytest_drive_robust.simulators.compat.arithmetic import is_exact
-from pytest_drive_robust.simulators.compat.drivers import tell
 from pytest_drive_robust.simulators.compat.known import check_road
 from pytest_drive_robust.simulators.compat.network import LaneIndex, Network
 from pytest_drive_robust.simulators.compat.reading import Reading
+from pytest_drive_robust.simulators.compat.told import tell
 
 __all__ = ["CompatRoad"]
 
@@ -94,7 +94,8 @@ class CompatRoad:
         """`ego.act(ego_action)` unless None, then `road.act()`, then `road.step(dt_s)`.
 
         `ego_action` is (acceleration [m/s2], steering [rad]) for a plain `Vehicle`, and "IDLE", "FASTER", "SLOWER",
-        "LANE_LEFT" or "LANE_RIGHT" for a `ControlledVehicle`. Raises `SimulationError` for another one.
+        "LANE_LEFT" or "LANE_RIGHT" for a `ControlledVehicle` or `MDPVehicle`; others drive themselves. Raises
+        `SimulationError` for an action that the ego does not understand.
         """
         if ego_action is not None:
             self._tell(ego_action)
@@ -135,17 +136,20 @@ class CompatRoad:
     def _tell(self, action: tuple[float, float] | str) -> None:
         if self._ego_row < 0:
             raise SimulationError("Nobody can be told anything: CompatRoad.from_road got no ego.")
-        plain = self._arrays.body_ints[self._ego_row, c.I_KIND] == c.PLAIN
-        if plain and not isinstance(action, str):
+        kind = self._arrays.body_ints[self._ego_row, c.I_KIND]
+        if kind == c.PLAIN and not isinstance(action, str):
             self._arrays.bodies[self._ego_row, [c.B_ACCELERATION, c.B_STEERING]] = action
-            return
-        if not plain and isinstance(action, str) and action in _TOLD:
+        elif kind in (c.CONTROLLED, c.MDP) and isinstance(action, str) and action in _TOLD:
             speeds = np.array(getattr(self._ego, "target_speeds", ()), dtype=np.float64)
             tell(self._arrays, self._ego_row, _TOLD[action], speeds)
-            return
-        near = None if plain or not isinstance(action, str) else nearest(action, _TOLD)
-        expected = "(acceleration_mps2, steering_rad)" if plain else f"one of {', '.join(sorted(_TOLD))}"
-        raise SimulationError(
-            f"The ego, a {type(self._ego).__name__}, cannot be told {action!r}: give {expected}."
-            + (f" Did you mean {near!r}?" if near else "")
-        )
+        else:
+            raise SimulationError(_not_understood(type(self._ego).__name__, kind, action))
+
+
+def _not_understood(name: str, kind: int, action: object) -> str:
+    if kind >= c.IDM:
+        return f"The ego, a {name}, drives itself and cannot be told {action!r}: give None."
+    expected = "(acceleration_mps2, steering_rad)" if kind == c.PLAIN else f"one of {', '.join(sorted(_TOLD))}"
+    near = nearest(action, _TOLD) if isinstance(action, str) and kind != c.PLAIN else None
+    hint = f" Did you mean {near!r}?" if near else ""
+    return f"The ego, a {name}, cannot be told {action!r}: give {expected}.{hint}"

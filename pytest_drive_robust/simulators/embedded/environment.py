@@ -45,12 +45,12 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
       each camera
     * reward: metres of route gained in this tick, minus 10 for each infraction event
     * terminated: the route ended (completed, off the route, blocked); truncated: the tick cap
-    * info: `route` its id, `progress_m`, `infractions` how many so far, `end` how it ended or None, `is_success` whether
-      the end was reached without an infraction
+    * info: `route` its id, `progress_m`, `infractions` how many so far, `end` how it ended or None, `is_success`
+      whether the end was reached without an infraction
 
     Each `reset` draws a route and a seed for its actors from the environment's own generator, so `reset(seed=...)`
-    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. Training routes of your own
-    go in as `routes`.
+    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. Training routes of your
+    own go in as `routes`.
 
     `snapshot` and `restore` branch an episode: try several actions from the same moment, or search ahead::
 

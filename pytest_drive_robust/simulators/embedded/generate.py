@@ -110,7 +110,7 @@ def _attempt(draw: _Draw, route_id: str) -> Route:
     trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
     # the first route of a type is in fair weather, later ones go through all of them
     weather = str(rng.choice(_FAIR if draw.number == 0 else tuple(WEATHERS)))
-    spec = ScenarioSpec(f"{kind.name}_{draw.number + 1}", kind.name, trigger, _parameters(kind, rng))
+    spec = ScenarioSpec(f"{kind.name}_{draw.number + 1}", kind.name, trigger, _parameters(kind, rng), dict(site.texts))
     return Route(route_id, town_name, waypoints, spec, WEATHERS[weather])
 
 

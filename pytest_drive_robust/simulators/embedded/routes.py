@@ -17,7 +17,7 @@ from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_
 __all__ = ["ALL_ROUTES", "default_set", "load_routes", "named_routes", "save_routes", "set_names", "set_summary"]
 
 _FOLDER = Path(__file__).parent / "route_files"
-_FILE = _FOLDER / "bench24.xml"
+_FILE = _FOLDER / "full.xml"
 
 ALL_ROUTES = "full"
 """The set in which route ids are looked up that stand alone."""
@@ -41,7 +41,6 @@ _DEV10 = frozenset(
 """The types of Bench2Drive's Dev10: `leaderboard/data/drivetransformer_bench2drive_dev10.xml`."""
 
 _SETS: dict[str, tuple[str, Callable[[Route, int], bool]]] = {
-    "bench24": ("the first two of each scenario type", lambda route, n: n < 2),
     "dev10": (
         "the first of each type of Bench2Drive's Dev10",
         lambda route, n: n == 0 and route.scenario.type in _DEV10,

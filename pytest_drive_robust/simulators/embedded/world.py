@@ -27,6 +27,7 @@ EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
 
 Floats = NDArray[np.float64]
 _NOISE_TICKS = 199
+_STOPPING_MPS2 = 4.0
 
 
 class World:
@@ -137,11 +138,12 @@ def _clear_start(statics: Statics, state: State) -> None:
 
 
 def _runs_into(actor: Floats, placed: Floats) -> bool:
-    """Does an actor overlap one of `placed`, or stand less than 2 m before or behind it?"""
+    """Does an actor overlap one of `placed`, or is it too near along it to stop in time?"""
     dx, dy = actor[c.A_X] - placed[:, c.A_X], actor[c.A_Y] - placed[:, c.A_Y]
     cos, sin = np.cos(placed[:, c.A_YAW]), np.sin(placed[:, c.A_YAW])
     long, wide = placed[:, c.A_LENGTH] + actor[c.A_LENGTH], placed[:, c.A_WIDTH] + actor[c.A_WIDTH]
-    inside = (np.abs(dx * cos + dy * sin) < long / 2.0 + 2.0) & (np.abs(dy * cos - dx * sin) < wide / 2.0)
+    to_stop = 2.0 + actor[c.A_V] ** 2 / (2.0 * _STOPPING_MPS2)
+    inside = (np.abs(dx * cos + dy * sin) < long / 2.0 + to_stop) & (np.abs(dy * cos - dx * sin) < wide / 2.0)
     return bool(inside.any())
 
 

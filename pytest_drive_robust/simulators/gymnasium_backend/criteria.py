@@ -54,8 +54,8 @@ class Judge:
         """Judge the tick that ended with `frame`."""
         gained = self._pass_rows(frame)
         self._collisions(frame)
-        self._off_road = self._is_off_road()
-        if self._off_road or self._is_wrong_way(frame):
+        self._off_road = not self._road.ego.on_road
+        if self._is_outside() or self._is_wrong_way(frame):
             self._outside_m += gained
         self._efficiency(frame)
         self._still_s = self._still_s + dt_s if frame.ego.speed_mps < constants.STANDING_MPS else 0.0
@@ -95,7 +95,8 @@ class Judge:
             detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
             self._note(_COLLISIONS[kind.collision_class], frame, detail)
 
-    def _is_off_road(self) -> bool:
+    def _is_outside(self) -> bool:
+        """More than half a metre outside every lane; `ego.lane` is the nearest one by place and heading."""
         ego = self._road.ego
         if ego.lane.on_lane(ego.position, margin=constants.OUTSIDE_M):
             return False

@@ -22,6 +22,7 @@ _MAX_PLAN_GAP_M = 50.0
 _TURN_RAD = math.radians(35.0)
 _CHANGE_SHARE = 0.8
 _SHORTEST_M = 10.0
+_STEP_M = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +112,18 @@ def _command(points: Floats, junction: bool) -> RoadOption:
 
 
 def _joined(network: RoadNetwork, pieces: list[_Piece]) -> RouteLine:
-    points = np.concatenate([piece.points for piece in pieces])
-    owner = np.concatenate([np.full(len(piece.points), k) for k, piece in enumerate(pieces)])
+    stretches = [pieces[0].points]
+    for piece in pieces[1:]:  # lanes of highway-env may overlap a little where they meet: never step back
+        x, y, yaw = stretches[-1][-1]
+        ahead = (piece.points[:, 0] - x) * math.cos(yaw) + (piece.points[:, 1] - y) * math.sin(yaw)
+        first = int(np.argmax(ahead > _STEP_M)) if (ahead > _STEP_M).any() else len(piece.points) - 1
+        stretches.append(piece.points[first:])
+    points = np.concatenate(stretches)
+    owner = np.concatenate([np.full(len(stretch), k) for k, stretch in enumerate(stretches)])
     line = resample(points)
-    along = np.linspace(0.0, arc_lengths(points)[-1], len(line))
-    nearest = np.searchsorted(arc_lengths(points), along, side="right") - 1
-    owners = [pieces[int(owner[k])] for k in nearest]
+    at = arc_lengths(points)
+    along = np.linspace(0.0, at[-1], len(line))
+    owners = [pieces[int(owner[k])] for k in np.searchsorted(at, along, side="right") - 1]
     limits = [float(network.get_lane(piece.key).speed_limit or DEFAULT_LIMIT_MPS) for piece in owners]
     return RouteLine(
         rows=np.column_stack([line, limits]),

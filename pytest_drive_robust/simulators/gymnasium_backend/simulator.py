@@ -70,6 +70,13 @@ class GymnasiumSimulator:
             with self._classes.inside():
                 self._env = self._make()
 
+    @property
+    def environment(self) -> Environment:
+        """The gymnasium environment of the current episode. Raises `SimulationError` before the first `reset`."""
+        if self._env is None:
+            raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
+        return self._env
+
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
         """The routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
 

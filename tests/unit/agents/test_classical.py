@@ -245,10 +245,10 @@ def test_an_empty_plan_is_refused() -> None:
         agent.act(_observation(_road()))
 
 
-@pytest.mark.parametrize("route_id", ["101", "601", "1001", "1101"])
+@pytest.mark.parametrize("route_id", ["801", "2501", "3801", "4001"])
 def test_it_drives_a_route_of_each_kind_and_again_the_same_way(route_id: str) -> None:
     """A pedestrian, a parked car, a stop sign, a red light; the second episode keeps nothing of the first."""
-    route = next(route for route in named_routes("bench24") if route.id == route_id)
+    route = next(route for route in named_routes("full") if route.id == route_id)
     simulator, agent = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0)), Classical()
     first, second = (
         drive_episode(simulator, agent, route=route, setting=Setting.CLEAN, seed=0, agent_name="classical")

@@ -16,7 +16,7 @@ from pytest_drive_robust.settings import Settings
 LATENCY = Setting.of(InferenceLatency(ms=200))
 
 
-def text_of(wanted, clean, perturbed, *, settings=None, routes_spec="bench24", privileged=False):
+def text_of(wanted, clean, perturbed, *, settings=None, routes_spec="dev10", privileged=False):
     verdict = judge(wanted, agent="driver", clean=clean, perturbed=perturbed)
     return failure_text(verdict, settings or Settings(), routes_spec=routes_spec, privileged=privileged)
 

@@ -16,13 +16,13 @@ def run_of(*groups, judged=()):
     for setting, results in groups:
         keys = tuple(f"{setting} {result.episode.route_id}" for result in results)
         found.update(zip(keys, results, strict=True))
-        asked.append(Asked("driver", "bench24", setting, (0,), keys, clean if setting != "clean" else ()))
+        asked.append(Asked("driver", "dev10", setting, (0,), keys, clean if setting != "clean" else ()))
         clean = keys if setting == "clean" else clean
     return RunResult.of(Settings(), [*asked, *judged], found.get, versions={})
 
 
 def verdict(setting, word):
-    return Judged("test_x.py::t", "...", "driver", "bench24", (0,), "RD", setting, "<=", 0.3, word)
+    return Judged("test_x.py::t", "...", "driver", "dev10", (0,), "RD", setting, "<=", 0.3, word)
 
 
 def test_rows_have_numbers_and_the_worst_verdict():
@@ -81,7 +81,7 @@ def test_early_stops_are_mentioned():
 
 
 def test_an_interrupted_setting_says_how_much_is_there():
-    asked = Asked("driver", "bench24", "clean", (0,), ("a", "b"), ())
+    asked = Asked("driver", "dev10", "clean", (0,), ("a", "b"), ())
     run = RunResult.of(Settings(), [asked], {"a": make_result("1")}.get, versions={})
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]

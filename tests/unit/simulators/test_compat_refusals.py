@@ -106,6 +106,7 @@ def test_an_ego_from_somewhere_else_is_refused() -> None:
     [
         (Vehicle, "FASTER", r"a Vehicle, cannot be told 'FASTER': give \(acceleration_mps2, steering_rad\)"),
         (MDPVehicle, (1.0, 0.0), r"a MDPVehicle, cannot be told \(1.0, 0.0\): give one of FASTER, IDLE"),
+        (IDMVehicle, "FASTER", "a IDMVehicle, drives itself and cannot be told 'FASTER': give None"),
         (MDPVehicle, "LANE_LEFTT", "Did you mean 'LANE_LEFT'"),
     ],
 )

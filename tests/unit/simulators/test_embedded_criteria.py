@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 
-BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("bench24"))}
+BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("full"))}
 
 
 def teleport(simulator: EmbeddedSimulator, s_m: float, *, right_m: float = 0.0, speed_mps: float = 8.0) -> None:

@@ -14,7 +14,7 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 
 SETTINGS = ("clean", "3 s burst frame drop and GPS noise 5 m", "occlusion 0.5 and 200 ms latency")
-ROUTE_IDS = ("101", "901", "1201")
+ROUTE_IDS = ("801", "3201", "4401")
 
 
 class Spy:
@@ -39,7 +39,7 @@ class Spy:
 
 
 def fingerprints(order: list[tuple[str, str]]) -> dict[str, str]:
-    routes = {route.id: route for route in named_routes("bench24")}
+    routes = {route.id: route for route in named_routes("full")}
     simulator, agent = EmbeddedSimulator(SimulatorOptions(tick_cap=120)), Spy()
     found = {}
     for route_id, setting in order:

@@ -2,41 +2,136 @@
 
 from __future__ import annotations
 
+import warnings
+
 import gymnasium
 import numpy as np
+import pytest
 from gymnasium.utils.env_checker import check_env
 
 import pytest_drive_robust.simulators.gymnasium_ids  # noqa: F401 -- registers the id
 from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.errors import SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
+from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
+
+CAMERAS = (
+    CameraSpec("front", width_px=64, height_px=36),
+    CameraSpec("slow", width_px=32, height_px=18, rate_hz=5.0),
+)
+ROUTES = [route.id for route in named_routes(default_set)]
 
 
-def test_gymnasium_finds_nothing_to_complain_about() -> None:
-    check_env(WorldEnv(cameras=(CameraSpec("front", width_px=64, height_px=36),)), skip_render_check=True)
+def controls(seed, count):
+    rng = np.random.Generator(np.random.Philox(seed))
+    return [np.array([rng.uniform(0.2, 0.9), rng.normal(0.0, 0.05), 0.0], np.float32) for _ in range(count)]
 
 
-def test_it_is_registered_under_its_name() -> None:
+def rollout(env, actions):
+    """Everything that the environment says to `actions`, as plain values."""
+    told = []
+    for action in actions:
+        observed, reward, terminated, truncated, info = env.step(action)
+        told.append(({name: value.tolist() for name, value in observed.items()}, reward, terminated, truncated, info))
+    return told
+
+
+@pytest.mark.parametrize("cameras", [(), CAMERAS], ids=["blind", "cameras"])
+def test_gymnasium_finds_nothing_to_complain_about(cameras):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gymnasium.make("drive_robust/World-v0", cameras=cameras, render_mode="rgb_array")
+        check_env(env.unwrapped)
+
+
+def test_it_is_registered_under_its_name():
     env = gymnasium.make("drive_robust/World-v0")
-    observed, info = env.reset(seed=3, options={"route": "101"})
-    assert info["route"] == "101"
+    observed, info = env.reset(seed=3, options={"route": ROUTES[1]})
+    assert info["route"] == ROUTES[1]
     assert observed["speed"].shape == (1,)
-    total = 0.0
-    for _ in range(100):
-        observed, reward, *_ = env.step(np.array([0.5, 0.0, 0.0], np.float32))
-        total += float(reward)
-    assert observed["speed"][0] > 3.0
-    assert total > 5.0
+    assert set(info) == {"route", "progress_m", "infractions", "end", "is_success"}
     env.close()
 
 
-def test_a_collision_costs() -> None:
+def test_progress_is_rewarded():
     env = WorldEnv()
-    env.reset(seed=0, options={"route": "601"})
-    rewards = [env.step(np.array([0.6, 0.0, 0.0], np.float32))[1] for _ in range(200)]
-    assert min(rewards) < -5.0
+    _, info = env.reset(seed=3, options={"route": ROUTES[0]})
+    told = rollout(env, controls(0, 60))
+    total = sum(reward for _, reward, *_ in told)
+    gained = told[-1][-1]["progress_m"] - info["progress_m"]
+    assert gained > 3.0
+    assert total == pytest.approx(gained - 10.0 * told[-1][-1]["infractions"])
 
 
-def test_the_picture_is_a_bird_s_eye_view() -> None:
+def test_a_collision_costs():
+    """Full throttle and no eyes: on some route something is in the way."""
+    env = WorldEnv()
+    for route in ROUTES:
+        env.reset(seed=0, options={"route": route})
+        for _ in range(300):
+            _, reward, terminated, _, info = env.step(np.array([0.8, 0.0, 0.0], np.float32))
+            if info["infractions"]:
+                assert reward < -5.0
+                assert not info["is_success"]
+                return
+            if terminated:
+                break
+    pytest.fail("no route has anything to hit")
+
+
+def test_the_same_seed_is_the_same_episode_and_the_same_next_ones():
+    def driven():
+        env = WorldEnv()
+        first = env.reset(seed=11)[1]["route"], rollout(env, controls(1, 20))
+        second = env.reset()[1]["route"], rollout(env, controls(1, 20))
+        return first, second
+
+    assert driven() == driven()
+
+
+def test_seeds_draw_different_routes():
+    env = WorldEnv()
+    assert len({env.reset(seed=seed)[1]["route"] for seed in range(6)}) > 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"route": "no-such-route"}, "route of this environment"), ({"rout": "1"}, "Did you mean 'route'")],
+)
+def test_options_that_mean_nothing_are_refused(options, message):
+    with pytest.raises(UnknownNameError, match=message):
+        WorldEnv().reset(options=options)
+
+
+@pytest.mark.parametrize("route", ROUTES[:: max(1, len(ROUTES) // 4)][:4])
+def test_branches_are_a_straight_run_bit_by_bit(route):
+    env = WorldEnv(cameras=CAMERAS)
+    env.reset(seed=5, options={"route": route})
+    before, after, elsewhere = controls(2, 33), controls(3, 25), controls(4, 17)
+    straight = rollout(env, [*before, *after])
+
+    env.reset(seed=5, options={"route": route})
+    assert rollout(env, before) == straight[:33]
+    here = env.snapshot()
+    other = rollout(env, elsewhere)
+    for _ in range(2):
+        env.restore(here)
+        assert rollout(env, after) == straight[33:]
+    env.restore(here)
+    assert rollout(env, elsewhere) == other
+    assert other != straight[33:50]
+
+
+def test_a_snapshot_of_another_episode_is_refused():
+    env = WorldEnv()
+    env.reset(seed=0)
+    here = env.snapshot()
+    env.reset(seed=0)
+    with pytest.raises(SimulationError, match="of another episode"):
+        env.restore(here)
+
+
+def test_the_picture_is_a_bird_s_eye_view():
     env = WorldEnv(render_mode="rgb_array")
     env.reset(seed=0)
     picture = env.render()

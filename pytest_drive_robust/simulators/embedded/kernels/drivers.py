@@ -26,8 +26,9 @@ LOOK_AHEAD_M = 70.0
 # how far the traffic around the ego may get away from it
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
 SIDEWAYS_SHARE = 0.5
-NOTICED_LATE_M = 1.0
-"""Who sees late brakes for a body only once its middle has come this near to the line that he drives on."""
+NOTICED_LATE_M, NOTICED_SHARE = 1.0, 0.95
+"""Who sees late brakes only for bodies whose middle is so near to the line that he drives on, and that are slower than
+this share of the speed that he keeps."""
 _RED = int(LightState.RED)
 _YELLOW = int(LightState.YELLOW)
 _BRAKING = int(ActorState.BRAKING)
@@ -54,11 +55,11 @@ def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, 
 
 @inner
 def _leader(
-    bodies: Floats, i: int, s: float, right: float, length: float, width: float, notices_m: float
+    bodies: Floats, i: int, s: float, right: float, length: float, width: float, notices_m: float, notices_mps: float
 ) -> tuple[float, float]:
     """(gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i.
 
-    Bodies farther aside than `notices_m` are overlooked.
+    Bodies farther aside than `notices_m` or faster than `notices_mps` are overlooked.
     """
     gap, speed = math.inf, 0.0
     for body in range(len(bodies)):
@@ -66,6 +67,8 @@ def _leader(
         if ahead <= 0.0 or ahead > LOOK_AHEAD_M or body == i:
             continue
         if abs(bodies[body, c.S_RIGHT] - right) > min(0.5 * (width + bodies[body, c.S_WIDTH]) + 0.2, notices_m):
+            continue
+        if bodies[body, c.S_SPEED] > notices_mps:
             continue
         found = ahead - 0.5 * (length + bodies[body, c.S_LENGTH])
         if found < gap:
@@ -109,9 +112,13 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
         return _abreast(actor, state.ego)
     gap, leader_v = math.inf, 0.0
     if whole[c.I_BLIND] != c.SEES_NOBODY:
-        notices_m = NOTICED_LATE_M if whole[c.I_BLIND] == c.SEES_LATE else math.inf
+        notices_m = notices_mps = math.inf
+        if whole[c.I_BLIND] == c.SEES_LATE:
+            notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
         path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
-        gap, leader_v = _leader(statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m)
+        gap, leader_v = _leader(
+            statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m, notices_mps
+        )
         line = statics.path_stop_line[path]
         if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and state.lights[line] in (_RED, _YELLOW):
             ahead = statics.path_stop_s[path] - s - 0.5 * length

@@ -18,6 +18,7 @@ class Site:
     `"ramp.f0>road.right"`. `before_m` metres lie between the start and the chain's anchor (its first junction, on ramps
     where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are
     ranges, the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
+    `texts` are parameter elements whose value is a word: `(("direction", "left"),)`.
     """
 
     style: str
@@ -26,6 +27,7 @@ class Site:
     trigger_m: tuple[float, float] = (4.0, 14.0)
     before_m: tuple[float, float] | None = None
     changes_m: tuple[tuple[float, float], ...] = ()
+    texts: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

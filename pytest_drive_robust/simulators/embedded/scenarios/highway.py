@@ -18,8 +18,8 @@ __all__ = [
     "sequential_lane_change",
 ]
 
-_RAMP_START_MPS = 8.0
-_ROLLING = 0.7  # of the speed limit
+_RAMP_ROLLING, _ROLLING = 0.55, 0.7
+"""Speeds at the start, as shares of the limit."""
 _LAST_M = 5.0
 
 
@@ -51,7 +51,7 @@ def highway_exit(stage: Stage) -> None:
 )
 def merger_into_slow_traffic(stage: Stage) -> None:
     """Merge from the acceleration lane into traffic that crawls at half the limit."""
-    stage.start_mps = _RAMP_START_MPS
+    stage.start_mps = _RAMP_ROLLING * stage.speed_limit_mps
     _flow_in_last_lane(stage, speed_mps=(9.0, 10.0), gap_m=(14.0, 42.0))
 
 
@@ -67,7 +67,7 @@ def merger_into_slow_traffic(stage: Stage) -> None:
 )
 def merger_into_slow_traffic_v2(stage: Stage) -> None:
     """Merge into the slow traffic of a lane that is only for the exit."""
-    stage.start_mps = _RAMP_START_MPS
+    stage.start_mps = _RAMP_ROLLING * stage.speed_limit_mps
     _flow_in_last_lane(stage, speed_mps=(10.0, 10.0), gap_m=(11.0, 34.0))
 
 

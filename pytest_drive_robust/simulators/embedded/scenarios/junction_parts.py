@@ -58,18 +58,22 @@ def route_flow(
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, late=True, dense_m=dense_m)
 
 
-def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), obeys_lights: bool = False) -> None:
-    """Background traffic straight on from the junction's other arms, as fast as the ego's way through it allows."""
+def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
+    """Background traffic straight on from the junction's other arms, as fast as the ego's way through it allows.
+
+    Without `lights` the two roads would block each other: then there is oncoming traffic only where nobody crosses.
+    """
     inside = stage.lane_at(stage.junction_ahead_m() + 1.0)
+    speed = 0.8 * min(stage.speed_limit_mps, inside.speed_limit_mps)
+    crossed = False
     for bearing in ("left", "right", "opposite"):
+        if bearing == "opposite" and crossed and not lights:
+            break
         with suppress(RouteError):  # a junction of three arms lacks one of them
             stage.flow(
-                stage.from_arm(bearing),
-                speed_mps=0.8 * min(stage.speed_limit_mps, inside.speed_limit_mps),
-                gap_m=gap_m,
-                background=True,
-                obeys_lights=obeys_lights,
+                stage.from_arm(bearing), speed_mps=speed, gap_m=gap_m, background=True, obeys_lights=lights, late=True
             )
+            crossed = True
 
 
 def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:

@@ -29,9 +29,10 @@ _TRIGGER_M = (3.0, 6.0)
 )
 def t_junction(stage: Stage) -> None:
     """A junction of three arms with lights or a stop sign on the stem; the other arms carry traffic."""
-    if any(line.is_light for line in stage.dense.lane_map.stop_lines):
+    lights = any(line.is_light for line in stage.dense.lane_map.stop_lines)
+    if lights:
         lights_turn_green(stage, red_s=stage.draw("red", 4.0, 9.0))
-    cross_traffic(stage, obeys_lights=True)
+    cross_traffic(stage, lights=lights)
     end_behind_junction(stage)
 
 
@@ -75,7 +76,7 @@ def vanilla_stop_sign(stage: Stage) -> None:
 def vanilla_green_light(stage: Stage) -> None:
     """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes."""
     lights_turn_red(stage)
-    cross_traffic(stage, obeys_lights=True)
+    cross_traffic(stage, lights=True)
     end_behind_junction(stage)
 
 
@@ -91,5 +92,5 @@ def vanilla_green_light(stage: Stage) -> None:
 def vanilla_red_light(stage: Stage) -> None:
     """A plain turn; the light is red for five seconds, then green."""
     lights_turn_green(stage)
-    cross_traffic(stage, obeys_lights=True)
+    cross_traffic(stage, lights=True)
     end_behind_junction(stage)

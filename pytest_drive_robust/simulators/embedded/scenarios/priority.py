@@ -13,6 +13,7 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import Script
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, meeting_point
+from pytest_drive_robust.simulators.embedded.signals import GREEN, RED
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -26,17 +27,26 @@ _WITHIN_M = 12.0
 _BEARINGS = ("left", "right", "opposite")
 
 
+def _site(style: str, chain: str, direction: str) -> Site:
+    """A site with 36 to 46 m to drive before the junction and the vehicle from this direction."""
+    return Site(
+        style, chain, (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0), texts=(("direction", direction),)
+    )
+
+
 @scenario(
     "OppositeVehicleRunningRedLight",
     sites=(
-        Site("LightCrossing", "E.straight0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
-        Site("LightAvenueCrossing", "S.straight0", (78.0, 94.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
-        Site("LightTee", "E.left0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        _site("LightCrossing", "E.straight0", "left"),
+        _site("LightAvenueCrossing", "S.straight0", "right"),
+        _site("LightTee", "E.left0", "opposite"),
+        _site("LightCrossing", "N.straight0", "right"),
+        _site("LightAvenueCrossing", "W.straight1", "left"),
     ),
 )
 def opposite_vehicle_running_red_light(stage: Stage) -> None:
-    """The ego has green; an emergency vehicle without a siren's patience runs the red at 60 km/h."""
-    stage.green_for_ego()
+    """The ego has green; an emergency vehicle runs the red at 60 km/h."""
+    stage.lights(ego=GREEN, opposite=RED)
     _take_priority(stage, ActorKind.EMERGENCY)
     end_behind_junction(stage)
 
@@ -44,9 +54,10 @@ def opposite_vehicle_running_red_light(stage: Stage) -> None:
 @scenario(
     "OppositeVehicleTakingPriority",
     sites=(
-        Site("OpenCrossing", "W.straight0", (72.0, 86.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
-        Site("OpenCrossing", "S.straight0", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
-        Site("OpenTee", "E.left0", (72.0, 86.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0)),
+        _site("OpenCrossing", "W.straight0", "right"),
+        _site("OpenCrossing", "S.straight0", "left"),
+        _site("OpenTee", "E.left0", "opposite"),
+        _site("OpenCrossing", "N.left0", "opposite"),
     ),
 )
 def opposite_vehicle_taking_priority(stage: Stage) -> None:

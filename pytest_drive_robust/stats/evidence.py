@@ -1,0 +1,146 @@
+"""Three verdicts from evidence: does the requirement hold on routes like these?
+
+One number per route, read in planned order. `hold` has a mean of 0 or more exactly when the requirement holds;
+`slack` has a mean above 0 exactly when it is missed by less than the margin. For RD <= limit these are
+`P - (1 - limit) * C` and `P - (1 - limit - margin) * C`: linear in the scores, so nothing is divided (`rules.py`).
+
+After every route a betting e-process may decide (alpha / 5; valid however often one looks: Waudby-Smith and Ramdas
+2024, "Estimating means of bounded random variables by betting"). When the routes run out there is one look with Hall's
+skewness-corrected t test (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"), with one
+pessimistic pseudo route on the pass side, because rare failures that were not seen yet would make it too sure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from math import fsum
+from typing import Literal
+
+from pytest_drive_robust.errors import ComparisonError
+
+__all__ = ["EARLY_SHARE", "FEWEST_FOR_T", "Decision", "Evidence", "Wealth", "mean_below_zero_p", "share_of"]
+
+Decision = Literal["pass", "fail", "inconclusive"]
+
+EARLY_SHARE = 0.2
+"""The share of alpha that betting after every route may spend; the rest is for the last look."""
+
+FEWEST_FOR_T = 20
+"""Fewer two-humped scores have no usable t statistic: then betting alone decides."""
+
+
+class Wealth:
+    """What three gamblers own on average who bet on "the mean of x is above 0", for x >= -1 whose mean is 0 at most.
+
+    `value` is the e-value of the evidence so far: 100 is reached with a chance of 1 in 100 at most.
+    """
+
+    __slots__ = ("_owned", "value")
+
+    def __init__(self) -> None:
+        self._owned = (1.0, 1.0, 1.0)
+        self.value = 1.0
+
+    def bet(self, x: float) -> float:
+        """The wealth after one more value. Raises `ComparisonError` below -1 and for NaN."""
+        if not x >= -1.0:
+            if not x > -1.0 - 1e-9:
+                raise ComparisonError(f"a value of {x!r} lies outside the range that its scores can have.")
+            x = -1.0
+        low, middle, high = self._owned
+        low, middle, high = low * (1.0 + 0.2 * x), middle * (1.0 + 0.5 * x), high * (1.0 + 0.9 * x)
+        self._owned = low, middle, high
+        self.value = (low + middle + high) / 3.0
+        return self.value
+
+
+class Evidence:
+    """Collects routes in planned order until they decide.
+
+    `most` is the largest value that `hold` can take, `least` the smallest one of `slack`, as a positive number.
+    Infinity where there is no end: that side then waits for the last look. 0 where the other sign is impossible: one
+    route on the wrong side is then proof. `alpha` bounds the chance of a wrong fail, and that of a wrong pass.
+    `against` and `within` hold the e-values of the two sides, `needed` is what decides.
+
+    Raises `ValueError` for a range that is negative or an alpha outside 0..0.5.
+    """
+
+    def __init__(self, *, most: float, least: float, alpha: float = 0.05) -> None:
+        if not (most >= 0.0 and least >= 0.0):
+            raise ValueError(f"the ranges are {most!r} and {least!r}, expected two numbers of 0 or more.")
+        if not 0.0 < alpha < 0.5:
+            raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
+        self._most, self._least, self._alpha = most, least, alpha
+        self.needed = 1.0 / (alpha * EARLY_SHARE)
+        self.against, self.within = Wealth(), Wealth()
+        self._holds: list[float] = []
+        self._slacks: list[float] = []
+        self.decision: Decision | None = None
+
+    @property
+    def routes(self) -> int:
+        """How many routes were read."""
+        return len(self._holds)
+
+    def read(self, hold: float, slack: float) -> Decision | None:
+        """One more route; the verdict as soon as there is one. Later routes change nothing any more.
+
+        Raises `ComparisonError` for a value outside the range.
+        """
+        if self.decision is not None:
+            return self.decision
+        against = self.against.bet(share_of(self._most, -hold))
+        within = self.within.bet(share_of(self._least, slack))
+        self._holds.append(hold)
+        self._slacks.append(slack)
+        if against >= self.needed:
+            self.decision = "fail"
+        elif within >= self.needed:
+            self.decision = "pass"
+        return self.decision
+
+    def close(self) -> Decision:
+        """The last look, once there are no more routes. Raises `ComparisonError` when none was read."""
+        if not self._holds:
+            raise ComparisonError("there is no route to judge. Expected one score per route.")
+        if self.decision is None:
+            self.decision = self._last_look()
+        return self.decision
+
+    def _last_look(self) -> Decision:
+        alpha = self._alpha * (1.0 - EARLY_SHARE)
+        if self.routes >= FEWEST_FOR_T:
+            if mean_below_zero_p(self._holds) <= alpha:
+                return "fail"
+            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()]) <= alpha:
+                return "pass"
+        return "inconclusive"
+
+    def _unseen(self) -> float:
+        """The pseudo route: the worst that the range allows; without an end, as far out as the farthest route seen."""
+        return -self._least if self._least < math.inf else -max(abs(slack) for slack in self._slacks)
+
+
+def share_of(bound: float, x: float) -> float:
+    """`x` as a share of `bound`, so that it is -1 at least; with a bound of 0 anything above 0 is proof."""
+    if bound > 0.0:
+        return x / bound
+    return math.inf if x > 0.0 else x
+
+
+def mean_below_zero_p(values: Sequence[float]) -> float:
+    """The p-value against "the mean is 0 or more" by Hall's transformed t statistic; small: the mean is below 0.
+
+    For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5).
+    """
+    from scipy.special import stdtr
+
+    student_t: Callable[[float, float], float] = stdtr
+    count, mean = len(values), fsum(values) / len(values)
+    spread = math.sqrt(fsum((value - mean) ** 2 for value in values) / count)
+    share = mean / max(spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))
+    share = max(-1e6, min(1e6, share))
+    skew = fsum((value - mean) ** 3 for value in values) / count / max(spread, 1e-6) ** 3
+    straight = share + skew * share**2 / 3.0 + skew**2 * share**3 / 27.0 + skew / (6.0 * count)
+    return float(student_t(count - 1.0, straight * math.sqrt(count)))

@@ -1,0 +1,122 @@
+"""What so many routes can show, before anything is driven: one formula, SE(RD) = noise / sqrt(routes).
+
+`noise` is k = sd(D) / mean(clean): 0.25 to 0.35 for an agent that drives well, 0.35 to 0.5 for others. For a plain mean
+(DS, SR) the same formulas hold with the standard deviation of the metric over routes as noise and its unit as margin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T
+
+__all__ = ["USUAL_NOISE", "Advice", "advise", "degradation_noise", "pairs_to_settle", "resolution", "routes_needed"]
+
+USUAL_NOISE = 0.45
+"""The noise of RD for an agent that we know nothing about."""
+
+_POWER = 0.90
+_COARSE = 0.30
+_WANTED = 100
+_ACCEPTED = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """Whether so many routes can carry a margin: `"fine"`, `"warn"`, `"refuse"`; `text` is empty when fine."""
+
+    level: Literal["fine", "warn", "refuse"]
+    text: str
+    resolution: float
+
+
+def resolution(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER) -> float:
+    """The smallest violation that a gate on `routes` pairs catches with probability `power`.
+
+    Fewer than 20 routes have betting alone, which sees less.
+
+    >>> round(resolution(50), 2)
+    0.19
+    """
+    if routes < 1:
+        raise ValueError(f"{routes} routes can show nothing. Expected 1 or more.")
+    return _reach(routes, alpha, power) * noise / math.sqrt(routes)
+
+
+def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER) -> int:
+    """How many routes catch a violation of `margin` with probability `power`; 20 at least.
+
+    >>> routes_needed(0.10)
+    186
+    """
+    if not margin > 0.0:
+        raise ValueError(f"the margin is {margin!r}, expected a number above 0.")
+    wanted = _reach(FEWEST_FOR_T, alpha, power) * noise / margin
+    return max(FEWEST_FOR_T, math.ceil(wanted**2))
+
+
+def pairs_to_settle(
+    value: float, limit: float, margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER
+) -> int:
+    """How many pairs in all would settle an inconclusive verdict, if `value` (RD) is the truth.
+
+    The farther of the two claims is the one to show: "above the limit", or "below limit + margin". For a metric that
+    must stay above its limit give a negative margin.
+    """
+    return routes_needed(max(abs(value - limit), abs(limit + margin - value)), noise, alpha=alpha, power=power)
+
+
+def degradation_noise(clean: Sequence[float], perturbed: Sequence[float]) -> float:
+    """k = sd(D) / mean(clean) of stored scores per route, D = perturbed - (1 - RD) * clean.
+
+    0 when every route loses the same share. Raises `ComparisonError` for lists that do not pair, fewer than two pairs
+    and a clean mean of 0.
+    """
+    count = len(clean)
+    if count != len(perturbed) or count < 2:
+        raise ComparisonError(f"{count} clean and {len(perturbed)} perturbed scores. Expected two pairs or more.")
+    total = math.fsum(clean)
+    if not total > 0.0:
+        raise ComparisonError("the mean clean score is 0, so the degradation has no noise.")
+    kept = math.fsum(perturbed) / total
+    squares = math.fsum((after - kept * before) ** 2 for before, after in zip(clean, perturbed, strict=True))
+    return math.sqrt(squares / (count - 1)) / (total / count)
+
+
+def advise(
+    routes: int, margin: float, noise: float = USUAL_NOISE, *, what: str = "RD", scale: float = 1.0, alpha: float = 0.05
+) -> Advice:
+    """The words for the collection of a gate on `routes` routes with this margin.
+
+    Refused: fewer than 20 routes, unless the margin is 0.30 of the `scale` (the metric's range: 1 for RD and SR, 100
+    for DS) or more. Warned: a margin finer than the resolution, fewer than 50 routes.
+    """
+    finest = resolution(routes, noise, alpha=alpha)
+    needed = routes_needed(margin, noise, alpha=alpha)
+    shown = f"{routes} {'route' if routes == 1 else 'routes'}"
+    wish = f"asked margin {margin:.2f} needs about {math.ceil(needed / 10) * 10} routes"
+    if routes < FEWEST_FOR_T and margin < _COARSE * scale:
+        least = f"Give {FEWEST_FOR_T} routes or more, or a margin of {_COARSE * scale:g} or more"
+        return Advice("refuse", f"{shown} cannot carry a verdict on {what}; {wish}. {least}.", finest)
+    if finest > margin:
+        text = f"{shown} can only catch violations larger than {finest:+.2f} {what} ({_POWER:.0%}); {wish}"
+        return Advice("warn", text, finest)
+    if routes < _ACCEPTED:
+        text = f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"
+        return Advice("warn", text, finest)
+    return Advice("fine", "", finest)
+
+
+def _reach(routes: int, alpha: float, power: float) -> float:
+    """How many standard errors away a truth must be, so that it is found with this power."""
+    from scipy.special import ndtri
+
+    normal: Callable[[float], float] = ndtri
+    if routes >= FEWEST_FOR_T:
+        return float(normal(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal(power))
+    # Betting needs an e-value of 1 / (alpha / 5); with the best stake that takes sqrt(2 log e) standard errors.
+    return math.sqrt(-2.0 * math.log(EARLY_SHARE * alpha)) + float(normal(power))

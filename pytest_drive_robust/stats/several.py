@@ -1,0 +1,67 @@
+"""What several verdicts mean together.
+
+"All requirements hold" needs no correction: it is wrong at most alpha of the time, because one wrong pass is already
+that rare. "Something failed" is wrong more often the more requirements sit exactly at their limits: `any_wrong` is the
+worst case, Holm's procedure bounds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p, share_of
+from pytest_drive_robust.stats.rules import Rule
+
+__all__ = ["any_wrong", "fail_p_value", "holm"]
+
+
+def any_wrong(alpha: float, count: int) -> float:
+    """The chance that at least one of `count` independent verdicts fails wrongly, all sitting exactly at their limits.
+
+    >>> round(any_wrong(0.05, 11), 2)
+    0.43
+    """
+    return float(1.0 - (1.0 - alpha) ** count)
+
+
+def holm(p_values: Sequence[float], alpha: float = 0.05) -> tuple[bool, ...]:
+    """Which of the hypotheses "it holds" are rejected, so that any wrong rejection has a chance of `alpha` at most.
+
+    Source: Holm 1979, "A simple sequentially rejective multiple test procedure". No independence is needed, so a clean
+    run may be shared.
+
+    >>> holm([0.010, 0.030, 0.020, 0.800])
+    (True, False, False, False)
+
+    Raises `ValueError` for a p-value outside 0..1.
+    """
+    for p_value in p_values:
+        if not 0.0 <= p_value <= 1.0:
+            raise ValueError(f"a p-value is {p_value!r}, expected a number in 0..1.")
+    rejected = [False] * len(p_values)
+    for rank, index in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+        if p_values[index] > alpha / (len(p_values) - rank):
+            break
+        rejected[index] = True
+    return tuple(rejected)
+
+
+def fail_p_value(rule: Rule, scores: Sequence[float], references: Sequence[float] = (), *, ended: bool = True) -> float:
+    """The p-value against "the requirement holds", of the routes read so far in planned order; `alpha` or less: fail.
+
+    The fail side of the evidence verdict as a number: the largest e-value weighs a fifth, the last look the rest. With
+    `ended` False the last look is still to come and only betting counts. Holm's procedure needs smaller values than one
+    verdict does, so read all routes for it instead of stopping at the verdict.
+    """
+    if rule.relative and not any(reference > 0.0 for reference in references):
+        return 1.0
+    holds = [
+        rule.hold(score, reference)
+        for score, reference in zip(scores, references if rule.relative else [0.0] * len(scores), strict=True)
+    ]
+    wealth = Wealth()
+    largest = max((wealth.bet(share_of(rule.most, -hold)) for hold in holds), default=1.0)
+    p_value = 1.0 / (EARLY_SHARE * largest)
+    if ended and len(holds) >= FEWEST_FOR_T:
+        p_value = min(p_value, mean_below_zero_p(holds) / (1.0 - EARLY_SHARE))
+    return min(1.0, p_value)
