@@ -34,7 +34,7 @@ __all__ = ["Expert"]
 _WAIT_BEFORE_M = 7.0
 """Before something that has to be passed the front bumper stops so far away, to have room for the way around."""
 _CHANGE_FREE_S = 6.0
-_PASS_LOOK_M, _DOUBTS = 90.0, 6
+_PASS_EARLY_M, _PASS_LOOK_M, _DOUBTS = 10.0, 90.0, 6
 _PARKED_FROM_M = 1.5
 _SLOWER = 0.9
 """While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
@@ -149,6 +149,8 @@ class Expert:
         lane_m = float(np.interp(now.row, now.scene.rows, lanes.profile))
         for way in ways_around(now.scene, ahead, now.row, now.right_m - lane_m, speed_mps=now.speed_mps):
             until = min(way.ends_row, now.row + _PASS_LOOK_M)
+            if self._pass is None and way.starts_row > now.row + _PASS_EARLY_M:
+                continue
             if self._pass is not None or self._is_free(lanes.profile + way.shift, now, until):
                 self._pass = way
                 self._doubts = 0

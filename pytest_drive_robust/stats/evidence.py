@@ -30,6 +30,9 @@ FEWEST_FOR_T = 20
 """Fewer two-humped scores have no usable t statistic: then betting alone decides."""
 
 
+_ROUNDING = 1e-12
+
+
 class Wealth:
     """What three gamblers own on average who bet on "the mean of x is above 0", for x >= -1 whose mean is 0 at most.
 
@@ -110,10 +113,11 @@ class Evidence:
 
     def _last_look(self) -> Decision:
         alpha = self._alpha * (1.0 - EARLY_SHARE)
+        scale = max((bound for bound in (self._most, self._least) if bound < math.inf), default=1.0)
         if self.routes >= FEWEST_FOR_T:
-            if mean_below_zero_p(self._holds) <= alpha:
+            if mean_below_zero_p(self._holds, scale=scale) <= alpha:
                 return "fail"
-            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()]) <= alpha:
+            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= alpha:
                 return "pass"
         return "inconclusive"
 
@@ -129,14 +133,16 @@ def share_of(bound: float, x: float) -> float:
     return math.inf if x > 0.0 else x
 
 
-def mean_below_zero_p(values: Sequence[float]) -> float:
+def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     """The p-value against "the mean is 0 or more" by Hall's transformed t statistic; small: the mean is below 0.
 
-    For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5).
+    For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5). `scale` is
+    what the values were computed from: less than a billionth of a thousandth of it is rounding, thus 0.
     """
     from scipy.special import stdtr
 
     student_t: Callable[[float, float], float] = stdtr
+    values = [value if abs(value) > _ROUNDING * scale else 0.0 for value in values]
     count, mean = len(values), fsum(values) / len(values)
     spread = math.sqrt(fsum((value - mean) ** 2 for value in values) / count)
     share = mean / max(spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))

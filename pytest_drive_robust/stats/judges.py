@@ -115,7 +115,9 @@ class PointJudge(_Docket):
         """Pass when the mean meets the limit, and when it is equal to it."""
         self._require_routes()
         if self.decision is None:
-            self.decision = _sign_of(math.fsum(self._holds), self.routes, self.rule) if self._compares else "inconclusive"
+            self.decision = (
+                _sign_of(math.fsum(self._holds), self.routes, self.rule) if self._compares else "inconclusive"
+            )
         return self.decision
 
 

@@ -106,7 +106,9 @@ def advise(
         text = f"{shown} can only catch violations larger than {finest:+.2f} {what} ({_POWER:.0%}); {wish}"
         return Advice("warn", text, finest)
     if routes < _ACCEPTED:
-        text = f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"
+        text = (
+            f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"
+        )
         return Advice("warn", text, finest)
     return Advice("fine", "", finest)
 

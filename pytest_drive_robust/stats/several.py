@@ -63,5 +63,5 @@ def fail_p_value(rule: Rule, scores: Sequence[float], references: Sequence[float
     largest = max((wealth.bet(share_of(rule.most, -hold)) for hold in holds), default=1.0)
     p_value = 1.0 / (EARLY_SHARE * largest)
     if ended and len(holds) >= FEWEST_FOR_T:
-        p_value = min(p_value, mean_below_zero_p(holds) / (1.0 - EARLY_SHARE))
+        p_value = min(p_value, mean_below_zero_p(holds, scale=rule.scale) / (1.0 - EARLY_SHARE))
     return min(1.0, p_value)

@@ -24,7 +24,6 @@ _BESIDE_M = 2.0
 """Things that stand nearer to the middle of the lane than this belong to what blocks it."""
 _QUEUE_S = 14.0
 """A car that stands in the middle of the lane longer than this is no queue."""
-_OTHER_LANE_M = 2.6
 _HOME_SHARE = 0.8
 """The way back into the lane is this much sharper than the way out of it."""
 _OFF_CENTRE_M = 0.4
@@ -62,11 +61,13 @@ class Obstacle:
 class Pass:
     """A way around: sideways metres to be added to the lane's own profile, `hold_m` beside the obstacle.
 
-    Until the ego reaches `beside_row` it can still go back; at `ends_row` it is in its lane again.
+    It leaves the lane at `starts_row`; until the ego reaches `beside_row` it can still go back; at `ends_row` it is in
+    its lane again.
     """
 
     shift: Floats
     hold_m: float
+    starts_row: float
     beside_row: float
     ends_row: float
 
@@ -119,19 +120,20 @@ def ways_around(scene: Scene, ahead: Obstacle, row: float, right_m: float, *, sp
                 continue
             if same_way:
                 hold = sign * max(abs(hold), 0.5 * (scene.lane_at(row).width_m + lane.width_m))
-        found.append(_pass(scene, ahead, row, right_m, hold, speed_mps))
+        found.append(_pass(scene, ahead, row, right_m, hold, speed_mps, early=same_way and abs(hold) > room))
     return found
 
 
-def _pass(scene: Scene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float) -> Pass:
-    """Shift until beside it, hold, come back; a crawling thing is followed with the hold."""
+def _pass(
+    scene: Scene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, early: bool
+) -> Pass:
+    """Shift until beside it (`early`: at once), hold, come back; a crawling thing is followed with the hold."""
     length = shift_length_m(max(speed_mps, 3.0), hold_m - right_m)
-    latest = ahead.first_row - 3.5 - length
-    start = max(row, min(latest, row + 10.0)) if abs(hold_m) < _OTHER_LANE_M else row
+    start = row if early else max(row, ahead.first_row - 3.5 - length)
     done = start + length
     until = max(ahead.last_row + 3.4 + (4.0 * ahead.speed_mps if ahead.moving else 0.0), done + 1.0)
     back = max(12.0, _HOME_SHARE * shift_length_m(max(speed_mps, 8.0), hold_m))
     rows = scene.rows
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
-    return Pass(shift, hold_m, ahead.first_row - scene.size[0] / 2.0 - 1.0, until + back)
+    return Pass(shift, hold_m, start, ahead.first_row - scene.size[0] / 2.0 - 1.0, until + back)

@@ -33,8 +33,9 @@ _CAPTION_PX = 46
 _GAP_PX = 6
 _FINER = 2
 _LEAST_M, _MOST_M = 70.0, 120.0
-_BEHIND_M, _AHEAD_M, _MARGIN_M = 10.0, 50.0, 8.0
+_BEHIND_M, _AHEAD_M, _MARGIN_M = 10.0, 50.0, 11.0
 _BEFORE_EGO_M = 30.0
+_JUNCTION_M = 28.0
 _RING_M = 1.3
 _ARROW_S = 1.5
 _SUBPIXEL_BITS = 4
@@ -106,9 +107,12 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
 
 
 def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
-    """Centre and side in metres of the square that shows the route from the trigger to what is before the ego."""
+    """Centre and side of a square, metres: the route from its trigger to beyond the ego, with its first junction."""
     dense = scene.world.dense
     end_m = max(dense.trigger_m + _AHEAD_M, scene.ridden_m + _BEFORE_EGO_M)
+    crossed_m = dense.s[[dense.lane_map.lanes[lane].junction for lane in dense.lanes]]
+    if len(crossed_m) and crossed_m[0] < end_m + _AHEAD_M:
+        end_m = max(end_m, crossed_m[0] + _JUNCTION_M)
     start_m = max(dense.trigger_m - _BEHIND_M, end_m - _MOST_M)
     points = dense.rows[(dense.s >= start_m) & (dense.s <= end_m), :2]
     low, high = points.min(axis=0) - _MARGIN_M, points.max(axis=0) + _MARGIN_M

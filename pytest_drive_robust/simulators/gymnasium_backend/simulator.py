@@ -91,7 +91,7 @@ class GymnasiumSimulator:
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
         number = self._reset_seed(route, seed)
-        self._finish()
+        self._episode = None
         self._classes.begin()
         with self._classes.inside():
             if self._env is None:
@@ -154,7 +154,7 @@ class GymnasiumSimulator:
 
     def close(self) -> None:
         """Close the environment. Calling it twice does no harm."""
-        self._finish()
+        self._episode = None
         if self._env is not None:
             self._env.close()
             self._env = None
@@ -170,12 +170,6 @@ class GymnasiumSimulator:
         if self._episode is None:
             raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
         return self._episode
-
-    def _finish(self) -> None:
-        """Leave the episode; the classes are as they were before it, which is checked."""
-        if self._episode is not None:
-            self._episode = None
-            self._classes.check()
 
     def _begin(self, env: Environment, route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
         inner: Any = env.unwrapped

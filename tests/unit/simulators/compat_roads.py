@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 from highway_env.envs import HighwayEnv, IntersectionEnv, MergeEnv, RoundaboutEnv
 from highway_env.road.road import Road, RoadNetwork
 from highway_env.vehicle.behavior import AggressiveVehicle, DefensiveVehicle, IDMVehicle, LinearVehicle
@@ -106,6 +107,17 @@ def state_of(body: Any) -> dict[str, Any]:
     )  # fmt: skip
     state = {name: getattr(body, name) for name in names if hasattr(body, name)}
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in state.items()}
+
+
+def assert_same_states(road: Road, other: Road, *, exact: bool) -> None:
+    """Every vehicle and object of one road is as its twin on the other."""
+    for body, twin in zip(bodies(road), bodies(other), strict=True):
+        mine, theirs = state_of(body), state_of(twin)
+        if not exact:
+            for name in ("position", "heading", "speed", "action", "target_speed", "timer", "impact"):
+                if mine.get(name) is not None:
+                    assert mine.pop(name) == pytest.approx(theirs.pop(name), abs=TOLERANCE_ELSEWHERE)
+        assert mine == theirs
 
 
 def changes_lane(road: Road) -> int:

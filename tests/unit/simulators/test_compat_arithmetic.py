@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+import platform
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -42,6 +46,8 @@ def test_products_give_the_bits_of_numpy(numbers: list[float]) -> None:
     assert arithmetic.dot2(MACHINE, *a, *b) == np.dot(a, b)
     assert arithmetic.dot3(MACHINE, *u, *v) == np.dot(u, v)
     assert math.sqrt(arithmetic.dot2(MACHINE, *a, *a)) == np.linalg.norm(a)
+    turned = np.array([a, b]) @ np.tile(u[:2], (4, 1)).T
+    assert [arithmetic.turn2(MACHINE, *row, *u[:2]) for row in (a, b)] == turned[:, 3].tolist()
 
 
 def test_without_numpys_loops_libm_serves() -> None:
@@ -53,10 +59,19 @@ def test_without_numpys_loops_libm_serves() -> None:
         assert arithmetic.dot2(nothing_known, x, 1.7, 0.3, x) == x * 0.3 + 1.7 * x
 
 
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names a kernel of x86-64")
+def test_a_processor_whose_products_are_not_fused_is_matched_too() -> None:
+    code = (
+        "from pytest_drive_robust.simulators.compat import arithmetic as a;"
+        "print(a.is_exact(), a.dot2(a.machine(), 1.1, 1.3, 1.7, 1.9) == 1.1 * 1.7 + 1.3 * 1.9)"
+    )
+    environment = {**os.environ, "OPENBLAS_CORETYPE": "Nehalem"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True"]
+
+
 def test_numpy_is_matched_where_these_tests_are_developed() -> None:
     """CPython with x86-64 numpy: the addresses are found and every sample agrees."""
-    import platform
-
     if platform.python_implementation() != "CPython" or platform.machine() != "x86_64":
         pytest.skip("another kind of machine")
     assert arithmetic.is_exact()

@@ -8,12 +8,11 @@ from compat_roads import (
     EVERYBODY,
     NETWORKS,
     add_objects,
-    bodies,
+    assert_same_states,
     compat_of,
     crowded_road,
     difference,
     drive_both,
-    state_of,
 )
 from highway_env.vehicle.kinematics import Vehicle
 
@@ -71,4 +70,4 @@ def test_every_kind_of_vehicle_and_object_is_the_same() -> None:
     drive_both(road, compat, 100)
     compat.write_back()
     assert any(body.hit or body.crashed for body in road.objects)
-    assert [state_of(body) for body in bodies(road)] == [state_of(body) for body in bodies(other)]
+    assert_same_states(road, other, exact=compat.exact)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -92,7 +93,7 @@ def test_lane_changes_are_commanded(name: str, at_least: int) -> None:
     changes = {RoadOption.CHANGE_LANE_LEFT, RoadOption.CHANGE_LANE_RIGHT}
     for number in range(len(SCENARIOS[name].sites)):
         plan = commands(drawn(name, number))
-        begun = [now for before, now in zip(plan, plan[1:], strict=False) if now in changes and now is not before]
+        begun = [now for before, now in pairwise(plan) if now in changes and now is not before]
         assert len(begun) == at_least
 
 

@@ -271,11 +271,16 @@ def test_the_runner_comes_from_where_the_route_file_says() -> None:
 def test_a_direction_that_no_road_comes_from_is_refused() -> None:
     route = drawn("OppositeVehicleTakingPriority")
     spec = replace(route.scenario, texts={"direction": "behind"})
-    with pytest.raises(RouteError, match="'behind'.*left, right, opposite"):
+    with pytest.raises(RouteError, match=r"'behind'.*left, right, opposite"):
         World(replace(route, scenario=spec), seed=0)
 
 
 # --- the emergency vehicle ---
+
+
+def siren_is_there(world: World) -> bool:
+    (siren,) = actors_of(world, ActorKind.EMERGENCY)
+    return bool(world.state.actor_ints[siren, c.I_ACTIVE] == 1)
 
 
 def test_the_emergency_vehicle_comes_from_behind_once_the_scenario_wakes_up() -> None:
@@ -283,7 +288,7 @@ def test_the_emergency_vehicle_comes_from_behind_once_the_scenario_wakes_up() ->
         world = World(drawn("YieldToEmergencyVehicle", number), seed=0)
         (siren,) = actors_of(world, ActorKind.EMERGENCY)
         assert world.state.actor_ints[siren, c.I_ACTIVE] != 1
-        assert drive(world, 20.0, speed_mps=8.0, until=lambda w: bool(w.state.actor_ints[siren, c.I_ACTIVE] == 1))
+        assert drive(world, 20.0, speed_mps=8.0, until=siren_is_there)
         distance = world.dense.route.scenario.number("distance", math.nan)
         ahead, right = beside_route(world, siren)
         assert ahead == pytest.approx(-distance, abs=2.5)

@@ -95,7 +95,7 @@ def signalized_right_turn(stage: Stage) -> None:
     stage.lights(ego=red_then_green(RED_S), opposite=red_then_green(RED_S), crossing=GREEN)
     route_flow(
         stage,
-        stage.from_arm("left"),
+        stage.from_arm("left", into="exit"),
         speed_mps=(10.0, 14.0),
         gap_m=(19.0, 38.0),
         meets_ahead_m=stage.junction_ahead_m(),
@@ -164,7 +164,11 @@ def non_signalized_left_turn_enter_flow(stage: Stage) -> None:
 def non_signalized_right_turn(stage: Stage) -> None:
     """Turn right into a flow that comes from the left; nobody stops for you."""
     route_flow(
-        stage, stage.from_arm("left"), speed_mps=(8.0, 14.0), gap_m=(16.0, 30.0), meets_ahead_m=stage.junction_ahead_m()
+        stage,
+        stage.from_arm("left", into="exit"),
+        speed_mps=(8.0, 14.0),
+        gap_m=(16.0, 30.0),
+        meets_ahead_m=stage.junction_ahead_m(),
     )
     end_behind_junction(stage)
 
@@ -185,7 +189,7 @@ def enter_actor_flow(stage: Stage) -> None:
     stage.lights(ego=GREEN, opposite=GREEN, crossing=GREEN)
     route_flow(
         stage,
-        stage.from_arm("left"),
+        stage.from_arm("left", into="exit"),
         speed_mps=(12.0, 19.0),
         gap_m=(17.0, 39.0),
         meets_ahead_m=stage.junction_ahead_m(),
