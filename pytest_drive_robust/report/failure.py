@@ -7,11 +7,13 @@ import shlex
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.report.numbers import interval_text, shown
-from pytest_drive_robust.settings import DEFAULT_SIMULATOR, Settings
+from pytest_drive_robust.runner.routes import ships
+from pytest_drive_robust.settings import DEFAULT_SIMULATOR
 
 if TYPE_CHECKING:
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.requirements.evaluate import Verdict, WorstRoute
+    from pytest_drive_robust.settings import Settings
 
 __all__ = ["WIDTH", "failure_text", "replay_command", "value_text"]
 
@@ -43,7 +45,7 @@ def replay_command(worst: WorstRoute, agent: str, setting: str, settings: Settin
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
     words = ["drive-robust", "replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]
-    if routes_spec != Settings().routes:
+    if routes_spec != settings.simulator and not ships(routes_spec):
         words += ["--routes", routes_spec]
     if settings.stuck_stop_s is not None:
         words += ["--stuck-stop", f"{settings.stuck_stop_s:g}"]

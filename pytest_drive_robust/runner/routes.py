@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     OwnRoutes = Callable[[Sequence[str]], tuple[Route, ...]]
 
-__all__ = ["DEFAULT_ROUTES", "default_spec", "own_routes", "resolve_routes", "routes_for"]
+__all__ = ["DEFAULT_ROUTES", "default_spec", "own_routes", "resolve_routes", "routes_for", "ships"]
 
 
 def own_routes(simulator: Simulator) -> OwnRoutes | None:
@@ -75,6 +75,13 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
     source, ids = _split(text)
     routes = _load(source)
     return routes if ids is None else _select(routes, ids, source)
+
+
+def ships(spec: str) -> bool:
+    """Whether a specification names routes that we ship, so that their ids alone are enough to find them again."""
+    from pytest_drive_robust.simulators.embedded.routes import set_names
+
+    return _split(spec.strip())[0] in set_names()
 
 
 def _split(text: str) -> tuple[str, str | None]:

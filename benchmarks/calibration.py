@@ -1,0 +1,236 @@
+"""How hard the bench is: reference agents over all routes, type by type, and what each deployment failure costs.
+
+Without options: the successes of `expert`, `reactive` and `constant` on the 220 routes, for each of the 44 types. The
+first should succeed nearly everywhere, the second on less than half, the third hardly ever; a type that all of them
+or none of them can drive measures nothing.
+
+With `--sensitivity AGENT`: that agent clean and under the eleven settings of Bench2Drive-Robust (Tab. 2), with the
+degradation of each and its interval, paired by route.
+
+The same command gives the same tables, whatever the number of workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from math import fsum
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
+
+AGENTS = "expert,reactive,constant"
+PAPER = (
+    "1 s burst frame drop",
+    "3 s burst frame drop",
+    "occlusion 0.5",
+    "occlusion 0.8",
+    "GPS noise 5 m",
+    "GPS noise 15 m",
+    "speed noise 0.5",
+    "speed noise 0.2",
+    "100 ms latency",
+    "200 ms latency",
+    "500 ms latency",
+)
+"""The settings of the paper; every family goes from its mildest to its most severe."""
+TASKS_AT_ONCE = 4
+
+
+@dataclass(frozen=True)
+class Task:
+    agent: str
+    route: Route
+    setting: str
+    seed: int
+    stuck_stop_s: float
+
+
+@dataclass(frozen=True)
+class Score:
+    agent: str
+    scenario: str
+    route: str
+    setting: str
+    seed: int
+    success: bool
+    driving_score: float
+
+
+@dataclass(frozen=True)
+class Report:
+    """A title, the command that gives it, column names and rows; first column text, all others numbers."""
+
+    title: str
+    notes: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    totals: tuple[tuple[str, ...], ...]
+
+    def print(self) -> None:
+        table = Table(title=self.title)
+        for k, column in enumerate(self.columns):
+            table.add_column(column, justify="left" if k == 0 else "right", no_wrap=k == 0)
+        for row in self.rows:
+            table.add_row(*row)
+        table.add_section()
+        for row in self.totals:
+            table.add_row(*row, style="bold")
+        Console(width=100).print(table)
+
+    def markdown(self) -> str:
+        lines = [f"## {self.title}", "", self.notes, "", f"| {' | '.join(self.columns)} |"]
+        lines.append(f"| --- |{' ---: |' * (len(self.columns) - 1)}")
+        lines += [f"| {' | '.join(row)} |" for row in self.rows]
+        lines += [f"| {' | '.join(f'**{cell}**' if cell else '' for cell in row)} |" for row in self.totals]
+        return "\n".join(lines)
+
+
+@cache
+def made(agent: str, stuck_stop_s: float) -> tuple[Simulator, Agent]:
+    """One world and one agent object per process and name."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    registry = default_registry()
+    return registry.simulator("embedded", SimulatorOptions(stuck_stop_s=stuck_stop_s)), registry.agent(agent)
+
+
+def drive(task: Task) -> Score:
+    simulator, agent = made(task.agent, task.stuck_stop_s)
+    setting = Setting.parse(task.setting)
+    result = drive_episode(simulator, agent, route=task.route, setting=setting, seed=task.seed, agent_name=task.agent)
+    return Score(
+        task.agent, result.scenario, task.route.id, task.setting, task.seed, is_success(result), driving_score(result)
+    )
+
+
+def drive_all(tasks: Sequence[Task], workers: int) -> list[Score]:
+    """Every task's score, in the order of `tasks`."""
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"))
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    context = multiprocessing.get_context("spawn")
+    with Progress(*columns) as progress, ProcessPoolExecutor(workers, mp_context=context) as pool:
+        scores = pool.map(drive, tasks, chunksize=TASKS_AT_ONCE)
+        return list(progress.track(scores, total=len(tasks), description="episodes"))
+
+
+def by_route(scores: Iterable[Score]) -> tuple[list[float], list[float]]:
+    """(share of successes, driving score) of each route, means over its seeds, routes in the order of driving."""
+    routes: dict[str, list[Score]] = {}
+    for score in scores:
+        routes.setdefault(score.route, []).append(score)
+    return (
+        [fsum(score.success for score in group) / len(group) for group in routes.values()],
+        [fsum(score.driving_score for score in group) / len(group) for group in routes.values()],
+    )
+
+
+def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> Report:
+    """Successes and driving score of every agent on every scenario type, with totals and their intervals."""
+    columns = ["scenario"]
+    for agent in agents:
+        columns += [agent, "DS"]
+    rows = []
+    for scenario in sorted({score.scenario for score in scores}):
+        row = [scenario]
+        for agent in agents:
+            mine = [score for score in scores if (score.scenario, score.agent) == (scenario, agent)]
+            row += [f"{sum(score.success for score in mine)}/{len(mine)}", f"{_mean(by_route(mine)[1]):.1f}"]
+        rows.append(tuple(row))
+    everywhere, interval = ["all routes"], ["95 % interval"]
+    for agent in agents:
+        successes, driven = by_route(score for score in scores if score.agent == agent)
+        low, high = share_interval(successes)
+        low_ds, high_ds = mean_interval(driven, bounds=(0.0, 100.0))
+        everywhere += [f"{_mean(successes):.1%}", f"{_mean(driven):.1f}"]
+        interval += [f"{100 * low:.1f}..{100 * high:.1f}", f"{low_ds:.1f}..{high_ds:.1f}"]
+    return Report("Calibration", notes, tuple(columns), tuple(rows), (tuple(everywhere), tuple(interval)))
+
+
+def sensitivity(scores: Sequence[Score], agent: str, notes: str) -> Report:
+    """What every setting costs one agent: driving score, success rate, degradation with its paired interval."""
+    _, clean = by_route(score for score in scores if score.setting == "clean")
+    rows = []
+    for setting in ("clean", *PAPER):
+        successes, driven = by_route(score for score in scores if score.setting == setting)
+        row = [setting, f"{_mean(driven):.1f}", f"{_mean(successes):.1%}"]
+        if setting == "clean":
+            row += ["", ""]
+        else:
+            low, high = ratio_interval(clean, driven)
+            row += [f"{1.0 - _mean(driven) / _mean(clean):.3f}", f"{low:.3f}..{high:.3f}"]
+        rows.append(tuple(row))
+    columns = ("setting", "DS", "SR", "RD", "95 % interval of RD")
+    return Report(f"Sensitivity of {agent}", notes, columns, tuple(rows), ())
+
+
+def _mean(values: Sequence[float]) -> float:
+    return fsum(values) / len(values)
+
+
+def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--routes", default="full", help="a named set, a route file, or route ids (default: full)")
+    parser.add_argument("--agents", default=AGENTS, help=f"names, separated by commas (default: {AGENTS})")
+    parser.add_argument("--sensitivity", metavar="AGENT", help="drive this agent clean and under the paper's settings")
+    parser.add_argument("--seeds", type=int, default=1, help="how many seeds, from 0 on (default: 1)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+    parser.add_argument("--stuck-stop", type=float, default=60.0, help="end an episode after standing so long (60 s)")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table into this markdown file as well")
+    return parser.parse_args(argv)
+
+
+def write(report: Report, path: Path) -> None:
+    """Replace the section of that title, or append it; other sections of the file stay."""
+    text = path.read_text(encoding="utf-8") if path.exists() else "# How hard the bench is\n"
+    parts = text.rstrip("\n").split("\n## ")
+    kept = [parts[0], *(part for part in parts[1:] if part.split("\n", 1)[0] != report.title)]
+    body = "\n## ".join(part.rstrip("\n") + "\n" for part in kept)
+    path.write_text(f"{body}\n{report.markdown()}\n", encoding="utf-8")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    given = parsed(argv)
+    agents = [given.sensitivity] if given.sensitivity else given.agents.split(",")
+    settings = ("clean", *PAPER) if given.sensitivity else ("clean",)
+    routes = resolve_routes(given.routes)
+    tasks = [
+        Task(agent, route, setting, seed, given.stuck_stop)
+        for agent in agents
+        for setting in settings
+        for route in routes
+        for seed in range(given.seeds)
+    ]
+    scores = drive_all(tasks, given.workers)
+    notes = f"{len(routes)} routes (`--routes {given.routes}`), {given.seeds} seed(s)."
+    if given.sensitivity:
+        notes += " RD = 1 - DS / DS clean, Fieller's interval, paired by route."
+        report = sensitivity(scores, given.sensitivity, notes)
+    else:
+        notes += " Successes of the routes of each type, and the driving score; Wilson's and Student's intervals."
+        report = calibration(scores, agents, notes)
+    report.print()
+    if given.write is not None:
+        write(report, given.write)
+
+
+if __name__ == "__main__":
+    main()

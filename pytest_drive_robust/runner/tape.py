@@ -1,0 +1,118 @@
+"""What one episode looked like, moment by moment: enough to draw it again, small enough to keep."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import IO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.agent import PlannedPath
+    from pytest_drive_robust.domain.control import Control
+    from pytest_drive_robust.domain.observation import Image, Pixels
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.truth import Frame, LaneMap
+
+__all__ = ["Moment", "Picture", "PictureFile", "Tape"]
+
+_WIDEST_PX = 640
+_JPEG_QUALITY = 92
+_IN_MEMORY_BYTES = 1 << 25
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Where one image of a moment lies in the tape's file; `tick` is the tick of its capture."""
+
+    camera: str
+    tick: int
+    start: int
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The world at the beginning of a tick, and what agent and vehicle did in it.
+
+    `gps` (x, y in metres) and `speed_mps` are what the agent was given; `asked` is the agent's newest control (None
+    before its first), `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of
+    the world. The last moment of a tape is the end: nothing is asked or applied any more.
+    """
+
+    frame: Frame
+    pictures: tuple[Picture, ...] = ()
+    gps: tuple[float, float] | None = None
+    speed_mps: float | None = None
+    asked: Control | None = None
+    applied: Control | None = None
+    plan: PlannedPath | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tape:
+    """One recorded episode: its result and `result.ticks + 1` moments, fewer when the world broke.
+
+    `route` is (n, 4) as in `GroundTruth`. `shown_only` is True when the pictures were made for people, because the
+    agent has no camera. `plan_problem` says why no plan is shown although the agent has one, else it is empty.
+    """
+
+    result: EpisodeResult
+    moments: tuple[Moment, ...]
+    lane_map: LaneMap
+    route: NDArray[np.float64]
+    file: PictureFile
+    shown_only: bool = False
+    plan_problem: str = ""
+
+    def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
+        """The pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
+        return {item.camera: (self.file.read(item), item.tick) for item in self.moments[position].pictures}
+
+    def close(self) -> None:
+        """Free the pictures."""
+        self.file.close()
+
+
+@dataclass
+class PictureFile:
+    """JPEGs one after the other in a file without a name: gone when it is closed or the process ends."""
+
+    _file: IO[bytes] = field(default_factory=lambda: tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES))
+    _end: int = 0
+
+    def add(self, images: Mapping[str, Image]) -> tuple[Picture, ...]:
+        """Keep the images of one moment, none wider than a panel of a film needs it."""
+        return tuple(self._add(name, image) for name, image in images.items())
+
+    def read(self, picture: Picture) -> Pixels:
+        """The pixels of a picture, RGB."""
+        import cv2
+        import numpy as np
+
+        self._file.seek(picture.start)
+        stored = np.frombuffer(self._file.read(picture.length), np.uint8)
+        pixels: Pixels = np.ascontiguousarray(cv2.imdecode(stored, cv2.IMREAD_COLOR)[:, :, ::-1], np.uint8)
+        return pixels
+
+    def close(self) -> None:
+        """Delete the file."""
+        self._file.close()
+
+    def _add(self, camera: str, image: Image) -> Picture:
+        import cv2
+
+        pixels = image.pixels[:, :, ::-1]
+        height, width = pixels.shape[:2]
+        if width > _WIDEST_PX:
+            size = (_WIDEST_PX, max(1, round(height * _WIDEST_PX / width)))
+            pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+        data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
+        start = self._end
+        self._file.seek(start)
+        self._file.write(data)
+        self._end += len(data)
+        return Picture(camera, image.tick, start, len(data))
