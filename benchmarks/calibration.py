@@ -22,6 +22,7 @@ from functools import cache
 from math import fsum
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -85,7 +86,7 @@ class Report:
     totals: tuple[tuple[str, ...], ...]
 
     def print(self) -> None:
-        table = Table(title=self.title)
+        table = Table(title=self.title, box=SIMPLE_HEAD, pad_edge=False)
         for k, column in enumerate(self.columns):
             table.add_column(column, justify="left" if k == 0 else "right", no_wrap=k == 0)
         for row in self.rows:
@@ -155,13 +156,13 @@ def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> R
             mine = [score for score in scores if (score.scenario, score.agent) == (scenario, agent)]
             row += [f"{sum(score.success for score in mine)}/{len(mine)}", f"{_mean(by_route(mine)[1]):.1f}"]
         rows.append(tuple(row))
-    everywhere, interval = ["all routes"], ["95 % interval"]
+    everywhere, interval = ["all routes [%]"], ["95 % interval"]
     for agent in agents:
         successes, driven = by_route(score for score in scores if score.agent == agent)
         low, high = share_interval(successes)
         low_ds, high_ds = mean_interval(driven, bounds=(0.0, 100.0))
-        everywhere += [f"{_mean(successes):.1%}", f"{_mean(driven):.1f}"]
-        interval += [f"{100 * low:.1f}..{100 * high:.1f}", f"{low_ds:.1f}..{high_ds:.1f}"]
+        everywhere += [f"{100 * _mean(successes):.1f}", f"{_mean(driven):.1f}"]
+        interval += [f"{100 * low:.0f}..{100 * high:.0f}", f"{low_ds:.0f}..{high_ds:.0f}"]
     return Report("Calibration", notes, tuple(columns), tuple(rows), (tuple(everywhere), tuple(interval)))
 
 

@@ -123,7 +123,7 @@ class Expert:
         """Begin what can be begun; the obstacle that has to be waited for, or None."""
         if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
-        for shift in self._siren.shifts(now.scene, self._traffic, truth.frame, now.row) if not self._siren.active else ():
+        for shift in self._siren.shifts(now.scene, self._traffic, truth.frame, now.row):
             if self._is_free(lanes.profile + shift, now, now.row + 30.0):
                 self._siren.step_aside(shift)
                 break

@@ -100,6 +100,8 @@ class Siren:
 
     def shifts(self, scene: Scene, traffic: Traffic, frame: Frame, row: float) -> list[Floats]:
         """Profiles to be added to the lane's own, best first, that free the lane; none while nobody wants past."""
+        if self.active:
+            return []
         ahead = self._metres_ahead(traffic, frame)
         if ahead is None or not -self._APPROACH_M < ahead < -3.0:
             return []

@@ -1,30 +1,33 @@
 """The cameras of the embedded world: pinhole pictures on the CPU, with depth.
 
-Ground and sky come first (`drawing/ground.py`), then shadows, then boxes through a depth buffer (`drawing/raster.py`),
-then rain. Everything is a pure function of map, weather, camera and frame: the kernels run in one thread, sample in
-integers, and OpenCV (whose thread count is global and stays as it is) only fills polygons of the ground texture, which
-it does in one thread.
+First `drawing/raster.py` finds which face of which box each pixel shows; then sky and ground fill what is left
+(`drawing/ground.py`), faces are coloured (`drawing/shade.py`), rain falls. Everything is a pure function of map,
+weather, camera and frame: the kernels run in one thread, no sum is reordered, and OpenCV (whose thread count is global
+and stays as it is) only fills polygons of the ground texture, which it does in one thread.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.errors import SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BOX_COLUMNS
+from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
+from pytest_drive_robust.simulators.embedded.drawing.entry import Ground, Passes, Scene, draw_camera, fill_boxes
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
-from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
+from pytest_drive_robust.simulators.embedded.drawing.ground import ground_rows
 from pytest_drive_robust.simulators.embedded.drawing.looks import LOOKS, PAINTS, part_rows
-from pytest_drive_robust.simulators.embedded.drawing.rain import draw_rain
-from pytest_drive_robust.simulators.embedded.drawing.raster import draw_boxes, draw_shadows
-from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_COLOUR, ground_texture
+from pytest_drive_robust.simulators.embedded.drawing.shade import CLEAR_STEPS_PER_M
+from pytest_drive_robust.simulators.embedded.drawing.sky import sky_rows
+from pytest_drive_robust.simulators.embedded.drawing.texture import GroundTexture, ground_texture
 from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+from pytest_drive_robust.simulators.embedded.semantics import CLASS_OF_KIND
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,12 +37,43 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import Frame, LaneMap
 
     Pixels = NDArray[np.uint8]
+    Measured = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.int32]
 
-__all__ = ["CameraRig"]
+__all__ = ["PASSES", "CameraRig"]
+
+PASSES = ("rgb", "semantic", "depth", "instance")
+"""What `CameraRig.render_passes` knows."""
 
 _MOST_PARTS = max(len(parts) for parts in LOOKS.values())
-_FAR_PACKED = sum(int(colour) << (8 * channel) for channel, colour in enumerate(FAR_COLOUR))
 _FARTHEST_M = 512
+_LABELS = np.array([CLASS_OF_KIND[kind] for kind in sorted(CLASS_OF_KIND)], np.int64)
+_NOT_WANTED = Passes(np.zeros((0, 0), np.uint8), np.zeros((0, 0), np.float32), np.zeros((0, 0), np.int32))
+
+
+@dataclass(slots=True)
+class _Eye:
+    """One camera with its memory, and what stays the same in all of its pictures."""
+
+    spec: CameraSpec
+    canvas: Canvas
+    ground: Ground
+    passes: Passes
+
+    @classmethod
+    def of(cls, spec: CameraSpec, air: Air, texture: GroundTexture, clear: NDArray[np.float32]) -> _Eye:
+        width, height = spec.width_px, spec.height_px
+        view = View.of(spec, 0.0, 0.0, 0.0)
+        rows = ground_rows(height, view, air.haze_per_m, texture.levels)
+        ground = Ground(rows, sky_rows(height, view, air), texture.texels, texture.levels, clear)
+        return cls(spec, Canvas.of(width, height), ground, _NOT_WANTED)
+
+    def wanted(self, names: Collection[str]) -> Passes:
+        """The arrays of the passes `names`; the others are empty."""
+        shape = self.canvas.faces.shape
+        for name, empty in _NOT_WANTED._asdict().items():
+            if name in names and not getattr(self.passes, name).size:
+                self.passes = self.passes._replace(**{name: np.zeros(shape, empty.dtype)})
+        return Passes(*(getattr(self.passes if name in names else _NOT_WANTED, name) for name in Passes._fields))
 
 
 class CameraRig:
@@ -53,52 +87,78 @@ class CameraRig:
         self, lane_map: LaneMap, weather: Weather, cameras: Sequence[CameraSpec], *, around: NDArray[np.float64]
     ) -> None:
         _check(cameras)
-        self._cameras = tuple(cameras)
         self._air = Air.of(weather)
-        self._clear = np.exp(-self._air.haze_per_m * (np.arange(_FARTHEST_M) + 0.5))
-        self._texture = ground_texture(lane_map, np.asarray(around, np.float64))
-        self._furniture = Furniture.of(lane_map)
+        self._street_light = self._air.street_light
+        self._furniture = Furniture.of(lane_map, night=self._air.night)
         self._parts, self._spans = part_rows()
         self._rows = self._furniture.rows.copy()
-        self._pixels = {c.name: np.zeros((c.height_px, c.width_px, 3), np.uint8) for c in self._cameras}
-        self._depth = {c.name: np.zeros((c.height_px, c.width_px), np.float32) for c in self._cameras}
+        self._ends = np.zeros(1, np.int64)
+        texture = ground_texture(lane_map, np.asarray(around, np.float64))
+        depths_m = (np.arange(_FARTHEST_M * CLEAR_STEPS_PER_M) + 0.5) / CLEAR_STEPS_PER_M
+        clear = np.exp(-self._air.haze_per_m * depths_m).astype(np.float32)
+        self._eyes = tuple(_Eye.of(camera, self._air, texture, clear) for camera in cameras)
 
     def render(self, frame: Frame, due: Collection[str] | None = None) -> dict[str, Pixels]:
         """Pictures of `frame`, (height, width, 3) uint8 RGB by the camera's name: of the cameras `due`, or of all.
 
         The arrays are the rig's own and are drawn over by the next call: copy what must last.
         """
-        count = self._fill_rows(frame)
-        lamps = Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
+        scene, lamps = self._scene(frame), self._headlamps(frame)
         pictures: dict[str, Pixels] = {}
-        for camera in self._cameras:
-            if due is None or camera.name in due:
-                pictures[camera.name] = self._draw(camera, frame, count, lamps)
+        for eye in self._eyes:
+            if due is None or eye.spec.name in due:
+                self._draw(eye, frame, scene, lamps, True, _NOT_WANTED)
+                pictures[eye.spec.name] = eye.canvas.pixels
         return pictures
 
-    def _fill_rows(self, frame: Frame) -> int:
-        """Put the boxes of all that is there into `self._rows`; returns how many there are."""
+    def render_passes(
+        self, frame: Frame, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
+    ) -> dict[str, dict[str, Measured]]:
+        """What the cameras see, measured on the same geometry: by the camera's name, then by the pass.
+
+        - `"rgb"` (height, width, 3) uint8: as `render`.
+        - `"semantic"` (height, width) uint8: a `SemanticClass` each.
+        - `"depth"` (height, width) float32: metres along the optical axis, infinity for the sky.
+        - `"instance"` (height, width) int32: the actor's id (`Frame.ID`), -1 for what is no actor.
+
+        The arrays are the rig's own and are drawn over by the next call. Raises `UnknownNameError` for another name.
+        """
+        for name in passes:
+            if name not in PASSES:
+                raise UnknownNameError.of("pass", name, PASSES)
+        scene, lamps = self._scene(frame), self._headlamps(frame)
+        found: dict[str, dict[str, Measured]] = {}
+        for eye in self._eyes:
+            if due is None or eye.spec.name in due:
+                wanted = eye.wanted(passes)
+                self._draw(eye, frame, scene, lamps, "rgb" in passes, wanted)
+                arrays: dict[str, Measured] = {"rgb": eye.canvas.pixels, **wanted._asdict()}
+                found[eye.spec.name] = {name: arrays[name] for name in passes}
+        return found
+
+    def _headlamps(self, frame: Frame) -> Headlamps:
+        return Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
+
+    def _scene(self, frame: Frame) -> Scene:
+        """The boxes of all that is there."""
         still = len(self._furniture.rows)
         needed = still + len(frame.actors) * _MOST_PARTS
         if needed > len(self._rows):
             self._rows = np.zeros((needed, BOX_COLUMNS), np.float64)
             self._rows[:still] = self._furniture.rows
+        if len(frame.actors) >= len(self._ends):
+            self._ends = np.zeros(len(frame.actors) + 1, np.int64)
         self._furniture.show(self._rows, frame.lights)
-        count: int = assemble(
-            self._rows, still, frame.actors, frame.tick, self._air.night, self._parts, self._spans, PAINTS
-        )
-        return count
+        scene = Scene(self._rows, still, self._ends, frame.actors, self._furniture.street_lamps)
+        fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, _LABELS)
+        return scene
 
-    def _draw(self, camera: CameraSpec, frame: Frame, count: int, lamps: Headlamps) -> Pixels:
-        image, air = self._pixels[camera.name], self._air
-        view = View.of(camera, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
-        draw_ground(image, self._texture.texels, self._texture.levels, _FAR_PACKED, view, air, lamps)
-        draw_shadows(image, frame.actors, view, air.shadow)
-        still = len(self._furniture.rows)
-        draw_boxes(image, self._depth[camera.name], self._rows, still, count, view, air, lamps, self._clear)
-        if air.rain > 0.0:
-            draw_rain(image, frame.tick, air.rain)
-        return image
+    def _draw(self, eye: _Eye, frame: Frame, scene: Scene, lamps: Headlamps, picture: bool, passes: Passes) -> None:
+        eye.canvas = eye.canvas.with_room(len(scene.rows))
+        view = View.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
+        draw_camera(
+            eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture, passes
+        )
 
 
 def _check(cameras: Sequence[CameraSpec]) -> None:

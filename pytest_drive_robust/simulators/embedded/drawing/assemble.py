@@ -6,10 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from pytest_drive_robust.domain.truth import ActorState, Frame
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
+from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
 
 if TYPE_CHECKING:
@@ -33,9 +33,10 @@ _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
 
 
-@njit(cache=True)
+@inner
 def assemble(
     rows: Floats,
+    ends: NDArray[np.int64],
     first: int,
     actors: Floats,
     tick: int,
@@ -43,37 +44,41 @@ def assemble(
     parts: Floats,
     spans: NDArray[np.int64],
     paints: Floats,
+    labels: NDArray[np.int64],
 ) -> int:
     """Writes the boxes of `actors` (k, 10) to `rows` from row `first` on; returns the row after the last one.
 
-    `parts` and `spans` come from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest
-    span times k. What blinks and swings is a function of `tick` and the actor's id only.
+    Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
+    from `looks.part_rows`, `paints` is `looks.PAINTS`, `labels` the semantic class by kind; `rows` must have room for
+    the longest span times k, `ends` for k + 1. What blinks and swings is a function of `tick` and the actor's id only.
     """
     at = first
+    ends[0] = first
     for k in range(len(actors)):
         kind = int(actors[k, _KIND])
-        if kind < 0 or kind >= len(spans):
-            continue
-        for p in range(spans[kind, 0], spans[kind, 1]):
-            if _set_colour(rows, at, actors, k, tick, night, parts, p, paints):
-                _place(rows, at, actors, k, tick, parts, p)
-                at += 1
+        if 0 <= kind < len(spans):
+            c, s = math.cos(actors[k, _YAW]), math.sin(actors[k, _YAW])
+            for p in range(spans[kind, 0], spans[kind, 1]):
+                if _set_colour(rows, at, actors, k, tick, night, parts, p, paints):
+                    _place(rows, at, actors, k, tick, parts, p, c, s)
+                    rows[at, box.LABEL] = labels[kind]
+                    at += 1
+        ends[k + 1] = at
     return at
 
 
-@njit(cache=True)
-def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int) -> None:
+@inner
+def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int, c: float, s: float) -> None:
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
     forward, right = parts[p, 0] * length, parts[p, 1] * width
     role = int(parts[p, 9])
     if role >= _LEFT_LEG and actors[k, _SPEED] > 0.05:
         swing = math.sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
         forward += swing if role == _LEFT_LEG else -swing
-    c, s = math.cos(actors[k, _YAW]), math.sin(actors[k, _YAW])
     rows[at, box.X] = actors[k, _X] + c * forward - s * right
     rows[at, box.Y] = actors[k, _Y] + s * forward + c * right
     rows[at, box.Z] = parts[p, 2] * height
-    rows[at, box.YAW] = actors[k, _YAW]
+    rows[at, box.COS], rows[at, box.SIN] = c, s
     rows[at, box.ALONG] = parts[p, 3] * length
     rows[at, box.WIDE] = parts[p, 4] * width
     rows[at, box.HIGH] = parts[p, 5] * height
@@ -81,11 +86,11 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
     rows[at, box.REAR] = parts[p, 11] * parts[p, 3] * length
     rows[at, box.SIDES] = parts[p, 12] * parts[p, 4] * width
     rows[at, box.MATERIAL] = parts[p, 13]
-    rows[at, box.SEED] = actors[k, _ID]
+    rows[at, box.SEED] = rows[at, box.INSTANCE] = actors[k, _ID]
     rows[at, box.REACH] = parts[p, 14]
 
 
-@njit(cache=True)
+@inner
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -21,18 +23,21 @@ __all__ = [
     "ALONG",
     "BLUE",
     "BOX_COLUMNS",
+    "COS",
     "FRONT",
     "GLOW",
     "GREEN",
     "HIGH",
+    "INSTANCE",
+    "LABEL",
     "MATERIAL",
     "REACH",
     "REAR",
     "RED",
     "SEED",
     "SIDES",
+    "SIN",
     "WIDE",
-    "YAW",
     "Box",
     "Material",
     "X",
@@ -41,9 +46,10 @@ __all__ = [
     "box_rows",
 ]
 
-X, Y, Z, YAW, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(17)
-"""Columns: see the fields of `Box`."""
-BOX_COLUMNS = 17
+X, Y, Z, COS, SIN, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(18)
+LABEL, INSTANCE = 18, 19
+"""Columns: see the fields of `Box`; `COS` and `SIN` are of its yaw, `INSTANCE` is the actor's id or -1."""
+BOX_COLUMNS = 20
 
 
 class Material(IntEnum):
@@ -61,7 +67,7 @@ class Box:
 
     `front_m`, `rear_m` and `sides_m` say by how much the top face is drawn in at the front, at the rear and at each
     side (negative: it juts out). `colour` is RGB 0..255; `glow` 0..1 is the share of it that needs no light; `seed`
-    varies the pattern; farther away than `reach_m` the box is not drawn.
+    varies the pattern; farther away than `reach_m` the box is not drawn; `label` is what semantic pictures show.
     """
 
     x_m: float
@@ -79,15 +85,16 @@ class Box:
     material: Material = Material.PLAIN
     seed: int = 0
     reach_m: float = math.inf
+    label: SemanticClass = SemanticClass.BUILDING
 
 
 def box_rows(boxes: list[Box]) -> Floats:
     """The boxes as a (n, `BOX_COLUMNS`) array."""
     rows = [
         (
-            *(box.x_m, box.y_m, box.z_m, box.yaw_rad, box.length_m, box.width_m, box.height_m),
-            *(box.front_m, box.rear_m, box.sides_m, *box.colour),
-            *(box.glow, float(box.material), float(box.seed), box.reach_m),
+            *(box.x_m, box.y_m, box.z_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad)),
+            *(box.length_m, box.width_m, box.height_m, box.front_m, box.rear_m, box.sides_m, *box.colour),
+            *(box.glow, float(box.material), float(box.seed), box.reach_m, float(box.label), -1.0),
         )
         for box in boxes
     ]

@@ -1,8 +1,8 @@
 """Draws sky and ground of one camera: for each row of pixels a straight walk over the ground texture.
 
-No camera of ours rolls, so that a row of pixels meets the ground at one depth and along a straight line. Rows far away
-are stretched over many texels in depth: they are averaged from several lines, which keeps stop lines and dashes calm.
-All sampling is in integers.
+No camera of ours rolls, so that a row of pixels meets the ground at one depth and along a straight line: what depends
+on the row only is worked out once, in `ground_rows`. Rows far away are stretched over many texels in depth: they are
+averaged from several lines, which keeps stop lines and dashes calm. All sampling is in integers.
 """
 
 from __future__ import annotations
@@ -11,219 +11,182 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
+    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
     from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
 
-    Walk = tuple[int, int, int, int, int, int, int]
+    Floats = NDArray[np.float64]
+    Triple = tuple[float, float, float]
 
-__all__ = ["draw_ground"]
+__all__ = ["AHEAD", "CLEAR", "DEPTH", "LEVEL", "draw_ground", "ground_rows"]
 
+DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5
 _MOST_LINES = 4
-_LEVEL_ONE_M = 12.0
-_FRACTION_BITS = 20
+_COLUMNS = LINE + 2 * _MOST_LINES
 _FLATTEST = -1e-4
-_WIDE = 2
-_RED_BLUE, _GREEN, _GREEN_SHIFT = np.uint64(0x00FF00FF), np.uint64(0x0000FF00), np.uint64(24)
-_LANES, _LANE = np.uint64(0x00FF00FF00FF), np.uint64(0xFFFF)
-_ONE, _EIGHT, _SIXTEEN, _THIRTYTWO = np.uint64(1), np.uint64(8), np.uint64(16), np.uint64(32)
+_SIXTEEN, _THIRTYTWO = np.uint64(16), np.uint64(32)
+_LANE = np.uint64(0xFFFF)
+_255 = np.float32(255.0)
+_MIRROR = 0.75
 
 
-@njit(cache=True, error_model="numpy")
-def draw_ground(
-    image: NDArray[np.uint8],
-    texels: NDArray[np.uint32],
-    levels: NDArray[np.float64],
-    far: int,
-    view: View,
-    air: Air,
-    lamps: Headlamps,
-) -> None:
-    """Fills every pixel of `image` (height, width, 3). `far` is the packed colour outside of the texture."""
-    height, width = image.shape[0], image.shape[1]
-    sums = np.empty(width, np.uint64)
-    sin_pitch, cos_pitch = view.sin_pitch, view.cos_pitch
+def ground_rows(height: int, view: View, haze_per_m: float, levels: Floats) -> Floats:
+    """What a camera's rows of pixels have in common in every frame, (height, 13).
+
+    `DEPTH` is the distance in metres along the optical axis at which a row meets the ground (0: it shows the sky) and
+    `AHEAD` the distance along the ground; `LEVEL` of the texture is sampled on so many `LINES`, whose depth and ground
+    distance follow from column `LINE` on; `CLEAR` is the share of the ground's colour that the air lets through.
+    """
+    rows = np.zeros((height, _COLUMNS))
     for row in range(height):
-        rise = sin_pitch + (height / 2.0 - row - 0.5) / view.focal_px * cos_pitch
+        up = (0.5 * height - row - 0.5) / view.focal_px
+        rise = view.sin_pitch + up * view.cos_pitch
         if rise > _FLATTEST:
-            _sky_row(image, row, rise, air)
             continue
         depth = -view.z_m / rise
         across_m = depth / view.focal_px
         along_m = across_m * depth / view.z_m
-        lines = min(max(int(along_m / across_m / 3.0) + 1, 1), _MOST_LINES)
-        level = _level(levels, max(across_m, along_m / lines / 2.5))
-        sums[:] = 0
+        lines = min(int(along_m / across_m / 3.0) + 1, _MOST_LINES)
+        footprint = max(across_m, along_m / lines / 2.5) / levels[0, 5]
+        level = min(math.floor(math.log2(max(footprint, 1.0)) + 0.35), len(levels) - 1)
+        lines = min(lines, math.ceil(along_m / (1.5 * levels[level, 5])))
+        clear = math.exp(-haze_per_m * depth)
+        rows[row, :LINE] = depth, depth * (view.cos_pitch - up * view.sin_pitch), lines, level, clear
         for line in range(lines):
-            up = (height / 2.0 - row - (line + 0.5) / lines) / view.focal_px
-            line_rise = min(sin_pitch + up * cos_pitch, _FLATTEST)
-            line_depth = -view.z_m / line_rise
-            ahead = line_depth * (cos_pitch - up * sin_pitch)
-            _walk(sums, texels, levels, level, far, view, line_depth, ahead)
-        _ground_row(
-            image,
-            row,
-            sums,
-            lines,
-            depth,
-            depth * (cos_pitch - (height / 2.0 - row - 0.5) / view.focal_px * sin_pitch),
-            view,
-            air,
-            lamps,
-        )
+            up = (0.5 * height - row - (line + 0.5) / lines) / view.focal_px
+            line_depth = -view.z_m / min(view.sin_pitch + up * view.cos_pitch, _FLATTEST)
+            place = LINE + 2 * line
+            rows[row, place : place + 2] = line_depth, line_depth * (view.cos_pitch - up * view.sin_pitch)
+    return rows
 
 
-@njit(cache=True, error_model="numpy")
-def _level(levels: NDArray[np.float64], footprint_m: float) -> int:
-    """The level whose texels are nearest to the footprint of a pixel."""
-    level = math.floor(math.log2(max(footprint_m / levels[0, 5], 1.0)) + 0.35)
-    return min(level, len(levels) - 1)
-
-
-@njit(cache=True, error_model="numpy")
-def _sky_row(image: NDArray[np.uint8], row: int, rise: float, air: Air) -> None:
-    share = min(max(rise, 0.0) / 0.45, 1.0) ** 0.7
-    for channel in range(3):
-        colour = air.haze[channel] + (air.sky_top[channel] - air.haze[channel]) * share
-        image[row, :, channel] = np.uint8(colour + 0.5)
-
-
-@njit(cache=True, error_model="numpy")
-def _walk(
-    sums: NDArray[np.uint64],
+@inner
+def draw_ground(
+    canvas: Canvas,
+    rows: Floats,
+    sky: NDArray[np.uint32],
     texels: NDArray[np.uint32],
-    levels: NDArray[np.float64],
-    level: int,
-    far: int,
-    view: View,
-    depth: float,
-    ahead: float,
-) -> None:
-    """Adds one line of bilinear samples to `sums`: red, blue and green in 16 bits each (see `_spread`)."""
-    width = len(sums)
-    sin_yaw, cos_yaw = view.sin_yaw, view.cos_yaw
-    step = depth / view.focal_px
-    start = (0.5 - width / 2.0) * step
-    x, y = view.x_m + ahead * cos_yaw - start * sin_yaw, view.y_m + ahead * sin_yaw + start * cos_yaw
-    if abs(x) > 1e7 or abs(y) > 1e7:
-        x, y, step = 1e7, 1e7, 0.0
-    walk = _line(levels, level, x, y, -sin_yaw * step, cos_yaw * step)
-    if _inside(walk, 0) and _inside(walk, width - 1):
-        # both ends of a straight line inside: so is the rest
-        for u in range(width):
-            sums[u] += _sample(texels, walk, u)
-        return
-    wide = _line(levels, max(level, _WIDE), x, y, -sin_yaw * step, cos_yaw * step)
-    outside = _spread(np.uint64(far))
-    for u in range(width):
-        if _inside(walk, u):
-            sums[u] += _sample(texels, walk, u)
-        elif _inside(wide, u):
-            sums[u] += _sample(texels, wide, u)
-        else:
-            sums[u] += outside
-
-
-@njit(cache=True, error_model="numpy")
-def _inside(walk: Walk, u: int) -> bool:
-    i, j, di, dj, columns, rows, _ = walk
-    return 0 <= i + u * di < (columns - 1) << _FRACTION_BITS and 0 <= j + u * dj < (rows - 1) << _FRACTION_BITS
-
-
-@njit(cache=True, error_model="numpy")
-def _spread(texel: np.uint64) -> np.uint64:
-    """0x00BBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for sums and products."""
-    lanes: np.uint64 = (texel & _RED_BLUE) | ((texel & _GREEN) << _GREEN_SHIFT)
-    return lanes
-
-
-@njit(cache=True, error_model="numpy")
-def _sample(texels: NDArray[np.uint32], walk: Walk, u: int) -> np.uint64:
-    """The bilinear mean of the four texels around step `u` of a walk, weights in sixteenths."""
-    i, j, di, dj, columns, _, first = walk
-    i += u * di
-    j += u * dj
-    at = first + (j >> _FRACTION_BITS) * columns + (i >> _FRACTION_BITS)
-    upper, lower = np.uintp(at), np.uintp(at + columns)
-    a, b = np.uint64((i >> (_FRACTION_BITS - 4)) & 15), np.uint64((j >> (_FRACTION_BITS - 4)) & 15)
-    top = _spread(np.uint64(texels[upper])) * (_SIXTEEN - a) + _spread(np.uint64(texels[upper + _ONE])) * a
-    bottom = _spread(np.uint64(texels[lower])) * (_SIXTEEN - a) + _spread(np.uint64(texels[lower + _ONE])) * a
-    mean: np.uint64 = ((top * (_SIXTEEN - b) + bottom * b) >> _EIGHT) & _LANES
-    return mean
-
-
-@njit(cache=True, error_model="numpy")
-def _line(levels: NDArray[np.float64], level: int, x: float, y: float, dx: float, dy: float) -> Walk:
-    """A walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
-    scale = (1 << _FRACTION_BITS) / levels[level, 5]
-    half = 1 << (_FRACTION_BITS - 1)
-    return (
-        int((x - levels[level, 3]) * scale) - half,
-        int((y - levels[level, 4]) * scale) - half,
-        int(dx * scale),
-        int(dy * scale),
-        int(levels[level, 1]),
-        int(levels[level, 2]),
-        int(levels[level, 0]),
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _ground_row(
-    image: NDArray[np.uint8],
-    row: int,
-    sums: NDArray[np.uint64],
-    lines: int,
-    depth: float,
-    ahead: float,
+    levels: Floats,
     view: View,
     air: Air,
     lamps: Headlamps,
 ) -> None:
-    """Light and haze on the summed samples of one row."""
-    clear = math.exp(-air.haze_per_m * depth)
-    lit = air.ambient + air.diffuse * max(air.sun[2], 0.0)
-    red, green, blue = (
-        clear * lit * air.light[0] / lines,
-        clear * lit * air.light[1] / lines,
-        clear * lit * air.light[2] / lines,
-    )
-    haze_red, haze_green, haze_blue = (
-        air.haze[0] * (1.0 - clear) + 0.5,
-        air.haze[1] * (1.0 - clear) + 0.5,
-        air.haze[2] * (1.0 - clear) + 0.5,
-    )
-    width = len(sums)
-    turn = view.yaw_rad - lamps.yaw_rad
-    sin_turn, cos_turn = math.sin(turn), math.cos(turn)
-    dx, dy = view.x_m - lamps.x_m, view.y_m - lamps.y_m
-    sin_ego, cos_ego = math.sin(lamps.yaw_rad), math.cos(lamps.yaw_rad)
-    from_x, from_y = cos_ego * dx + sin_ego * dy, cos_ego * dy - sin_ego * dx
-    for u in range(width):
-        r = np.float64(np.int64(sums[u] & _LANE))
-        g = np.float64(np.int64(sums[u] >> _THIRTYTWO))
-        b = np.float64(np.int64((sums[u] >> _SIXTEEN) & _LANE))
-        extra = 0.0
-        if lamps.strength > 0.0:
-            side = (u + 0.5 - width / 2.0) * depth / view.focal_px
-            forward = from_x + ahead * cos_turn - side * sin_turn
-            right = from_y + ahead * sin_turn + side * cos_turn
-            extra = _headlamp(forward, right) * lamps.strength * clear / lines
-        image[row, u, 0] = np.uint8(min(r * (red + extra) + haze_red, 255.0))
-        image[row, u, 1] = np.uint8(min(g * (green + extra) + haze_green, 255.0))
-        image[row, u, 2] = np.uint8(min(b * (blue + extra * 0.9) + haze_blue, 255.0))
+    """Fills `canvas.colours` wherever no face is seen.
+
+    `rows` comes from `ground_rows`, `sky` (height,) is the colour of the rows that show it, `texels` and `levels` are a
+    `GroundTexture`.
+    """
+    colours, faces, touched = canvas.colours, canvas.faces, canvas.touched
+    height, width = colours.shape
+    for row in range(height):
+        if rows[row, DEPTH] <= 0.0:
+            colours[row, :] = sky[row]
+            continue
+        light, haze = _row_light(rows[row], view, air)
+        first = 0
+        while first < width:
+            if faces[row, first] != 0:
+                first += 1
+                continue
+            end = _run_end(faces[row], first, touched[row, 0], touched[row, 1])
+            sums = canvas.sums[first:end]
+            sums[:] = np.uint64(0)
+            for line in range(int(rows[row, LINES])):
+                depth, ahead = rows[row, LINE + 2 * line], rows[row, LINE + 2 * line + 1]
+                add_line(sums, texels, levels, int(rows[row, LEVEL]), view, depth, ahead, first - 0.5 * width)
+            if lamps.strength > 0.0:
+                _light_by_night(colours[row, first:end], sums, rows[row], light, haze, view, lamps, first - 0.5 * width)
+            else:
+                _light_by_day(colours[row, first:end], sums, light, haze)
+            first = end
 
 
-@njit(cache=True, error_model="numpy")
-def _headlamp(forward_m: float, right_m: float) -> float:
-    """How much light the ego's headlamps throw on a place, 0..1: a cone that widens and fades."""
-    if forward_m < 2.0:
-        return 0.0
-    beam = 1.0 - abs(right_m) / (1.6 + 0.35 * forward_m)
-    if beam <= 0.0:
-        return 0.0
-    return min(beam * 1.6, 1.0) * min((forward_m - 2.0) / 4.0, 1.0) / (1.0 + (forward_m / 22.0) ** 2)
+@inner
+def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
+    """What the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, the sky."""
+    flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
+    mirrored = _MIRROR * air.mirror * flat * flat * flat * flat
+    lit = (air.ambient + air.diffuse * max(air.sun[2], 0.0)) * ground[CLEAR] * (1.0 - mirrored) / ground[LINES]
+    lost, mirrored = 1.0 - ground[CLEAR], mirrored * ground[CLEAR]
+    light = (np.float32(lit * air.light[0]), np.float32(lit * air.light[1]), np.float32(lit * air.light[2]))
+    haze = (
+        np.float32(air.haze[0] * lost + air.sheen[0] * mirrored + 0.5),
+        np.float32(air.haze[1] * lost + air.sheen[1] * mirrored + 0.5),
+        np.float32(air.haze[2] * lost + air.sheen[2] * mirrored + 0.5),
+    )
+    return light, haze
+
+
+@inner
+def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
+    """The first column after `first` with a face; there are none outside of `low`..`high`."""
+    end = max(first + 1, low)
+    while end < high:
+        if faces[end] != 0:
+            return end
+        end += 1
+    return len(faces)
+
+
+@inner
+def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
+    for u in range(len(colours)):
+        red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
+        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * light[1] + haze[1]
+        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
+        colours[u] = _pack(red, green, blue)
+
+
+@inner
+def _pack(red: float, green: float, blue: float) -> int:
+    """0x00BBGGRR."""
+    red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
+    packed: int = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)
+    return packed
+
+
+@inner
+def _light_by_night(
+    colours: NDArray[np.uint32],
+    sums: NDArray[np.uint64],
+    ground: Floats,
+    light: Triple,
+    haze: Triple,
+    view: View,
+    lamps: Headlamps,
+    start_px: float,
+) -> None:
+    """As `_light_by_day`, with the ego's headlamps: a cone that widens and fades."""
+    # the run in the ego's axes: forward and right are linear in u
+    cos_ego, sin_ego = math.cos(lamps.yaw_rad), math.sin(lamps.yaw_rad)
+    step = ground[DEPTH] / view.focal_px
+    side = (start_px + 0.5) * step
+    dx = view.x_m - lamps.x_m + ground[AHEAD] * view.cos_yaw - side * view.sin_yaw
+    dy = view.y_m - lamps.y_m + ground[AHEAD] * view.sin_yaw + side * view.cos_yaw
+    forward_0, right_0 = np.float32(cos_ego * dx + sin_ego * dy), np.float32(cos_ego * dy - sin_ego * dx)
+    forward_step = np.float32(step * (sin_ego * view.cos_yaw - cos_ego * view.sin_yaw))
+    right_step = np.float32(step * (cos_ego * view.cos_yaw + sin_ego * view.sin_yaw))
+    strength, blue_share = np.float32(lamps.strength * ground[CLEAR] / ground[LINES]), np.float32(0.9)
+    none, whole, two, fade = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(1.0 / 22.0)
+    base, widen, steep, rise = np.float32(1.6), np.float32(0.35), np.float32(1.6), np.float32(0.25)
+    for u in range(len(colours)):
+        forward, right = forward_0 + np.float32(u) * forward_step, right_0 + np.float32(u) * right_step
+        right = right if right > none else -right
+        forward = forward if forward > two else two
+        beam = (whole - right / (base + widen * forward)) * steep
+        beam = beam if beam > none else none
+        beam = beam if beam < whole else whole
+        near = (forward - two) * rise
+        near = near if near < whole else whole
+        extra = strength * beam * near / (whole + forward * fade * (forward * fade))
+        red = np.float32(np.int32(sums[u] & _LANE)) * (light[0] + extra) + haze[0]
+        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * (light[1] + extra) + haze[1]
+        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * (light[2] + extra * blue_share) + haze[2]
+        colours[u] = _pack(red, green, blue)

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Bytes = NDArray[np.uint8]
 
-__all__ = ["ASPHALT", "GRASS", "KERB", "PARKING", "SIDEWALK", "GroundSheet", "Region", "paint_ground"]
+__all__ = ["ASPHALT", "BIKING", "GRASS", "KERB", "PARKING", "SIDEWALK", "GroundSheet", "Region", "paint_ground"]
 
-GRASS, SIDEWALK, KERB, PARKING, ASPHALT = range(5)
+GRASS, SIDEWALK, KERB, PARKING, ASPHALT, BIKING = range(6)
 """The materials of `GroundSheet.material`."""
 
 _LINE_WIDTH_M = 0.16
@@ -89,6 +89,7 @@ def paint_ground(lane_map: LaneMap, region: Region) -> GroundSheet:
         (LaneKind.SIDEWALK, KERB, _KERB_M),
         (LaneKind.SIDEWALK, SIDEWALK, 0.0),
         (LaneKind.PARKING, PARKING, 0.0),
+        (LaneKind.BIKING, BIKING, 0.0),
         (LaneKind.DRIVING, ASPHALT, 0.0),
     ):
         for lane in lanes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numba import njit
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
+from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +83,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
         reach_x, reach_y = math.cos(towards), math.sin(towards)
         middle_x, middle_y = x + 0.5 * _ARM_M * reach_x, y + 0.5 * _ARM_M * reach_y
         head_x, head_y = x + _ARM_M * reach_x, y + _ARM_M * reach_y
-        boxes += [
+        lamp = [
             Box(x, y, 0.0, towards, 0.14, 0.14, _POLE_M, _STEEL, reach_m=_REACH_M),
             Box(middle_x, middle_y, _POLE_M - 0.1, towards, _ARM_M, 0.09, 0.09, _STEEL, reach_m=60.0),
             Box(
@@ -97,6 +99,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
                 reach_m=_REACH_M,
             ),
         ]
+        boxes += [replace(box, label=SemanticClass.POLE) for box in lamp]
     return boxes
 
 

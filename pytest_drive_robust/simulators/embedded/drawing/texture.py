@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
+from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Packed = NDArray[np.uint32]
 
-__all__ = ["FAR_COLOUR", "GroundTexture", "TextureCache", "ground_texture", "pack_sheet", "unpack"]
+__all__ = ["FAR_TEXEL", "GroundTexture", "TextureCache", "ground_texture", "pack_sheet", "unpack"]
 
 _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
@@ -32,22 +33,31 @@ _LEVELS = 7
 _CACHED_TEXTURES = 32
 
 _MATERIALS = np.array(
-    ((104, 124, 72), (150, 148, 144), (176, 174, 168), (84, 86, 92), (98, 98, 100)), np.float64
-)  # by paint.GRASS, SIDEWALK, KERB, PARKING, ASPHALT
-_GRAIN = np.array((9.0, 5.0, 4.0, 4.0, 4.0))
+    ((104, 124, 72), (150, 148, 144), (176, 174, 168), (84, 86, 92), (98, 98, 100), (118, 82, 74)), np.float64
+)  # by paint.GRASS, SIDEWALK, KERB, PARKING, ASPHALT, BIKING
+_GRAIN = np.array((9.0, 5.0, 4.0, 4.0, 4.0, 4.0))
 _WHITE = np.array((232.0, 232.0, 228.0))
 _YELLOW = np.array((222.0, 178.0, 48.0))
-FAR_COLOUR = (104.0, 124.0, 72.0)
-"""The colour of the ground outside of every texture: grass."""
+_CLASSES = np.array(
+    (
+        SemanticClass.TERRAIN, SemanticClass.SIDEWALK, SemanticClass.SIDEWALK, SemanticClass.ROAD, SemanticClass.ROAD,
+        SemanticClass.ROAD,
+    ),
+    np.int64,
+)  # fmt: skip
+_PAINTED, _ROAD_LINE = 128, int(SemanticClass.ROAD_LINE)
+FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
+"""The ground outside of every texture: grass."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroundTexture:
     """Ground colours, ready for the kernels.
 
-    `texels` is flat uint32, 0x00BBGGRR, all levels one after the other. `levels` is (n, 6) float64: first texel,
-    columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are twice as large as
-    those of the one before. The first two levels cover the route's surroundings only, the others a wide region.
+    `texels` is flat uint32, 0xCCBBGGRR, all levels one after the other; CC is the `SemanticClass`. `levels` is (n, 6)
+    float64: first texel, columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are
+    twice as large as those of the one before. The first two levels cover the route's surroundings only, the others a
+    wide region.
     """
 
     texels: Packed
@@ -112,10 +122,12 @@ def _halved_region(region: Region) -> Region:
 
 
 def pack_sheet(sheet: GroundSheet) -> Packed:
-    """The colours of a sheet, (rows, columns) uint32, 0x00BBGGRR."""
+    """Colours and classes of a sheet, (rows, columns) uint32, 0xCCBBGGRR."""
     column = round(sheet.region.x_m / sheet.region.texel_m)
     row = round(sheet.region.y_m / sheet.region.texel_m)
-    packed: Packed = _pack(sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW)
+    packed: Packed = _pack(
+        sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW, _CLASSES
+    )
     return packed
 
 
@@ -135,6 +147,7 @@ def _pack(
     grain: Floats,
     white_colour: Floats,
     yellow_colour: Floats,
+    classes: NDArray[np.int64],
 ) -> Packed:
     """Colours of a sheet; the grain is a hash of the texel's place in the world, so it never depends on the region."""
     rows, columns = material.shape
@@ -146,7 +159,8 @@ def _pack(
             word = (word ^ (word >> 13)) * 1274126177
             noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
             a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
-            value = 0
+            painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
+            value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
             for channel in range(3):
                 colour = colours[kind, channel] + noise
                 colour += (yellow_colour[channel] - colour) * b
@@ -158,20 +172,34 @@ def _pack(
 
 @njit(cache=True)
 def _halved(picture: Packed) -> Packed:
-    """Each 2 x 2 block of texels averaged, channels rounded to nearest."""
+    """Each 2 x 2 block of texels averaged, channels rounded to nearest; of the classes the most frequent stays."""
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
     small = np.empty((rows, columns), np.uint32)
     for i in range(rows):
         for j in range(columns):
-            low, high = np.uint32(0x00020002), np.uint32(0x00020002)
+            low, high = np.uint32(0x00020002), np.uint32(0x00000002)
             for k in range(4):
                 texel = picture[2 * i + k // 2, 2 * j + k % 2]
                 low += texel & np.uint32(0x00FF00FF)
-                high += (texel >> np.uint32(8)) & np.uint32(0x00FF00FF)
+                high += (texel >> np.uint32(8)) & np.uint32(0x000000FF)
             small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
-                ((high >> np.uint32(2)) & np.uint32(0x00FF00FF)) << np.uint32(8)
+                ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
             )
+            small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
     return small
+
+
+@njit(cache=True)
+def _frequent(picture: Packed, i: int, j: int) -> int:
+    """The most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
+    best, most = 0, 0
+    for k in range(4):
+        candidate, count = np.int64(picture[i + k // 2, j + k % 2] >> np.uint32(24)), 0
+        for other in range(4):
+            count += np.int64(picture[i + other // 2, j + other % 2] >> np.uint32(24)) == candidate
+        if count > most or (count == most and candidate > best):
+            best, most = candidate, count
+    return best
 
 
 def _digest(lane_map: LaneMap, *regions: Region) -> bytes:

@@ -1,7 +1,7 @@
 """On motorways: get through slow or dense traffic onto the road, off it, or across its lanes.
 
-Sources: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py` (`HighwayExit`, `MergerIntoSlowTraffic`,
-`MergerIntoSlowTrafficV2`) and `route_obstacles.py`'s neighbour `sequential_lane_change.py`.
+Source: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py`. Routes go so far down an exit that whoever
+misses it does not come near their end.
 """
 
 from __future__ import annotations
@@ -23,11 +23,18 @@ _RAMP_ROLLING, _ROLLING = 0.55, 0.7
 _LAST_M = 5.0
 
 
+def _before_a_turn(chain: str) -> Site:
+    """Two lane changes on an avenue, then a turn from the lane for it."""
+    return Site(
+        "LightAvenueCrossing", chain, (128.0, 145.0), before_m=(90.0, 96.0), changes_m=((6.0, 10.0), (46.0, 50.0))
+    )
+
+
 @scenario(
     "HighwayExit",
     sites=(
-        Site("ExitRamp", "road.right>exit.f0", (130.0, 150.0), before_m=(105.0, 120.0), changes_m=((25.0, 40.0),)),
-        Site("ExitRamp", "road.right>exit.f0", (130.0, 150.0), before_m=(115.0, 130.0), changes_m=((30.0, 45.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (154.0, 164.0), before_m=(78.0, 86.0), changes_m=((10.0, 18.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (162.0, 172.0), before_m=(86.0, 94.0), changes_m=((14.0, 26.0),)),
     ),
     parameters={"flow_speed": (10.0, 15.0)},
     intervals={"source_dist_interval": (11.0, 46.0)},
@@ -58,8 +65,8 @@ def merger_into_slow_traffic(stage: Stage) -> None:
 @scenario(
     "MergerIntoSlowTrafficV2",
     sites=(
-        Site("ExitRamp", "road.right>exit.f0", (135.0, 155.0), before_m=(110.0, 125.0), changes_m=((30.0, 45.0),)),
-        Site("ExitRamp", "road.right>exit.f0", (135.0, 155.0), before_m=(95.0, 110.0), changes_m=((20.0, 30.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (156.0, 166.0), before_m=(80.0, 88.0), changes_m=((12.0, 20.0),)),
+        Site("ExitRamp", "road.right>exit.f0", (164.0, 174.0), before_m=(88.0, 96.0), changes_m=((16.0, 28.0),)),
     ),
     parameters={"flow_speed": (10.0, 10.0)},
     intervals={"source_dist_interval": (11.0, 34.0)},
@@ -74,10 +81,17 @@ def merger_into_slow_traffic_v2(stage: Stage) -> None:
 @scenario(
     "SequentialLaneChange",
     sites=(
-        Site("Highway", "road.f0>road.f1>road.f2", (165.0, 185.0), changes_m=((15.0, 22.0), (85.0, 95.0))),
-        Site("Highway", "road.f2>road.f1>road.f0", (165.0, 185.0), changes_m=((15.0, 22.0), (85.0, 95.0))),
-        Site("Avenue", "road.f1>road.f0>road.f1", (118.0, 135.0), changes_m=((15.0, 20.0), (62.0, 70.0))),
-        Site("OneWayStreet", "road.f0>road.f1>road.f0", (118.0, 135.0), changes_m=((15.0, 20.0), (62.0, 70.0))),
+        Site("Highway", "road.f0>road.f1>road.f2", (150.0, 170.0), changes_m=((10.0, 16.0), (74.0, 84.0))),
+        _before_a_turn("E.straight0>E.straight1>E.left0"),
+        Site(
+            "ExitRamp",
+            "road.f0>road.f1>exit.f0",
+            (212.0, 220.0),
+            before_m=(136.0, 142.0),
+            changes_m=((4.0, 8.0), (68.0, 74.0)),
+        ),
+        _before_a_turn("W.straight1>W.straight0>W.right1"),
+        Site("Highway", "road.f2>road.f1>road.f0", (150.0, 170.0), changes_m=((10.0, 16.0), (74.0, 84.0))),
     ),
     blocked_test_off=True,
 )

@@ -1,0 +1,132 @@
+"""Colours and letters of the film. All pictures are RGB uint8."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Pixels = NDArray[np.uint8]
+    Colour = tuple[int, int, int]
+
+__all__ = [
+    "BACKGROUND",
+    "CLEAN",
+    "DIM",
+    "GOOD",
+    "HEIGHT",
+    "INK",
+    "MARK",
+    "PANEL",
+    "PERTURBED",
+    "WIDTH",
+    "WRONG",
+    "Box",
+    "bar",
+    "fill",
+    "text",
+    "text_width",
+    "wrapped",
+]
+
+WIDTH, HEIGHT = 1280, 720
+BACKGROUND: Colour = (16, 18, 22)
+PANEL: Colour = (34, 38, 46)
+INK: Colour = (240, 240, 240)
+DIM: Colour = (150, 157, 168)
+CLEAN: Colour = (90, 200, 250)
+PERTURBED: Colour = (255, 159, 64)
+WRONG: Colour = (220, 45, 40)
+GOOD: Colour = (52, 180, 92)
+MARK: Colour = (255, 221, 51)
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_SMALLEST = 0.8
+"""Text that does not fit is drawn down to this share of its size, then cut."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangle of the picture in pixels: left, top, width, height."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def right(self) -> int:
+        """The column after the last one."""
+        return self.x + self.width
+
+    @property
+    def bottom(self) -> int:
+        """The row after the last one."""
+        return self.y + self.height
+
+    def of(self, picture: Pixels) -> Pixels:
+        """The part of a picture inside the box: writing to it writes to the picture."""
+        return picture[self.y : self.bottom, self.x : self.right]
+
+
+def fill(picture: Pixels, box: Box, colour: Colour) -> None:
+    """Paint a box."""
+    picture[max(box.y, 0) : box.bottom, max(box.x, 0) : box.right] = colour
+
+
+def text(
+    picture: Pixels,
+    words: str,
+    place: tuple[int, int],
+    *,
+    size: float = 0.55,
+    colour: Colour = INK,
+    bold: bool = False,
+    within: int | None = None,
+    align: str = "left",
+) -> int:
+    """Write one line whose baseline begins (`"left"`), ends (`"right"`) or centres at `place`; returns its width.
+
+    `within` is the most pixels that the line may take: it shrinks a little, then loses its end. OpenCV's letters are
+    ASCII, so others become question marks.
+    """
+    words = words.encode("ascii", "replace").decode()
+    thickness = 2 if bold else 1
+    if within is not None:
+        size = max(size * _SMALLEST, min(size, size * within / max(text_width(words, size, bold=bold), 1)))
+        whole = words
+        while whole and text_width(words, size, bold=bold) > within:
+            whole = whole[:-1]
+            words = f"{whole.rstrip()}..."
+    width = text_width(words, size, bold=bold)
+    x = place[0] - {"left": 0, "right": width, "centre": width // 2}[align]
+    cv2.putText(picture, words, (x, place[1]), _FONT, size, colour, thickness, cv2.LINE_AA)
+    return width
+
+
+def text_width(words: str, size: float, *, bold: bool = False) -> int:
+    """How many pixels wide a line is."""
+    return int(cv2.getTextSize(words, _FONT, size, 2 if bold else 1)[0][0])
+
+
+def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool = False) -> list[str]:
+    """`words` cut at blanks into at most so many lines; the last one keeps what is left over."""
+    found = [""]
+    for word in words.split():
+        longer = f"{found[-1]} {word}".strip()
+        if text_width(longer, size, bold=bold) <= within or len(found) == lines:
+            found[-1] = longer
+        else:
+            found.append(word)
+    return found
+
+
+def bar(picture: Pixels, box: Box, share: float, colour: Colour) -> None:
+    """A bar filled from the left by `share` (0..1)."""
+    fill(picture, box, BACKGROUND)
+    fill(picture, Box(box.x, box.y, round(box.width * min(max(share, 0.0), 1.0)), box.height), colour)
