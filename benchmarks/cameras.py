@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, Fr
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, named_routes
 
 ACTORS = 20
 FRAMES = 40
@@ -52,7 +52,7 @@ WEATHERS: dict[str, Weather] = {
 
 def scene() -> tuple[LaneMap, np.ndarray, list[Frame]]:
     """A map, the route's points, and frames on the way to its junction with `ACTORS` actors within 70 m."""
-    route = next(route for route in named_routes("bench24") if route.scenario.type == "SignalizedJunctionLeftTurn")
+    route = next(route for route in named_routes(ALL_ROUTES) if route.scenario.type == "SignalizedJunctionLeftTurn")
     simulator = EmbeddedSimulator()
     first = simulator.reset(route, seed=0, cameras=())
     truth = simulator.truth()

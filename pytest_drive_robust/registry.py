@@ -127,6 +127,10 @@ class Registry:
             (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
         )
 
+    def entry(self, kind: str, name: str) -> Entry:
+        """The entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
+        return self._find(kind, name)
+
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
         self._find(kind, name).load()

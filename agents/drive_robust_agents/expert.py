@@ -95,7 +95,7 @@ class Expert:
             moment.path(profile),
             stop,
             cruise_mps=math.inf if cruise is None else _SLOWER * cruise,
-            hurry=self._hurries(profile, moment),
+            hurry=self._hurries(self._lanes, profile, moment),
         )
         return self._control(truth.frame.ego, profile, moment, acceleration)
 
@@ -184,23 +184,23 @@ class Expert:
         k = int(np.clip(now.row, 0, scene.count - 1))
         at = project_all(scene.route, k - 5, k + _INVADER_LOOK_M, boxes)
         rows = np.clip(at[:, 0], 0, scene.count - 1).astype(int)
-        coming = (np.cos(boxes[:, 2] - scene.route[rows, 2]) < -0.8) & (boxes[:, 3] > 1.0) & (at[:, 0] > now.row - 3.0)
+        along = (at[:, 0] > now.row - 3.0) & (at[:, 0] < min(k + _INVADER_LOOK_M, scene.given) - 2)
+        coming = along & (np.cos(boxes[:, 2] - scene.route[rows, 2]) < -0.8) & (boxes[:, 3] > 1.0)
         edge = at[:, 1] + 0.5 * boxes[:, 5]
         half_lane = 0.5 * scene.lane_at(now.row).width_m
         invades = coming & (at[:, 1] < -0.5) & (edge > 0.05 - half_lane)
         if invades.any():
             need = float(edge[invades].max()) + scene.size[1] / 2.0 + _INVADER_GAP_M
-            self._aside_m = float(np.clip(need, 0.0, half_lane - scene.size[1] / 2.0 + _EDGE_M))
+            self._aside_m = max(self._aside_m, min(need, half_lane - scene.size[1] / 2.0 + _EDGE_M))
             self._aside_ticks = _INVADER_TICKS
         self._aside_ticks -= 1
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
-    def _hurries(self, profile: Floats, now: Moment) -> bool:
-        """On the way out of a parking space, or in a lane that is not the ego's own."""
+    def _hurries(self, lanes: LaneChanges, profile: Floats, now: Moment) -> bool:
+        """On the way out of a parking space, between two lanes, or in a lane that is not the ego's own."""
         k = int(np.clip(now.row, 0, now.scene.count - 1))
-        return abs(now.right_m - float(profile[k])) > _PARKED_FROM_M or (
-            self._pass is not None and abs(self._pass.hold_m) > 1.0
-        )
+        passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
+        return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
 
     def _before(self, obstacle: Obstacle | None, now: Moment) -> float:
         """The row at which to wait for a way around."""

@@ -20,11 +20,12 @@ SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
 class Agent(Protocol):
     """A driving policy.
 
-    Three optional attributes are read when they exist:
+    Some optional attributes are read when they exist:
 
     * `plan() -> PlannedPath`: the waypoints behind the last control, for overlays;
     * `consumes: frozenset[str]`: which of `SIGNALS` reach the policy (all of them when not said);
-    * `privileged: bool`: True asks for `Observation.truth`; the report says so.
+    * `privileged: bool`: True asks for `Observation.truth`; the report says so;
+    * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint.
 
     One agent object drives many episodes, one after the other: `reset` must forget everything about the last one.
     """

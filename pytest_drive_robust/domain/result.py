@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
+from pytest_drive_robust.domain.reception import Reception
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,7 +70,8 @@ class EpisodeResult:
     `route_completion_pct` is 0..100; `speed_ratios_pct` are the ego's mean speed in percent of the traffic's, one per
     twentieth of the route (`bench2drive.md` 1.5; empty when the ego never got that far). `end_detail` says in one
     sentence why the episode ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall
-    times of `act`, one per call, kept only when the setting's latency is measured.
+    times of `act`, one per call, kept only when the setting's latency is measured. `reception` tells what the setting
+    changed of what the agent got; None when nobody looked.
     """
 
     episode: Episode
@@ -90,6 +92,7 @@ class EpisodeResult:
     privileged: bool = False
     junction_passed: bool = False
     versions: Mapping[str, str] = field(default_factory=dict)
+    reception: Reception | None = None
 
     @property
     def game_s(self) -> float:

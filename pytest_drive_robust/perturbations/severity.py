@@ -89,7 +89,8 @@ def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int
     """`whole_ticks`, but a duration between 0 and one tick is refused: it would be the clean setting in disguise."""
     ticks = whole_ticks(duration_s, dt_s)
     if ticks == 0 and duration_s > 0.0:
-        raise refusal(owner, name, f"0 or at least one tick, which lasts {dt_s:g} s in this simulator")
+        rate = f"{1000.0 * duration_s:g} ms is 0 ticks at {1.0 / dt_s:g} Hz"
+        raise refusal(owner, name, f"0 or at least one tick, which lasts {dt_s:g} s in this simulator: {rate}")
     return ticks
 
 

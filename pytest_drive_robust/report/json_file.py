@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -13,13 +11,14 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.runner.run_result import RunResult, SettingRow
 
-__all__ = ["SCHEMA", "run_as_json", "write_json"]
+__all__ = ["SCHEMA", "json_text", "run_as_json", "write_json"]
 
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away, not when one is added."""
@@ -27,16 +26,12 @@ SCHEMA = 1
 
 def write_json(path: Path, run: RunResult) -> None:
     """Write the run so that `path` is either untouched or whole."""
-    text = json.dumps(run_as_json(run), indent=2, allow_nan=False) + "\n"
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_whole(path, json_text(run_as_json(run)))
+
+
+def json_text(document: Mapping[str, object]) -> str:
+    """The document as the text of a file."""
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def run_as_json(run: RunResult) -> dict[str, object]:
@@ -45,12 +40,28 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "schema": SCHEMA,
         "settings": run.settings.to_json(),
         "versions": dict(run.versions),
+        "fingerprint": _fingerprint(run),
         "requirements": [asdict(judged) for judged in run.judged],
         "summaries": [_row(row) for row in run.rows],
         "episodes": [_episode(key, result) for key, result in run.episodes.items()],
         "notes": list(run.notes),
     }
     return {key: _finite(value) for key, value in document.items()}
+
+
+def _fingerprint(run: RunResult) -> dict[str, object]:
+    """What the agents and the routes were made of: two runs with the same values drove the same thing."""
+    return {
+        "agents": {
+            item.agent: {"distribution": item.distribution, "source": item.source, "weights": item.weights}
+            for item in run.identified
+        },
+        "routes": {
+            route_id: digest
+            for item in run.identified
+            for route_id, _, digest in (route.rpartition("=") for route in item.routes)
+        },
+    }
 
 
 def _row(row: SettingRow) -> dict[str, object]:
@@ -110,6 +121,7 @@ def _episode(key: str, result: EpisodeResult) -> dict[str, object]:
         "schedule": [asdict(item) for item in result.schedule],
         "trace_digest": result.trace.digest,
         "versions": dict(result.versions),
+        "reception": None if result.reception is None else asdict(result.reception),
     }
 
 
@@ -133,10 +145,3 @@ def _finite(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _umask() -> int:
-    """The process's umask; it can only be read by setting it."""
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.numbers import shown
+from pytest_drive_robust.requirements.touched import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -86,6 +87,7 @@ def _footnotes(run: RunResult) -> list[str]:
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
+    lines += [note for row in run.rows if (note := immunity(row.results))]
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)

@@ -17,6 +17,7 @@ from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.divergence import first_divergence_s
 from pytest_drive_robust.requirements.known import known_metric
 from pytest_drive_robust.requirements.model import Requirement
+from pytest_drive_robust.requirements.touched import require_touched
 from pytest_drive_robust.requirements.worst import WorstRoute, worst_routes
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 
@@ -59,11 +60,12 @@ def judge(
     relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
 
     Raises `ComparisonError` when there is nothing to judge: no episode or no data for the metric, an `infra_error`,
-    episodes of another agent or setting, sets that do not pair.
+    episodes of another agent or setting, a setting that changed nothing, sets that do not pair.
     """
     metric = known_metric(requirement.metric)
     baseline = str(requirement.setting.baseline)
     _require_episodes_of(agent, [str(requirement.setting)], perturbed)
+    require_touched(requirement.setting, perturbed)
     if clean:
         _require_episodes_of(agent, [baseline] if metric.needs_clean else [baseline, str(Setting.CLEAN)], clean)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.agent import consumed_signals
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import AgentError
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = ["agent_act", "agent_cameras", "agent_reset", "blame"]
+__all__ = ["agent_act", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
 
 _LARGEST_SIDE_PX = 4096
 _CALLERS = (
@@ -49,6 +50,12 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
     if twice:
         raise AgentError(f"sensors returned two cameras named {twice[0]!r}, expected distinct names")
     return tuple(cameras)
+
+
+def agent_consumes(agent: Agent) -> tuple[str, ...]:
+    """The signals that the agent declares to use, sorted. Raises `AgentError`."""
+    with _blamed("consumes"):
+        return tuple(sorted(consumed_signals(agent)))
 
 
 def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:

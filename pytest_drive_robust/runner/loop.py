@@ -13,8 +13,9 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import AgentError, SimulationError
-from pytest_drive_robust.runner.contract import agent_act, agent_cameras, agent_reset, blame
+from pytest_drive_robust.runner.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
 from pytest_drive_robust.runner.recorder import Recorder
+from pytest_drive_robust.runner.witness import Witness
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -80,6 +81,7 @@ class _Drive:
         self.warmup_ticks = 0
         self.started_s = time.perf_counter()
         self.recorder = Recorder()
+        self.witness = Witness()
         self.crash: AgentError | SimulationError | None = None
         self.moment: tuple[int, Frame, Observation, Control] | None = None
         self.stack: RunningStack | None = None
@@ -107,6 +109,7 @@ class _Drive:
         """Build the world, then wake up the agent and the perturbations."""
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
+        self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
         self._frame = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
         agent_reset(self.agent, self.simulator.plan(), self.seed)
         self.stack = self.setting.start(
@@ -120,9 +123,11 @@ class _Drive:
         tick, frame, stack = self.recorder.ticks, self._frame, self.stack
         assert frame is not None  # start() came before
         assert stack is not None
-        observation = stack.observe(self.simulator.observe())
+        captured = self.simulator.observe()
+        observation = stack.observe(captured)
         control, inference_s = None, 0.0
         if stack.wants_inference(tick):
+            self.witness.seen(captured, observation)
             given = replace(observation.private(), truth=_private(self.simulator.truth()) if self.privileged else None)
             asked_s = time.perf_counter()
             control = agent_act(self.agent, given)
@@ -131,7 +136,9 @@ class _Drive:
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
         if tick < self.warmup_ticks:
-            applied = Control.NEUTRAL
+            applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
+        else:
+            self.witness.applied(tick, control, applied)
         self._frame = self.simulator.step(applied)
         self.recorder.add(self._frame.ego, applied, self.simulator.progress_m)
         self.moment = (tick, frame, observation, applied)
@@ -169,6 +176,7 @@ class _Drive:
             privileged=self.privileged,
             junction_passed=score.junction_passed if score else False,
             versions=versions,
+            reception=self.witness.reception(),
         )
 
     def _end(self, score: Score | None) -> tuple[End, str]:

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.runner.contract import blame
 from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.tape import Moment, PictureFile, Tape
+from pytest_drive_robust.runner.tape import Moment, Picture, PictureFile, Tape, main_camera
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -58,6 +58,7 @@ def record_episode(
             Moment(
                 frame=replace(frame, actors=frame.actors.copy(), lights=frame.lights.copy()),
                 pictures=file.add(images),
+                real=world.unlike(observation, file),
                 gps=(observation.gps.x_m, observation.gps.y_m),
                 speed_mps=observation.speed.mps,
                 asked=driver.asked,
@@ -97,7 +98,7 @@ def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
 
 
 class _WatchedSimulator:
-    """The simulator, with an eye on the last frame and a camera for people where the agent has none."""
+    """The simulator, with an eye on the last frame and images, and a camera for people where the agent has none."""
 
     def __init__(self, inner: Simulator) -> None:
         self._inner = inner
@@ -118,10 +119,18 @@ class _WatchedSimulator:
 
     def observe(self) -> Observation:
         observation = self._inner.observe()
-        if not self.has_view:
-            return observation
         self.view = observation.cameras
-        return replace(observation, cameras={})
+        return replace(observation, cameras={}) if self.has_view else observation
+
+    def unlike(self, given: Observation, file: PictureFile) -> Picture | None:
+        """What the main camera really showed, kept in `file`, where the perturbations made something else of it."""
+        if not given.cameras:
+            return None
+        name = main_camera(given.cameras)
+        real = self.view[name].pixels
+        if given.cameras[name].pixels is real or (given.cameras[name].pixels == real).all():
+            return None
+        return file.add({name: self.view[name]})[0]
 
     def truth(self) -> GroundTruth:
         return self._inner.truth()

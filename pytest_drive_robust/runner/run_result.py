@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Event, Judged, Planned
+from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned
 
 __all__ = ["RunResult", "SettingRow"]
 
@@ -59,6 +59,7 @@ class RunResult:
     episodes: Mapping[str, EpisodeResult]
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    identified: tuple[Identified, ...] = ()
 
     @classmethod
     def of(
@@ -83,6 +84,7 @@ class RunResult:
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
             notes=notes,
+            identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
         )
 
 

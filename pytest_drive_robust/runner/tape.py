@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import IO, TYPE_CHECKING
 
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import Frame, LaneMap
 
-__all__ = ["Moment", "Picture", "PictureFile", "Tape"]
+__all__ = ["Moment", "Picture", "PictureFile", "Tape", "main_camera"]
 
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92
 _IN_MEMORY_BYTES = 1 << 25
+
+
+def main_camera(names: Iterable[str]) -> str:
+    """The camera to show in large: the one named `front`, else the middle one. There must be one."""
+    listed = list(names)
+    return "front" if "front" in listed else listed[len(listed) // 2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +44,15 @@ class Picture:
 class Moment:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
-    `gps` (x, y in metres) and `speed_mps` are what the agent was given; `asked` is the agent's newest control (None
+    `pictures` are what the agent was given; `real` is what its main camera would have shown where that is something
+    else. `gps` (x, y in metres) and `speed_mps` are what the agent was given; `asked` is the agent's newest control (None
     before its first), `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of
     the world. The last moment of a tape is the end: nothing is asked or applied any more.
     """
 
     frame: Frame
     pictures: tuple[Picture, ...] = ()
+    real: Picture | None = None
     gps: tuple[float, float] | None = None
     speed_mps: float | None = None
     asked: Control | None = None
@@ -71,6 +79,11 @@ class Tape:
     def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
         """The pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
         return {item.camera: (self.file.read(item), item.tick) for item in self.moments[position].pictures}
+
+    def real(self, position: int) -> Pixels | None:
+        """What the main camera would have shown, where the agent was given something else."""
+        picture = self.moments[position].real
+        return None if picture is None else self.file.read(picture)
 
     def close(self) -> None:
         """Free the pictures."""

@@ -15,6 +15,8 @@ from pytest_drive_robust.stats.evidence import Evidence
 __all__ = ["Rule", "degradation_rule", "mean_rule"]
 
 _TOP_SCORE = 100.0
+_ALL_OF_IT = 1.0 - 1e-9
+"""Below this share a margin leaves something of the range, and not only by rounding: 1 - 0.7 is more than 0.3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,7 @@ def degradation_rule(
     if comparison == "<=":
         if not 0.0 < keep < math.inf:
             raise ValueError(f"expected a threshold below 1 and a margin above 0, not {limit!r} and {margin!r}.")
-        lenient = max(keep - margin, 0.5 * keep)
+        lenient = keep - margin if margin < keep * _ALL_OF_IT else 0.5 * keep
         return Rule(1.0, keep, 0.0, lenient, 0.0, top_score, top_score * keep, top_score * lenient, True)
     if not 0.0 <= keep < math.inf:
         raise ValueError(f"expected a threshold of 1 at most and a margin above 0, not {limit!r} and {margin!r}.")
@@ -99,7 +101,7 @@ def mean_rule(
         raise ValueError(f"the limit is {limit!r}, expected a finite number in {low:g}..{high:g}.")
     sign = 1.0 if comparison == ">=" else -1.0
     below, above = (limit - low, high - limit) if comparison == ">=" else (high - limit, limit - low)
-    give = margin if below == 0.0 else min(margin, 0.5 * below)  # a limit at the end of the range always holds
+    give = margin if margin < below * _ALL_OF_IT or below == 0.0 else 0.5 * below  # what cannot be missed needs no cut
     return Rule(sign, 0.0, limit, 0.0, limit - sign * give, above, below, max(0.0, below - give), False)
 
 

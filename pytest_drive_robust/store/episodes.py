@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
 
 __all__ = ["FORMAT_VERSION", "read_episode", "write_episode"]
@@ -66,11 +68,24 @@ def read_episode(path: Path) -> EpisodeResult:
             ),
             schedule=tuple(Injection(**item) for item in header["schedule"]),
             versions=header["versions"],
+            reception=_reception(header.get("reception")),
             trace=Trace(arrays["trace"]),
             speed_ratios_pct=tuple(arrays["speed_ratios_pct"].tolist()),
             inference_s=tuple(arrays["inference_s"].tolist()),
             **{name: header[name] for name in _PLAIN},
         )
+
+
+def _reception(fields: dict[str, Any] | None) -> Reception | None:
+    """None in files from before it was recorded, too."""
+    if fields is None:
+        return None
+    touched = tuple(Touch(**item) for item in fields.pop("touched"))
+    return Reception(touched=touched, **{name: _tuple(value) for name, value in fields.items()})
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _header(result: EpisodeResult) -> dict[str, object]:
@@ -83,6 +98,7 @@ def _header(result: EpisodeResult) -> dict[str, object]:
         "infractions": [{**_fields(item), "kind": item.kind.value} for item in result.infractions],
         "schedule": [_fields(item) for item in result.schedule],
         "versions": dict(result.versions),
+        "reception": None if result.reception is None else asdict(result.reception),
         **{name: _plain(getattr(result, name)) for name in _PLAIN},
     }
 

@@ -9,7 +9,17 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
-__all__ = ["Asked", "Event", "Finished", "Judged", "Planned", "Started", "event_from_json", "event_to_json"]
+__all__ = [
+    "Asked",
+    "Event",
+    "Finished",
+    "Identified",
+    "Judged",
+    "Planned",
+    "Started",
+    "event_from_json",
+    "event_to_json",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +27,21 @@ class Planned:
     """The episodes (by key) that the selected tests are known to need. May repeat: keys count once."""
 
     keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """What `agent` and the routes of a scope are made of, so that another run can tell whether it used the same.
+
+    `distribution` is `"some-agents 1.2"`, `source` and `weights` are digests; each is empty when it is not known.
+    `routes` are `"id=digest"`, one for each route of the scope.
+    """
+
+    agent: str
+    distribution: str
+    source: str
+    weights: str
+    routes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +102,9 @@ class Judged:
     message: str = ""
 
 
-Event = Planned | Asked | Started | Finished | Judged
+Event = Planned | Identified | Asked | Started | Finished | Judged
 
-_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Planned, Asked, Started, Finished, Judged)}
+_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Planned, Identified, Asked, Started, Finished, Judged)}
 
 
 def event_to_json(event: Event) -> str:

@@ -38,6 +38,8 @@ ACCELERATE_S = 1.6
 """Who accelerates or brakes now is expected to go on with it for this long."""
 FASTEST_MPS = 18.0
 """Nobody is expected to accelerate beyond this."""
+PUSHED_MPS = 9.0
+"""Nobody faster than this is expected to brake for an ego that pushes its way across."""
 NOSE_M, HARD_BRAKE_MPS2 = 2.5, 6.0
 """With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more."""
 BICYCLE_WIDTH_M = 1.0
@@ -280,6 +282,12 @@ def rollouts(
     near = _near(path, s0, min(fastest, v0 + 5.0 * steps * STEP_S) * steps * STEP_S, forecast, sizes)
     half, width, length = 0.5 * size[0], size[1] + margins[1], size[0] + margins[0]
     clock, speed = np.empty(len(near)), np.empty(len(near))
+    close = np.zeros(len(near), dtype=np.int64)
+    x, y, yaw = _pose(path, s0)
+    for j in range(len(near)):  # who is within the margins already cannot be kept out of them
+        a = forecast[near[j], 0]
+        if _touch(x, y, yaw, length, width, a[0], a[1], a[2], sizes[near[j], 0], sizes[near[j], 1]):
+            close[j] = 1
     for p in range(len(plans)):
         s, v = s0, v0
         for j in range(len(near)):
@@ -312,7 +320,8 @@ def rollouts(
                 in_front, beside = rx * co + ry * so, abs(-rx * so + ry * co)
                 aligned = math.cos(yaw - oyaw)
                 speed_now = min(speed[j] + 2.5 * STEP_S, planned) if leads[i] == 0 else speed[j]
-                expected = sizes[i, 1] > BICYCLE_WIDTH_M and aligned > (-0.5 if pushy else 0.6)
+                least = -0.5 if pushy and speed[j] < PUSHED_MPS else 0.7
+                expected = sizes[i, 1] > BICYCLE_WIDTH_M and aligned > least
                 if expected and 0.0 < in_front < 40.0 and beside < 0.5 * (size[1] + sizes[i, 1]) and step > 2:
                     gap = in_front - 0.5 * (size[0] + sizes[i, 0])
                     closing = max(speed[j] - v, 0.0)
@@ -331,7 +340,10 @@ def rollouts(
                     continue
                 in_line = leads[i] == 1 or (aligned > 0.8 and beside < 0.5 * (size[1] + sizes[i, 1]))
                 stretch = 0.0 if in_line else 2.0 * margins[2] * speed_now
-                trouble = _touch(x, y, yaw, length, width, ox, oy, a[2], sizes[i, 0] + stretch, sizes[i, 1])
+                if close[j] == 1:
+                    trouble = _touch(x, y, yaw, size[0], size[1], ox, oy, a[2], sizes[i, 0], sizes[i, 1])
+                else:
+                    trouble = _touch(x, y, yaw, length, width, ox, oy, a[2], sizes[i, 0] + stretch, sizes[i, 1])
             if trouble:
                 found[p] = (step - 1) * STEP_S
                 break

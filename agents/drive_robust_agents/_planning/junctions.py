@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.forecast import crossed_boxes
@@ -13,6 +14,8 @@ from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import Frame, LightState
 
 __all__ = ["Junctions"]
+
+Ints = NDArray[np.int64]
 
 _LOOK_M = 90.0
 _HARD_BRAKE_MPS2 = 7.0
@@ -45,10 +48,11 @@ class Junctions:
                 nearest = min(nearest, at - _LINE_GAP_M)
         return nearest
 
-    def keep_clear(self, scene: Scene, traffic: Traffic, path: Floats, leads: Floats) -> Floats:
+    def keep_clear(self, scene: Scene, traffic: Traffic, path: Floats, leads: Ints) -> Floats:
         """(m, 2) first and last row of the junctions in which the ego must not come to rest: others cross them."""
         if len(scene.boxes) == 0:
             return scene.boxes
         moving = (traffic.boxes[:, 3] > 0.5) & (leads == 0)
         forecast = np.ascontiguousarray(traffic.forecast[moving][:, :_SOON_STEPS])
-        return scene.boxes[crossed_boxes(path, scene.boxes, forecast) == 1]
+        crossed: Floats = scene.boxes[crossed_boxes(path, scene.boxes, forecast) == 1]
+        return crossed

@@ -30,6 +30,7 @@ class LaneChanges:
         self._scene = scene
         self._left = [change for change in scene.changes if change.last - change.first > _SHORT_WINDOW_M]
         self._settled = np.zeros(scene.count)
+        self.busy_until_row = self._ends_row = -1.0
         self.profile: Floats = self._waiting()
 
     @property
@@ -44,10 +45,12 @@ class LaneChanges:
             return None
         length = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_M, _LONGEST_M))
         end = row + max(min(length, change.last - 2.0 - row), 6.0)
+        self._ends_row = end
         return self._changed(change, row, end)
 
     def adopt(self, profile: Floats) -> None:
-        """The next change is under way along `profile`."""
+        """The next change is under way along `profile`, the latest candidate."""
+        self.busy_until_row = self._ends_row
         self._left.pop(0)
         self._settled = profile
         self.profile = self._waiting()

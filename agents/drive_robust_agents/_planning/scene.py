@@ -131,7 +131,8 @@ class Scene:
         """(m, 2): first and last row of every junction on the route."""
         inside = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-        return edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
+        boxes: Floats = edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
+        return boxes
 
     def _stops(self) -> tuple[tuple[int, float], ...]:
         """(number, row) of every stop line on the route."""
@@ -207,7 +208,7 @@ def _straightest(lanes: tuple[Lane, ...], lane: Lane) -> int:
 
 def _longest_connector(lane_map: LaneMap, found: Ints) -> Ints:
     """Within a junction the connectors that share their first metres take turns: keep the one that follows best."""
-    cleaned = found.copy()
+    cleaned: Ints = found.copy()
     for k in range(len(found) - 2, -1, -1):
         here, there = lane_map.lanes[cleaned[k]], lane_map.lanes[cleaned[k + 1]]
         if here.junction and there.junction and here.index != there.index and there.index not in here.successors:

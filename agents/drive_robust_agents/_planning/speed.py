@@ -22,14 +22,20 @@ Ints = NDArray[np.int64]
 _ACCELERATIONS = np.array([4.5, 2.3, 1.2, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0, -8.0])
 _COMFORT_ACCEL_MPS2 = 2.3
 _HURRY_ACCEL_MPS2 = 4.0
+_FALL_BACK_MPS2 = -1.2
+"""Too near to who is ahead, the ego falls back at this rate as long as that one does not brake."""
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
 _HORIZON_STEPS = 30
 _DT_S = 0.05
 _GAP_MPS = 7.0
 """Below this speed a quick start is worth it when only that uses a gap."""
-_PATIENCE_S = 5.0
-_MARGINS, _TIGHT_MARGINS = np.array([1.2, 0.7, 0.25]), np.array([0.5, 0.3, 0.1])
+_PATIENCE_S = 10.0
+_MARGINS, _TIGHT_MARGINS, _LEAST_MARGINS = (
+    np.array([1.2, 0.7, 0.25]),
+    np.array([0.5, 0.3, 0.1]),
+    np.array([0.1, 0.06, 0]),
+)
 _STARTS = np.array([[4.0, 99.0, 4.0], [4.0, 2.4, 0.0], [4.0, 1.6, 0.0], [2.3, 99.0, 2.3]])
 _MANOEUVRES = np.array(
     [[4.0, 99.0, 4.0], [2.3, 99.0, 2.3], [1.2, 99.0, 1.2], [0.0, 99.0, 0.0], [-1.2, 2.0, 0.0], [-2.4, 2.0, 0.0]]
@@ -94,13 +100,15 @@ class SpeedChoice:
         trial = _Trial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         if trial.survives(wanted):
             return wanted
-        for margins in (_MARGINS, _TIGHT_MARGINS):
-            free = trial.seconds(_ACCELERATIONS, margins)
+        for k, (margins, wary) in enumerate(trial.tiers):
+            free = trial.seconds(_ACCELERATIONS, margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
                 break
         safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
         if len(safe) == 0:
             return float(_ACCELERATIONS[int(np.argmax(free))]) if free.max() > _LEFT_ALONE_S else -8.0
+        if not (wary or hurry):
+            return min(float(safe[0]), wanted, _FALL_BACK_MPS2 if k else wanted)
         gentle = safe[safe <= comfort]
         if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
             return float(safe[0])  # a gap that only a quick start can use
@@ -117,14 +125,25 @@ class _Trial:
         self.boxes = now.junctions.keep_clear(now.scene, traffic, path, self.leads)
         self.forecast = np.ascontiguousarray(traffic.forecast[:, : _HORIZON_STEPS + 1])
         self.horizon_s = 0.2 * _HORIZON_STEPS
+        front, rear = now.row + 0.5 * now.scene.size[0], now.row - 0.5 * now.scene.size[0]
+        inside = bool(np.any((self.boxes[:, 0] + 0.5 < front) & (rear < self.boxes[:, 1])))
+        self.yields_mps2 = _YIELD_MPS2 if hurry else _POLITE_MPS2
+        # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
+        first = _TIGHT_MARGINS if inside else _MARGINS
+        self.tiers = ((first, True), (first, False), (_TIGHT_MARGINS, True), (_TIGHT_MARGINS, False))
+        if pushy:
+            self.tiers += ((_LEAST_MARGINS, False),)
 
     def survives(self, acceleration: float) -> bool:
         """Does going on for a moment leave the way to stop?"""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
-        return bool(self._roll(plan, _MARGINS, self.leads)[0] >= self.horizon_s - 1e-9)
+        return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
-    def seconds(self, accelerations: Floats, margins: Floats) -> Floats:
-        """Seconds until trouble for each: either going through is safe to the end, or a moment later stopping is."""
+    def seconds(self, accelerations: Floats, margins: Floats, *, wary: bool) -> Floats:
+        """Seconds until trouble for each: either going through is safe to the end, or a moment later stopping is.
+
+        `wary`: those ahead may brake hard at any moment.
+        """
         count = len(accelerations)
         then_stop = np.column_stack(
             [accelerations, np.full(count, _REACT_S), np.minimum(accelerations, _COMFORT_BRAKE_MPS2)]
@@ -132,8 +151,9 @@ class _Trial:
         through = [np.column_stack([accelerations, np.full(count, 99.0), accelerations])]
         if self.hurry:  # what was begun in a gap goes on in it: who is ahead keeps going, and so does the ego
             through.append(np.column_stack([accelerations, np.full(count, _REACT_S + 1.0), np.zeros(count)]))
-        leads = np.zeros_like(self.leads) if self.hurry else self.leads
-        free = self._roll(then_stop, margins, self.leads)
+        steady = np.zeros_like(self.leads)
+        leads = self.leads if wary and not self.hurry else steady
+        free = self._roll(then_stop, margins, self.leads if wary else steady)
         for plans in through:
             free = np.maximum(free, self._roll(plans, margins, leads))
         return free
@@ -142,6 +162,6 @@ class _Trial:
         now, scene = self.now, self.now.scene
         found, _ = rollouts(
             self.path, now.row, now.speed_mps, scene.size, self.forecast, now.traffic.sizes, leads, plans,
-            scene.limits, self.boxes, self.stop_row, margins, _YIELD_MPS2, self.pushy,
+            scene.limits, self.boxes, self.stop_row, margins, self.yields_mps2, self.pushy,
         )  # fmt: skip
         return np.asarray(found)

@@ -81,8 +81,8 @@ class View:
     """How to look at a moment: where in the picture, pixels per metre, and the share of the height behind the ego."""
 
     box: Box
-    px_per_m: float = 6.0
-    behind: float = 0.26
+    px_per_m: float = 8.0
+    behind: float = 0.24
 
     def draw(
         self,
@@ -94,7 +94,7 @@ class View:
         twin: EgoState | None = None,
         marks: Sequence[tuple[float, float]] = (),
     ) -> None:
-        """Draw into the box: the ego in `colour`, its clean `twin` as an outline, a cross at each of `marks`.
+        """Draw into the box: the ego in `colour`, its clean `twin` as an outline, a ring around each of `marks`.
 
         `marks` are places of infractions in metres.
         """
@@ -114,11 +114,11 @@ class View:
             box = np.array((twin.x_m, twin.y_m, twin.yaw_rad, twin.length_m, twin.width_m))
             cv2.polylines(canvas, [_fixed(turn, _corners(box))], True, CLEAN, 2, cv2.LINE_AA, _BITS)
         if moment.gps is not None and math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > 0.3:
-            _cross(canvas, turn, moment.gps, INK, 7)
+            _cross(canvas, turn, moment.gps)
         if moment.plan is not None:
             _plan(canvas, turn, moment.plan)
         for mark in marks:
-            _cross(canvas, turn, mark, WRONG, 12)
+            _ring(canvas, turn, mark)
         self.box.of(picture)[:] = canvas
 
     def _turn(self, ego: EgoState) -> Floats:
@@ -202,10 +202,16 @@ def _lamp(canvas: Pixels, turn: Floats, pole: tuple[float, float], colour: Colou
     cv2.circle(canvas, _point(turn, pole), 5 << _BITS, _OUTLINE, 1, cv2.LINE_AA, _BITS)
 
 
-def _cross(canvas: Pixels, turn: Floats, place: tuple[float, float], colour: Colour, arm_px: int) -> None:
+def _ring(canvas: Pixels, turn: Floats, place: tuple[float, float]) -> None:
+    for thickness, colour in ((8, _OUTLINE), (4, WRONG)):
+        cv2.circle(canvas, _point(turn, place), 20 << _BITS, colour, thickness, cv2.LINE_AA, _BITS)
+
+
+def _cross(canvas: Pixels, turn: Floats, place: tuple[float, float]) -> None:
+    """Where the agent is told that it is."""
     x, y = _point(turn, place)
-    arm = arm_px << _BITS
-    for thickness, paint in ((5, _OUTLINE), (3, colour)):
+    arm = 7 << _BITS
+    for thickness, paint in ((5, _OUTLINE), (2, INK)):
         cv2.line(canvas, (x - arm, y - arm), (x + arm, y + arm), paint, thickness, cv2.LINE_AA, _BITS)
         cv2.line(canvas, (x - arm, y + arm), (x + arm, y - arm), paint, thickness, cv2.LINE_AA, _BITS)
 

@@ -76,7 +76,8 @@ class Box:
 
 def fill(picture: Pixels, box: Box, colour: Colour) -> None:
     """Paint a box."""
-    picture[max(box.y, 0) : box.bottom, max(box.x, 0) : box.right] = colour
+    if box.width > 0 and box.height > 0:
+        cv2.rectangle(picture, (box.x, box.y), (box.right - 1, box.bottom - 1), colour, -1)
 
 
 def text(

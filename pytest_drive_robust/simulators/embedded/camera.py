@@ -27,7 +27,7 @@ from pytest_drive_robust.simulators.embedded.drawing.shade import CLEAR_STEPS_PE
 from pytest_drive_robust.simulators.embedded.drawing.sky import sky_rows
 from pytest_drive_robust.simulators.embedded.drawing.texture import GroundTexture, ground_texture
 from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
-from pytest_drive_robust.simulators.embedded.semantics import CLASS_OF_KIND
+from pytest_drive_robust.simulators.embedded.semantics import KIND_LABELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +46,6 @@ PASSES = ("rgb", "semantic", "depth", "instance")
 
 _MOST_PARTS = max(len(parts) for parts in LOOKS.values())
 _FARTHEST_M = 512
-_LABELS = np.array([CLASS_OF_KIND[kind] for kind in sorted(CLASS_OF_KIND)], np.int64)
 _NOT_WANTED = Passes(np.zeros((0, 0), np.uint8), np.zeros((0, 0), np.float32), np.zeros((0, 0), np.int32))
 
 
@@ -149,8 +148,9 @@ class CameraRig:
         if len(frame.actors) >= len(self._ends):
             self._ends = np.zeros(len(frame.actors) + 1, np.int64)
         self._furniture.show(self._rows, frame.lights)
-        scene = Scene(self._rows, still, self._ends, frame.actors, self._furniture.street_lamps)
-        fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, _LABELS)
+        actors = np.array(frame.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
+        scene = Scene(self._rows, still, self._ends, actors, self._furniture.street_lamps)
+        fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
         return scene
 
     def _draw(self, eye: _Eye, frame: Frame, scene: Scene, lamps: Headlamps, picture: bool, passes: Passes) -> None:

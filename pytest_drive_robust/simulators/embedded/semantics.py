@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+import numpy as np
+
 from pytest_drive_robust.domain.truth import ActorKind
 
-__all__ = ["CLASS_OF_KIND", "SemanticClass"]
+__all__ = ["CLASS_OF_KIND", "KIND_LABELS", "SemanticClass"]
 
 
 class SemanticClass(IntEnum):
@@ -59,3 +61,6 @@ CLASS_OF_KIND: dict[ActorKind, SemanticClass] = {
     ActorKind.DIRT: SemanticClass.GROUND,
 }
 """The class of every kind of actor."""
+
+KIND_LABELS = np.array([CLASS_OF_KIND[kind] for kind in ActorKind], np.int64)
+"""`CLASS_OF_KIND` for kernels: the class by number of the kind."""

@@ -32,6 +32,8 @@ SIZES = {
     ActorKind.CONTAINER: (6.0, 2.4, 2.6),
     ActorKind.WARNING_SIGN: (0.5, 1.2, 1.4),
     ActorKind.BUILDING: (12.0, 10.0, 9.0),
+    ActorKind.DOOR: (0.9, 0.9, 1.1),
+    ActorKind.DIRT: (4.0, 3.0, 0.02),
 }
 
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scenario_driver import actors_of, away_m, beside_route, collisions, drawn, drive, staged
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import ActorKind, LightState
+from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -156,6 +157,23 @@ def test_who_comes_late_is_overlooked_until_he_is_in_the_middle_of_the_lane() ->
     assert braking[0.0] < -3.0
 
 
+def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_blocking_the_road() -> None:
+    world = staged("NonSignalizedJunctionLeftTurn")
+    car = int(file_flows(world)[0][-2])
+    row, start = world.state.actors[car], float(world.state.actors[car, c.A_S])
+    yaw, ahead, aside = float(row[c.A_YAW]), 12.0, 1.6
+    x, y = row[c.A_X] + ahead * math.cos(yaw), row[c.A_Y] + ahead * math.sin(yaw)
+    world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = (
+        x - aside * math.sin(yaw), y + aside * math.cos(yaw), yaw, 0.0
+    )  # fmt: skip
+    before = world.state.ego[:2].copy()
+    for _ in range(80):
+        world.tick(FULL_BRAKE)
+    assert np.hypot(*(world.state.ego[:2] - before)) > 0.1  # it was pushed aside
+    assert collisions(world) == []
+    assert world.state.actors[car, c.A_S] > start + 25.0
+
+
 def test_bicycles_ride_on_their_own_lane_beside_the_cars() -> None:
     for number in range(len(SCENARIOS["CrossingBicycleFlow"].sites)):
         world = World(drawn("CrossingBicycleFlow", number), seed=0)
@@ -167,6 +185,20 @@ def test_two_flows_meet_who_turns_left_onto_a_country_road() -> None:
     first, second = file_flows(world)
     yaws = [float(world.state.actors[members[0], c.A_YAW]) for members in (first, second)]
     assert math.cos(yaws[0] - yaws[1]) == pytest.approx(-1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", [*FLOWS, "SequentialLaneChange", "T_Junction", "VanillaNonSignalizedTurn"])
+def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> None:
+    for number in range(min(len(SCENARIOS[name].sites), 3)):
+        world = World(drawn(name, number), seed=1)
+        world.state.ego[c.EGO_X] += 1e4
+        for _ in range(50):
+            for _ in range(8):
+                world.tick(FULL_BRAKE)
+            cars = world.frame().actors[:, [Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH]]
+            for i in range(len(cars)):
+                near = np.hypot(cars[:i, 0] - cars[i, 0], cars[:i, 1] - cars[i, 1]) < 8.0
+                assert all(overlap(*cars[i], *other)[0] == 0.0 for other in cars[:i][near])
 
 
 # --- lights ---

@@ -13,7 +13,9 @@ __all__ = ["Air"]
 Colour = tuple[float, float, float]
 
 _DUST: Colour = (206.0, 168.0, 116.0)
+_LAMPLIGHT: Colour = (92.0, 76.0, 52.0)
 _LONGEST_SHADOW = 3.0
+_LEAST_DIRECT = 0.6
 
 
 class Air(NamedTuple):
@@ -53,7 +55,7 @@ class Air(NamedTuple):
         clouds, rain, fog = _share(weather.cloudiness), _share(weather.precipitation), _share(weather.fog_density)
         dust = fog**0.5 * _dust(weather)
         low_sun = (1.0 - abs(2.0 * day - 1.0)) * (1.0 - 0.6 * clouds)
-        grey = max(0.8 * clouds, rain, fog)
+        grey, night = max(0.8 * clouds, rain, fog), 1.0 - _ramp(height_deg, -6.0, 10.0)
         sky_top, haze = _sky(day, low_sun, grey, rain)
         sky_top = _mix(_mix(sky_top, haze, fog**0.6), (0.0, 0.0, 0.0), 0.3 * rain)
         dusty = _mix((0.0, 0.0, 0.0), _DUST, 0.15 + 0.85 * day)
@@ -68,13 +70,13 @@ class Air(NamedTuple):
             diffuse=0.42 * (1.0 - 0.75 * grey),
             haze_per_m=0.0018 + 0.004 * rain + 0.055 * fog**1.7,
             shadow=0.5 + 0.25 * grey,
-            night=1.0 - _ramp(height_deg, -6.0, 10.0),
+            night=night,
             rain=rain,
             mirror=max(_share(weather.wetness), 0.8 * _share(weather.precipitation_deposits)),
-            sheen=_mix(haze, sky_top, 0.3),
+            sheen=_mix(_mix(haze, sky_top, 0.3), _LAMPLIGHT, 0.6 * night),
             disc=_direction(weather.sun_azimuth_angle, height_deg),
             glare=_ramp(height_deg, -3.0, 3.0) * (1.0 - _ramp(height_deg, 12.0, 30.0)) * max(1.0 - 1.2 * grey, 0.0),
-            cast=_cast(weather, direct * day),
+            cast=_cast(weather, direct),
             drops=_ramp(rain, 0.15, 1.0),
         )
 
@@ -113,9 +115,9 @@ def _dust(weather: Weather) -> float:
     return dry * _ramp(weather.wind_intensity, 60.0, 100.0)
 
 
-def _cast(weather: Weather, strength: float) -> tuple[float, float]:
-    """Where shadows fall: away from the sun; nowhere under clouds and at night."""
-    if strength < 0.15 or weather.sun_altitude_angle < 1.0:
+def _cast(weather: Weather, direct: float) -> tuple[float, float]:
+    """Where shadows fall: away from the sun; nowhere at night and where too little `direct` light is left."""
+    if direct < _LEAST_DIRECT or weather.sun_altitude_angle < 1.0:
         return 0.0, 0.0
     run = min(1.0 / math.tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)
     around = math.radians(weather.sun_azimuth_angle)

@@ -12,6 +12,7 @@ from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
 from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
 from pytest_drive_robust.simulators.embedded.drawing.jit import entry, sources_digest
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
+from pytest_drive_robust.simulators.embedded.drawing.overhead import draw_overhead
 from pytest_drive_robust.simulators.embedded.drawing.passes import measure
 from pytest_drive_robust.simulators.embedded.drawing.raster import draw_faces
 from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, pack_pixels
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
     from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
 
-__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes"]
+__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes", "look_down"]
 
 Floats = NDArray[np.float64]
 
@@ -118,8 +119,35 @@ def _draw_camera(sources: int) -> Callable[..., None]:
     return draw_camera
 
 
+def _look_down(sources: int) -> Callable[..., None]:
+    @entry
+    def look_down(
+        classes: NDArray[np.uint8],
+        texels: NDArray[np.uint32],
+        levels: Floats,
+        level: int,
+        view: View,
+        texel_m: float,
+        ahead_m: float,
+        buildings: Floats,
+        stop_lines: Floats,
+        lights: NDArray[np.int64],
+        actors: Floats,
+        labels: NDArray[np.int64],
+    ) -> None:
+        _ = sources
+        draw_overhead(
+            classes, texels, levels, level, view, texel_m, ahead_m, buildings, stop_lines, lights, actors, labels
+        )
+
+    return look_down
+
+
 fill_boxes = _fill_boxes(sources_digest())
 """Puts the boxes of the actors into `scene.rows` (`assemble`); returns the row after the last one."""
 
 draw_camera = _draw_camera(sources_digest())
 """Draws one camera: `canvas.pixels` when `picture`, and those of `passes` that have room."""
+
+look_down = _look_down(sources_digest())
+"""Draws the classes around the ego from above (`draw_overhead`)."""

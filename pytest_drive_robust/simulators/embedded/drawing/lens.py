@@ -28,6 +28,7 @@ _DROP_TICKS = 50
 _SMALLEST, _LARGEST = 0.012, 0.034
 _GLOW, _DISC = 0.42, 0.024
 _HIDDEN = 0.3
+_VEIL = 0.33
 _SUN_RED, _SUN_GREEN, _SUN_BLUE = 255.0, 206.0, 132.0
 
 
@@ -127,7 +128,7 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: View, air: Air) ->
     if not inside or faces[int(v), int(u)] != 0:
         strength *= _HIDDEN
     reach = _GLOW * view.focal_px
-    _glow(image, u, v, reach, 0.9 * strength)
+    _glow(image, faces, u, v, reach, 0.9 * strength)
     if strength < air.glare:
         return
     radius = _DISC * view.focal_px
@@ -139,21 +140,29 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: View, air: Air) ->
 
 
 @njit(cache=True, error_model="numpy")
-def _glow(image: NDArray[np.uint8], u: float, v: float, reach: float, strength: float) -> None:
-    """Blends the sun's colour in around (u, v), less and less up to `reach` pixels away."""
+def _glow(image: NDArray[np.uint8], faces: NDArray[Any], u: float, v: float, reach: float, strength: float) -> None:
+    """Blends the sun's colour in around (u, v), less and less up to `reach` pixels away.
+
+    Less also over boxes: what is before the sun keeps its colour, and a traffic light can still be told.
+    """
     height, width = image.shape[0], image.shape[1]
     red, green, blue = np.float32(_SUN_RED), np.float32(_SUN_GREEN), np.float32(_SUN_BLUE)
-    one, fade, most = np.float32(1.0), np.float32(1.0 / (reach * reach)), np.float32(strength)
+    one, fade, most, veil = (
+        np.float32(1.0),
+        np.float32(1.0 / (reach * reach)),
+        np.float32(strength),
+        np.float32(strength * _VEIL),
+    )
     for row in range(max(math.ceil(v - reach - 0.5), 0), min(math.floor(v + reach - 0.5), height - 1) + 1):
         down = (row + 0.5 - v) * (row + 0.5 - v)
         chord = math.sqrt(max(reach * reach - down, 0.0))
         first = max(math.ceil(u - chord - 0.5), 0)
         nearest, start = np.float32(one - np.float32(down) * fade), np.float32(first + 0.5 - u)
-        line = image[row]
+        line, hidden = image[row], faces[row]
         for column in range(first, min(math.floor(u + chord - 0.5), width - 1) + 1):
             aside = start + np.float32(column - first)
             near = nearest - aside * aside * fade
-            share = most * near * near * near
+            share = (most if hidden[column] == 0 else veil) * near * near * near
             line[column, 0] = np.uint8(np.int32(line[column, 0] + (red - line[column, 0]) * share))
             line[column, 1] = np.uint8(np.int32(line[column, 1] + (green - line[column, 1]) * share))
             line[column, 2] = np.uint8(np.int32(line[column, 2] + (blue - line[column, 2]) * share))

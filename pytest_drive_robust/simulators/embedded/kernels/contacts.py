@@ -58,7 +58,9 @@ def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i
             state.actor_ints[i, c.I_LAST_HIT] = state.clock[0]
     if i >= 0:
         kind = state.actor_ints[i, c.I_KIND]
-        state.actor_ints[i, c.I_STUN] = STUN_TICKS
+        # who sees late and touches an ego that stands scrapes past: stopping there would block both for ever
+        if v >= STANDING_MPS or state.actor_ints[i, c.I_BLIND] != c.SEES_LATE:
+            state.actor_ints[i, c.I_STUN] = STUN_TICKS
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
             state.actor_ints[i, c.I_SOLID] = 0
             state.actor_ints[i, c.I_MODE] = c.MODE_STATIC

@@ -99,7 +99,9 @@ def sequential_lane_change(stage: Stage) -> None:
     """Several lane changes, one after the other, through traffic that moves nearly as fast as the ego may."""
     stage.start_mps = _ROLLING * stage.speed_limit_mps
     lane_map = stage.dense.lane_map
-    roads = dict.fromkeys(follow(lane_map, int(lane)) for lane in stage.dense.lanes)
+    # behind a junction a lane begins in the middle of the town: no place for a source
+    used = stage.dense.lanes[: stage.dense.first_junction_row()]
+    roads = dict.fromkeys(follow(lane_map, int(lane)) for lane in used)
     for number, lanes in enumerate(roads):
         stage.flow(
             stage.add_path(join(lane_map, lanes)),

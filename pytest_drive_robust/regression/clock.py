@@ -1,0 +1,17 @@
+"""The date and the time, from one place that tests can set: call them as `clock.today()`."""
+
+from __future__ import annotations
+
+from datetime import date, datetime, timezone
+
+__all__ = ["now", "today"]
+
+
+def today() -> date:
+    """The local date: a waiver ends at the owner's midnight."""
+    return date.today()
+
+
+def now() -> datetime:
+    """The time in UTC, to the second."""
+    return datetime.now(timezone.utc).replace(microsecond=0)

@@ -1,0 +1,244 @@
+"""One snapshot against another: verdicts, routes that flipped, and what the two were driven with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
+from pytest_drive_robust.regression.clean import clean_sentence
+from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches
+from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
+from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise
+from pytest_drive_robust.stats.judges import VerdictKind
+from pytest_drive_robust.stats.order import planned_order
+
+__all__ = ["CellComparison", "Comparison", "Finding", "Flip", "Numbers", "Terms", "compare"]
+
+_WORST_FIRST = ("error", "fail", "inconclusive", "pass")
+Pair = tuple[RouteScore, RouteScore]
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match."""
+
+    allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
+    kind: VerdictKind = "evidence"
+    policy: MismatchPolicy = "default"
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Means over the routes that both runs hold: DS 0..100, SR 0..1, RD (None where a clean score is missing)."""
+
+    ds: float
+    sr: float
+    rd: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Flip:
+    """A route that succeeded in one run and failed in the other. `fails` is True for a newly failing one."""
+
+    fails: bool
+    before: RouteScore
+    after: RouteScore
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`."""
+
+    allowance: Allowance
+    verdict: str
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CellComparison:
+    """One agent under one setting in both runs. `agent` is its name in the new run.
+
+    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score.
+    """
+
+    agent: str
+    setting: str
+    routes_spec: str
+    before: Numbers
+    after: Numbers
+    routes: int
+    missing: int
+    changed: int
+    findings: tuple[Finding, ...]
+    flips: tuple[Flip, ...]
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the findings."""
+        found = {finding.verdict for finding in self.findings}
+        return next(verdict for verdict in _WORST_FIRST if verdict in found)
+
+    @property
+    def regressed(self) -> bool:
+        """True when the new run must not pass for as good as the old one: it is worse, or was not scored."""
+        return self.verdict in ("fail", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All of it. `fingerprint` is that of the new run's first agent, for replay commands."""
+
+    before: Snapshot
+    after: Snapshot
+    terms: Terms
+    cells: tuple[CellComparison, ...]
+    mismatches: tuple[Mismatch, ...]
+    fingerprint: Fingerprint
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def refusals(self) -> tuple[Mismatch, ...]:
+        """The differences that forbid the comparison under its policy; when there are any, no verdict counts."""
+        return tuple(item for item in self.mismatches if item.refuses(self.terms.policy))
+
+    @property
+    def regressions(self) -> tuple[CellComparison, ...]:
+        """The settings that got worse than allowed."""
+        return tuple(cell for cell in self.cells if cell.regressed)
+
+
+def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Comparison:
+    """Judge `after` against `before`, setting by setting, on the routes that both hold.
+
+    Agents are matched by name; where each run has one agent and the names differ, these two are compared.
+
+    Raises `UsageError` when the two have no agent, setting and route in common.
+    """
+    terms = terms or Terms()
+    renamed = _renamed(before, after)
+    cells, found, notes = [], list[Mismatch](), list[str]()
+    if renamed:
+        notes.append(f"{' and '.join(renamed.values())} is compared with {' and '.join(renamed)}")
+    for (agent, setting), new in after.cells.items():
+        old = before.cells.get((renamed.get(agent, agent), setting))
+        if old is None or not _pairs(old, new):
+            notes.append(f"not in {before.label}: {agent} under {setting}")
+            continue
+        cells.append(_compared(before, after, (old, new), terms))
+        found += _cell_mismatches(old, new)
+    driven = {(renamed.get(agent, agent), setting) for agent, setting in after.cells}
+    notes += [f"not in {after.label}: {agent} under {setting}" for agent, setting in before.cells.keys() - driven]
+    if not cells:
+        raise UsageError(_nothing_in_common(before, after))
+    first = next(score for cell in after.cells.values() for score in cell.routes.values())
+    return Comparison(
+        before, after, terms, tuple(cells), tuple(dict.fromkeys(found)), first.fingerprint, tuple(sorted(notes))
+    )
+
+
+def _renamed(before: Snapshot, after: Snapshot) -> Mapping[str, str]:
+    """New name to old name, where each run has one agent and they differ."""
+    if len(before.agents) == len(after.agents) == 1 and before.agents != after.agents:
+        return {after.agents[0]: before.agents[0]}
+    return {}
+
+
+def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
+    def told(snapshot: Snapshot) -> str:
+        cells = list(snapshot.cells.values())
+        shown = ", ".join(f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes)" for cell in cells[:4])
+        more = f" and {len(cells) - 4} more" if len(cells) > 4 else ""
+        return f"{snapshot.label} holds {shown or 'nothing'}{more}"
+
+    return f"there is nothing to compare: {told(before)}; {told(after)}. Expected a setting with common routes."
+
+
+def _pairs(old: Cell, new: Cell) -> list[Pair]:
+    """The routes that both hold, in the planned order of the setting."""
+    common = [route for route in new.routes if route in old.routes]
+    types = [new.routes[route].scenario for route in common]
+    order = planned_order(common, types, f"{new.agent} {new.setting}")
+    return [(old.routes[route], new.routes[route]) for route in order]
+
+
+def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms: Terms) -> CellComparison:
+    old, new = cells
+    pairs = _pairs(old, new)
+    quartets = _quartets(before, after, cells, pairs)
+    return CellComparison(
+        agent=new.agent,
+        setting=new.setting,
+        routes_spec=new.routes_spec,
+        before=_numbers([pair[0] for pair in pairs], [(item.clean_before, item.before) for item in quartets]),
+        after=_numbers([pair[1] for pair in pairs], [(item.clean_after, item.after) for item in quartets]),
+        routes=len(pairs),
+        missing=len(old.routes) - len(pairs),
+        changed=sum(pair[0].ds != pair[1].ds for pair in pairs),
+        findings=tuple(_findings(new, pairs, quartets, terms)),
+        flips=_flips(pairs),
+    )
+
+
+def _numbers(scores: Sequence[RouteScore], clean_and_perturbed: Sequence[tuple[float, float]]) -> Numbers:
+    clean = fmean(pair[0] for pair in clean_and_perturbed) if clean_and_perturbed else 0.0
+    rd = 1.0 - fmean(pair[1] for pair in clean_and_perturbed) / clean if clean > 0.0 else None
+    return Numbers(fmean(score.ds for score in scores), fmean(score.sr for score in scores), rd)
+
+
+def _quartets(
+    before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], pairs: Sequence[Pair]
+) -> tuple[Quartet, ...]:
+    """The routes that have clean scores in both runs too; none for a clean setting."""
+    old, new = cells
+    sentence = clean_sentence(new.setting)
+    clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
+    if sentence == new.setting or clean_old is None or clean_new is None:
+        return ()
+    return tuple(
+        Quartet(clean_old.routes[route].ds, was.ds, clean_new.routes[route].ds, now.ds)
+        for was, now in pairs
+        if (route := now.route_id) in clean_old.routes and route in clean_new.routes
+    )
+
+
+def _findings(new: Cell, pairs: Sequence[Pair], quartets: Sequence[Quartet], terms: Terms) -> Iterable[Finding]:
+    for allowance in terms.allowances:
+        if new.broken:
+            more = f" and {len(new.broken) - 1} more" if len(new.broken) > 1 else ""
+            yield Finding(allowance, "error", f"not scored: {new.broken[0]}{more}")
+        elif allowance.metric == "RD":
+            yield _rise(new, quartets, allowance, terms)
+        else:
+            ds = allowance.metric == "DS"
+            scores = [(was.ds, now.ds) if ds else (was.sr, now.sr) for was, now in pairs]
+            yield Finding(allowance, judge_drop(scores, allowance, kind=terms.kind))
+
+
+def _rise(new: Cell, quartets: Sequence[Quartet], allowance: Allowance, terms: Terms) -> Finding:
+    if quartets:
+        return Finding(allowance, judge_rise(quartets, allowance, kind=terms.kind))
+    if clean_sentence(new.setting) == new.setting:
+        return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
+    return Finding(allowance, "error", "RD needs clean episodes of the same routes in both runs")
+
+
+def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:
+    """Newly failing routes first, the largest loss of driving score first."""
+    flips = [Flip(was.succeeds, was, now) for was, now in pairs if was.succeeds != now.succeeds]
+    return tuple(sorted(flips, key=lambda flip: (not flip.fails, flip.after.ds - flip.before.ds, flip.after.route_id)))
+
+
+def _cell_mismatches(old: Cell, new: Cell) -> Iterable[Mismatch]:
+    pairs = [(old.routes[route], score) for route, score in new.routes.items() if route in old.routes]
+    seen: list[tuple[Fingerprint, Fingerprint]] = []
+    for was, now in pairs:
+        if (was.fingerprint, now.fingerprint) not in seen:
+            seen.append((was.fingerprint, now.fingerprint))
+            yield from mismatches(was.fingerprint, now.fingerprint, agent=new.agent)
+    others = [now.route_id for was, now in pairs if was.digest and now.digest and was.digest != now.digest]
+    if others:
+        shown = ", ".join(others[:5]) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
+        yield Mismatch("routes", f"{len(others)} of {len(pairs)} routes are others by the same id: {shown}")

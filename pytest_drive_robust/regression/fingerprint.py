@@ -1,0 +1,111 @@
+"""May two runs be compared? What they were driven with, and what differs.
+
+=========== =============================================================== ==========
+kind        what differs                                                    by default
+=========== =============================================================== ==========
+simulator   its name, its version, when it stops a stuck episode            refuse
+routes      the content of a route that both call by the same id            refuse
+versions    Python and the libraries that decide the numbers                warn
+agent       its distribution, source or weights: that is what is compared   tell
+=========== =============================================================== ==========
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from pytest_drive_robust.errors import UnknownNameError
+
+__all__ = ["AgentPrint", "Fingerprint", "Mismatch", "MismatchPolicy", "mismatches", "parse_policy"]
+
+MismatchPolicy = Literal["default", "warn", "refuse"]
+Kind = Literal["simulator", "routes", "versions", "agent"]
+
+_NOT_NUMBERS = frozenset({"pytest", "pytest-drive-robust"})
+"""Versions that are recorded but decide no score; our own simulators have versions of their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentPrint:
+    """What an agent is made of; each part is empty when it is not known (see `identity`)."""
+
+    distribution: str = ""
+    source: str = ""
+    weights: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Fingerprint:
+    """What the episodes of one agent were driven with. `simulator` is the name that was asked for."""
+
+    simulator: str
+    stuck_stop_s: float | None = None
+    agent: AgentPrint = AgentPrint()
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def world(self) -> str:
+        """The simulator with its version, as its episodes tell it."""
+        version = self.versions.get("simulator") or self.versions.get(self.simulator.partition(":")[0], "")
+        return f"{self.simulator} ({version})" if version else self.simulator
+
+
+@dataclass(frozen=True, slots=True)
+class Mismatch:
+    """One difference, as a sentence without a full stop."""
+
+    kind: Kind
+    text: str
+
+    def refuses(self, policy: MismatchPolicy) -> bool:
+        """True when the comparison must not be made. A changed agent is what one compares, so it never refuses."""
+        if self.kind == "agent" or policy == "warn":
+            return False
+        return policy == "refuse" or self.kind in ("simulator", "routes")
+
+
+def parse_policy(given: str) -> MismatchPolicy:
+    """The policy of that name. Raises `UnknownNameError`."""
+    known: dict[str, MismatchPolicy] = {name: name for name in get_args(MismatchPolicy)}
+    if given not in known:
+        raise UnknownNameError.of("policy for mismatches", given, known)
+    return known[given]
+
+
+def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[Mismatch, ...]:
+    """Everything but the routes that differs between two fingerprints of `agent`. What one side lacks is not known."""
+    return (*_simulators(before, after), *_versions(before, after), *_agents(before.agent, after.agent, agent))
+
+
+def _simulators(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
+    if before.world != after.world:
+        yield Mismatch("simulator", f"the simulator was {before.world} and is {after.world}")
+    if before.stuck_stop_s != after.stuck_stop_s:
+        was, now = (_stop(item.stuck_stop_s) for item in (before, after))
+        yield Mismatch("simulator", f"episodes of a stuck agent were stopped {was} and are stopped {now}")
+
+
+def _stop(seconds: float | None) -> str:
+    return "never early" if seconds is None else f"after {seconds:g} s"
+
+
+def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
+    told = {"simulator", before.simulator.partition(":")[0], after.simulator.partition(":")[0], *_NOT_NUMBERS}
+    for name in sorted({*before.versions, *after.versions} - told):
+        was, now = before.versions.get(name), after.versions.get(name)
+        if was != now:
+            yield Mismatch("versions", f"{name} was {was or 'not recorded'} and is {now or 'not recorded'}")
+
+
+def _agents(before: AgentPrint, after: AgentPrint, agent: str) -> Iterable[Mismatch]:
+    changes = []
+    if before.distribution != after.distribution and before.distribution and after.distribution:
+        changes.append(f"{before.distribution} is {after.distribution}")
+    for what in ("source", "weights"):
+        was, now = getattr(before, what), getattr(after, what)
+        if was != now and (was or what == "weights"):
+            changes.append(f"{what} {was or 'unknown'} is {now or 'unknown'}")
+    if changes:
+        yield Mismatch("agent", f"the agent {agent} changed: {', '.join(changes)}")

@@ -1,0 +1,34 @@
+"""What git knows about the folder that a run was started in; nothing is made up where it knows nothing."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+__all__ = ["author", "commit"]
+
+_PATIENCE_S = 10.0
+
+
+def commit(folder: Path) -> str:
+    """The short name of the commit, with `-changed` when tracked files differ from it; empty outside a repository."""
+    name = _git(folder, "rev-parse", "--short=9", "HEAD")
+    changed = bool(name) and bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))
+    return f"{name}-changed" if changed else name
+
+
+def author(folder: Path) -> str:
+    """`"Kim Doe <kim@example.org>"` out of git's configuration; what is not configured is left out."""
+    name, mail = _git(folder, "config", "user.name"), _git(folder, "config", "user.email")
+    return f"{name} <{mail}>".strip() if mail else name
+
+
+def _git(folder: Path, *words: str) -> str:
+    """What git prints; empty when it fails or is not there."""
+    try:
+        done = subprocess.run(
+            ["git", *words], cwd=folder, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

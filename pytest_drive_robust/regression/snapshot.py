@@ -1,0 +1,91 @@
+"""What a comparison needs of a run: per-route scores of each agent and setting, and what they were driven with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+from pytest_drive_robust.regression.fingerprint import Fingerprint
+
+__all__ = ["Cell", "CellKey", "RouteScore", "Snapshot", "Taken"]
+
+CellKey = tuple[str, str]
+"""(agent, setting), the setting as its sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """One scored episode: driving score 0..100, success, and how it ended in a few words."""
+
+    seed: int
+    ds: float
+    success: bool
+    outcome: str
+
+
+@dataclass(frozen=True, slots=True)
+class RouteScore:
+    """One route of one agent under one setting, the seeds averaged: `ds` 0..100, `sr` 0..1.
+
+    `outcome` and `worst_seed` are those of the seed with the lowest driving score. `digest` names the content of the
+    route and is empty when it was not recorded; `fingerprint` is what it was driven with.
+    """
+
+    route_id: str
+    scenario: str
+    ds: float
+    sr: float
+    seeds: tuple[int, ...]
+    outcome: str
+    worst_seed: int
+    digest: str
+    fingerprint: Fingerprint
+
+    @classmethod
+    def of(
+        cls, route_id: str, scenario: str, taken: Sequence[Taken], *, digest: str, fingerprint: Fingerprint
+    ) -> RouteScore:
+        """The mean over the episodes of a route, at least one."""
+        worst = min(taken, key=lambda item: (item.ds, item.seed))
+        return cls(
+            route_id=route_id,
+            scenario=scenario,
+            ds=fmean(item.ds for item in taken),
+            sr=fmean(item.success for item in taken),
+            seeds=tuple(sorted(item.seed for item in taken)),
+            outcome=worst.outcome,
+            worst_seed=worst.seed,
+            digest=digest,
+            fingerprint=fingerprint,
+        )
+
+    @property
+    def succeeds(self) -> bool:
+        """True when more than half of the seeds succeeded."""
+        return self.sr > 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One agent under one setting. `broken` tells of each episode that the simulator broke: it has no score."""
+
+    agent: str
+    setting: str
+    routes_spec: str
+    routes: Mapping[str, RouteScore]
+    broken: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A run, or what was blessed of several. `label` is how people call it; `made` says when and of which commit."""
+
+    label: str
+    cells: Mapping[CellKey, Cell]
+    made: str = ""
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Every agent once, in the order of the run."""
+        return tuple(dict.fromkeys(agent for agent, _ in self.cells))

@@ -1,0 +1,85 @@
+"""The verdict on one allowance from per-route scores before and after: the rules of every other gate, other arguments.
+
+A drop of DS or SR is read as the degradation of the new scores against the stored ones: one new episode per route, no
+clean run. A rise of RD needs the clean scores of both runs and one look at the end, because a difference of two ratios
+is no sum over routes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+from pytest_drive_robust.regression.allowance import Allowance
+from pytest_drive_robust.stats.evidence import FEWEST_FOR_T, Decision, mean_below_zero_p
+from pytest_drive_robust.stats.judges import VerdictKind, judge_by
+from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
+
+__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise"]
+
+MARGIN = 0.10
+"""How far beyond the allowance a pass may still lie, as a share of the metric's range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quartet:
+    """The driving scores (0..100) of one route in two runs, clean and perturbed."""
+
+    clean_before: float
+    before: float
+    clean_after: float
+    after: float
+
+
+def judge_drop(
+    pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
+) -> Decision:
+    """Did DS or SR drop by more than allowed? `pairs` are (before, after) of each route in planned order.
+
+    `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most `alpha` of
+    the time on routes like these. Raises `ComparisonError` when there is no pair.
+    """
+    judge = judge_by(kind, _rule(allowance), planned=len(pairs), alpha=alpha)
+    for before, after in pairs:
+        found = judge.read(after, before) if allowance.relative else judge.read(after - before)
+        if found is not None:
+            return found
+    return judge.close()
+
+
+def judge_rise(
+    routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
+) -> Decision:
+    """Did RD rise by more than allowed? Inconclusive when a clean mean is 0 and, by evidence, below 20 routes.
+
+    One value per route whose mean is the rise beyond the allowance (the influence of the route on both ratios), then
+    Hall's t test as in the last look of the gate, with one pessimistic pseudo route on the pass side.
+    """
+    clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
+    if clean_before <= 0.0 or clean_after <= 0.0:
+        return "inconclusive"
+    kept_before = fmean(route.before for route in routes) / clean_before
+    kept_after = fmean(route.after for route in routes) / clean_after
+    room = allowance.amount - (kept_before - kept_after)
+    if kind != "evidence":
+        return "pass" if room >= -1e-9 else "fail"
+    if len(routes) < FEWEST_FOR_T:
+        return "inconclusive"
+    holds = [
+        room
+        + (route.after - kept_after * route.clean_after) / clean_after
+        - (route.before - kept_before * route.clean_before) / clean_before
+        for route in routes
+    ]
+    if mean_below_zero_p(holds) <= alpha:
+        return "fail"
+    slacks = [hold + MARGIN for hold in holds]
+    return "pass" if 1.0 - mean_below_zero_p([*slacks, min(*slacks, MARGIN - 1.0)]) <= alpha else "inconclusive"
+
+
+def _rule(allowance: Allowance) -> Rule:
+    if allowance.relative:
+        return degradation_rule(allowance.amount, MARGIN, top_score=allowance.top)
+    top = allowance.top
+    return mean_rule(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)

@@ -1,0 +1,137 @@
+"""The film of one or two tapes: position in, picture out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from pytest_drive_robust.report.film.above import PATH, ROUTE, SPEED_POINT, TARGET_POINT, Ground
+from pytest_drive_robust.report.film.canvas import (
+    BACKGROUND,
+    CLEAN,
+    DIM,
+    HEIGHT,
+    INK,
+    MARK,
+    PERTURBED,
+    WIDTH,
+    Box,
+    fill,
+    text,
+)
+from pytest_drive_robust.report.film.scene import Scene
+from pytest_drive_robust.report.film.story import story_of
+from pytest_drive_robust.report.film.strips import Strips
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pytest_drive_robust.domain.truth import EgoState
+    from pytest_drive_robust.report.film.canvas import Colour, Pixels
+    from pytest_drive_robust.runner.tape import Tape
+
+__all__ = ["Film"]
+
+_BANNER_S = 1.5
+
+
+class Film:
+    """Shows `clean` on the left and `perturbed` on the right in step; one tape alone stands in the middle.
+
+    >>> HEIGHT, WIDTH
+    (720, 1280)
+    """
+
+    def __init__(self, clean: Tape, perturbed: Tape | None = None) -> None:
+        tapes = (clean,) if perturbed is None else (clean, perturbed)
+        ground = Ground(clean.lane_map, clean.route)
+        self.story = story_of(tapes)
+        self.dt_s = clean.result.dt_s
+        self._scenes = tuple(
+            Scene(tape, tape.result.episode.setting, colour, ground, events, left)
+            for tape, colour, events, left in zip(
+                tapes, (CLEAN, PERTURBED), self.story.events, (0, 640) if perturbed is not None else (320,), strict=False
+            )
+        )
+        self._strips = Strips([tape.result for tape in tapes], self.story)
+        self._empty = _backdrop(tapes)
+
+    @property
+    def rate_hz(self) -> int:
+        """Pictures per second at which the film runs in the time of the episode."""
+        return round(1.0 / self.dt_s)
+
+    @property
+    def positions(self) -> list[int]:
+        """The positions in the order of showing."""
+        return self.story.showing(self.dt_s)
+
+    def pictures(self) -> Iterator[Pixels]:
+        """Every picture of the film in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
+        shown, picture = -1, self._empty
+        for position in self.positions:
+            if position != shown:
+                picture, shown = self.picture(position), position
+            yield picture
+
+    def picture(self, position: int) -> Pixels:
+        """The world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
+        picture = self._empty.copy()
+        for scene in self._scenes:
+            scene.draw(picture, position, twin=self._twin(scene, position))
+        self._strips.draw(picture, position)
+        self._banner(picture, position)
+        return picture
+
+    def sheet(self) -> Pixels:
+        """The telling moments on one picture, two in a row."""
+        pictures = [self.picture(position) for position in self.story.telling()]
+        if len(pictures) % 2 and len(pictures) > 1:
+            pictures.append(np.full_like(pictures[0], BACKGROUND))
+        rows = [np.concatenate(pictures[i : i + 2], axis=1) for i in range(0, len(pictures), 2)]
+        return np.asarray(np.concatenate(rows), np.uint8)
+
+    def _twin(self, scene: Scene, position: int) -> EgoState | None:
+        """The clean ego of this moment, for the perturbed scene."""
+        clean = self._scenes[0]
+        if scene is clean:
+            return None
+        moments = clean.tape.moments
+        return moments[min(position, len(moments) - 1)].frame.ego
+
+    def _banner(self, picture: Pixels, position: int) -> None:
+        """A flag across both scenes at the first divergence."""
+        if self.story.divergence is None:
+            return
+        at, apart = self.story.divergence
+        if not at <= position <= at + _BANNER_S / self.dt_s:
+            return
+        words = f"FIRST DIVERGENCE at {at * self.dt_s:.2f} s: {apart}"
+        fill(picture, Box(0, 0, WIDTH, 34), MARK)
+        text(picture, words, (WIDTH // 2, 25), size=0.75, bold=True, colour=BACKGROUND, within=1240, align="centre")
+        cv2.rectangle(picture, (1, 34), (WIDTH - 2, 463), MARK, 3)
+
+
+def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
+    """What never changes: the title and the legend of the views from above."""
+    picture = np.full((HEIGHT, WIDTH, 3), BACKGROUND, np.uint8)
+    episode = tapes[0].result.episode
+    title = f"{episode.agent} on {episode.route_id} {tapes[0].result.scenario}, seed {episode.seed}"
+    plans = [moment.plan for tape in tapes for moment in tape.moments if moment.plan is not None]
+    entries: list[tuple[str, Colour, bool]] = [
+        ("route", ROUTE, True),
+        ("plan", PATH, any(plan.path for plan in plans)),
+        ("target points", TARGET_POINT, any(plan.target_points for plan in plans)),
+        ("speed points", SPEED_POINT, any(plan.speed_points for plan in plans)),
+        ("clean twin", CLEAN, len(tapes) == 2),
+    ]
+    x = WIDTH - 10
+    for words, colour, there in reversed(entries):
+        if there:
+            x -= text(picture, words, (x, 23), size=0.5, colour=DIM, align="right") + 6
+            cv2.line(picture, (x - 18, 18), (x, 18), colour, 4)
+            x -= 32
+    text(picture, title, (10, 24), size=0.65, colour=INK, bold=True, within=x - 20)
+    return picture

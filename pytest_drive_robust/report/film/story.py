@@ -1,0 +1,125 @@
+"""What there is to tell about two tapes: where they part, what goes wrong when, and how long to look at it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.requirements.divergence import first_divergence_s
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.runner.tape import Tape
+
+__all__ = ["Event", "Span", "Story", "story_of"]
+
+_HOLD_S = 1.0
+_LAST_HOLD_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that went wrong: the tick, a sentence, and where in metres (None when it has no place)."""
+
+    tick: int
+    words: str
+    place: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A failure at work in ticks `first..last` on one signal."""
+
+    signal: str
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Story:
+    """The plot of a film.
+
+    `length` is the last position: position `k` is the world after `k` ticks, and an episode that is over stays at its
+    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events`, `spans`
+    and `ends` are one entry for each tape; an entry of `ends` is the position of the end.
+    """
+
+    length: int
+    divergence: tuple[int, str] | None
+    events: tuple[tuple[Event, ...], ...]
+    spans: tuple[tuple[Span, ...], ...]
+    ends: tuple[int, ...]
+
+    def showing(self, dt_s: float) -> list[int]:
+        """The positions in the order in which a film shows them: it stands still where something happens."""
+        pauses = {item.tick for items in self.events for item in items}
+        if self.divergence is not None:
+            pauses.add(self.divergence[0])
+        shown: list[int] = []
+        for position in range(self.length + 1):
+            shown += [position] * (1 + (round(_HOLD_S / dt_s) if position in pauses else 0))
+        return shown + [self.length] * round(_LAST_HOLD_S / dt_s)
+
+    def telling(self, *, most: int = 6) -> list[int]:
+        """The positions for a picture strip: start, divergence, infractions, end; at most `most`."""
+        happened = sorted({item.tick for items in self.events for item in items})
+        first = [] if self.divergence is None else [self.divergence[0]]
+        kept = [0, *first, *happened[: most - 2 - len(first)], self.length]
+        return sorted(set(kept))
+
+
+def story_of(tapes: tuple[Tape, ...]) -> Story:
+    """The story of a clean and a perturbed tape, or of one alone."""
+    results = tuple(tape.result for tape in tapes)
+    ends = tuple(len(tape.moments) - 1 for tape in tapes)
+    return Story(
+        length=max(ends),
+        divergence=_divergence(*results) if len(results) == 2 else None,
+        events=tuple(_events(result) for result in results),
+        spans=tuple(_spans(result) for result in results),
+        ends=ends,
+    )
+
+
+def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, str] | None:
+    parted_s = first_divergence_s(clean, perturbed)
+    if parted_s is None:
+        return None
+    position = round(parted_s / clean.dt_s)
+    return position, _apart(clean, perturbed, position - 1)
+
+
+def _apart(clean: EpisodeResult, perturbed: EpisodeResult, row: int) -> str:
+    """`"0.5 m behind, 1.2 m/s slower"`: what of it is worth saying."""
+    names = ("yaw_rad", "x_m", "y_m", "speed_mps")
+    yaw, x_m, y_m, speed_mps = (float(clean.trace.column(name)[row]) for name in names)
+    east, south = (float(perturbed.trace.column(n)[row]) - v for n, v in (("x_m", x_m), ("y_m", y_m)))
+    ahead = math.cos(yaw) * east + math.sin(yaw) * south
+    right = math.cos(yaw) * south - math.sin(yaw) * east
+    faster = float(perturbed.trace.column("speed_mps")[row]) - speed_mps
+    parts = [
+        f"{abs(value):.1f} {words[value < 0.0]}"
+        for value, least, words in (
+            (ahead, 0.45, ("m ahead", "m behind")),
+            (right, 0.45, ("m to the right", "m to the left")),
+            (faster, 0.95, ("m/s faster", "m/s slower")),
+        )
+        if abs(value) >= least
+    ]
+    return ", ".join(parts)
+
+
+def _events(result: EpisodeResult) -> tuple[Event, ...]:
+    events = [
+        Event(item.tick, item.detail, (item.x_m, item.y_m) if item.x_m or item.y_m else None)
+        for item in result.infractions
+    ]
+    if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+        events.append(Event(result.ticks, result.end_detail, None))
+    return tuple(sorted(events, key=lambda event: event.tick))
+
+
+def _spans(result: EpisodeResult) -> tuple[Span, ...]:
+    return tuple(Span(item.signal, item.first_tick, item.last_tick) for item in result.schedule)

@@ -1,0 +1,161 @@
+"""The strips below the scenes: speed, pedals and steering over time, clean against perturbed, and what happened when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from pytest_drive_robust.report.film.canvas import (
+    BACKGROUND,
+    CLEAN,
+    DIM,
+    INK,
+    MARK,
+    PANEL,
+    PERTURBED,
+    WRONG,
+    Box,
+    fill,
+    text,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.report.film.canvas import Colour, Pixels
+    from pytest_drive_robust.report.film.story import Story
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["AREA", "Strips"]
+
+AREA = Box(0, 466, 1280, 254)
+_LEFT, _RIGHT = 118, 1264
+_FAILURE = Box(_LEFT, 486, _RIGHT - _LEFT, 8)
+_AXIS_Y = 714
+_COLOURS = (CLEAN, PERTURBED)
+_STEPS_S = (1, 2, 5, 10, 20, 50, 100)
+
+
+@dataclass(frozen=True, slots=True)
+class _Strip:
+    name: str
+    unit: str
+    box: Box
+    low: float
+    high: float
+
+
+class Strips:
+    """Painted once for a film; only the line of the present moment moves."""
+
+    def __init__(self, results: Sequence[EpisodeResult], story: Story) -> None:
+        self._story = story
+        self._dt_s = results[0].dt_s
+        fastest = max(float(result.trace.column("speed_mps").max(initial=0.0)) * 3.6 for result in results)
+        self._strips = (
+            _Strip("speed", "km/h", Box(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
+            _Strip("gas", "brake", Box(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
+            _Strip("steer", "", Box(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
+        )
+        self._picture = self._painted(results)
+
+    def draw(self, picture: Pixels, position: int) -> None:
+        """Draw the strips at a position of the film: what is still to come is dimmed."""
+        area = AREA.of(picture)
+        area[:] = self._picture
+        now = self._column(position)
+        for box in (_FAILURE, *(strip.box for strip in self._strips)):
+            later = picture[box.y : box.bottom, now : box.right]
+            later[:] = later // 2 + np.array(BACKGROUND, np.uint8) // 2
+        cv2.line(picture, (now, _FAILURE.y), (now, self._strips[-1].box.bottom), INK, 2)
+        second = f"{position * self._dt_s:.2f} s"
+        align = "right" if now > _RIGHT - 80 else "left"
+        text(picture, second, (now + (-8 if align == "right" else 8), 516), size=0.5, bold=True, align=align)
+
+    def _column(self, position: float) -> int:
+        return _LEFT + round((_RIGHT - _LEFT - 1) * position / max(self._story.length, 1))
+
+    def _painted(self, results: Sequence[EpisodeResult]) -> Pixels:
+        """The whole area as it looks when everything has happened."""
+        whole = np.zeros((AREA.bottom, AREA.width, 3), np.uint8)
+        fill(whole, AREA, BACKGROUND)
+        self._scale(whole)
+        for result, colour in zip(results, _COLOURS, strict=False):
+            for strip, values in zip(self._strips, _curves(result), strict=True):
+                self._curve(whole, strip, values, colour)
+        self._failures(whole)
+        self._marks(whole)
+        return whole[AREA.y :].copy()
+
+    def _scale(self, picture: Pixels) -> None:
+        """Boxes, names, and a line for every few seconds."""
+        for strip in self._strips:
+            fill(picture, strip.box, PANEL)
+            middle = strip.box.y + strip.box.height // 2
+            second_line = 18 if strip.unit else 0
+            text(picture, strip.name, (_LEFT - 10, middle + 5 - second_line // 2), size=0.5, align="right")
+            text(picture, strip.unit, (_LEFT - 10, middle + 5 + second_line // 2), size=0.5, colour=DIM, align="right")
+        for strip in self._strips[1:]:
+            middle = strip.box.y + strip.box.height // 2
+            cv2.line(picture, (_LEFT, middle), (_RIGHT - 1, middle), (70, 75, 84), 1)
+        speed = self._strips[0]
+        for limit in range(20, round(0.85 * speed.high) + 1, 20):
+            y = self._row(speed, limit)
+            cv2.line(picture, (_LEFT, y), (_RIGHT - 1, y), (58, 63, 72), 1)
+            text(picture, str(limit), (_RIGHT - 4, y - 3), size=0.4, colour=DIM, align="right")
+        seconds = self._story.length * self._dt_s
+        step = next((step for step in _STEPS_S if seconds / step <= 16), 500)
+        for second in range(0, int(seconds) + 1, step):
+            x = self._column(second / self._dt_s)
+            for strip in self._strips:
+                cv2.line(picture, (x, strip.box.bottom - 4), (x, strip.box.bottom), DIM, 1)
+            words = f"{second} s" if second == 0 else str(second)
+            text(picture, words, (x, _AXIS_Y), size=0.45, colour=DIM, align="left" if second == 0 else "centre")
+
+    def _curve(self, picture: Pixels, strip: _Strip, values: Floats, colour: Colour) -> None:
+        if len(values) < 2:
+            return
+        x = [self._column(position + 1) for position in range(len(values))]
+        share = (np.clip(values, strip.low, strip.high) - strip.low) / (strip.high - strip.low)
+        y = strip.box.bottom - 1 - share * (strip.box.height - 1)
+        points = np.column_stack((x, np.round(y))).astype(np.int32)
+        cv2.polylines(picture, [points], False, colour, 2, cv2.LINE_AA)
+
+    def _row(self, strip: _Strip, value: float) -> int:
+        share = (value - strip.low) / (strip.high - strip.low)
+        return strip.box.bottom - 1 - round(share * (strip.box.height - 1))
+
+    def _failures(self, picture: Pixels) -> None:
+        """When the perturbation was at work."""
+        fill(picture, _FAILURE, PANEL)
+        text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
+        for span in self._story.spans[-1]:
+            left, right = self._column(span.first), self._column(span.last + 1)
+            fill(picture, Box(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
+
+    def _marks(self, picture: Pixels) -> None:
+        """Lines through all strips at the first divergence and at every infraction of the last tape."""
+        bottom = self._strips[-1].box.bottom
+        for items in self._story.events:
+            for event in items:
+                x = self._column(event.tick)
+                cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), WRONG, 2)
+                cv2.drawMarker(picture, (x, _FAILURE.y - 10), WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
+        if self._story.divergence is not None:
+            x = self._column(self._story.divergence[0])
+            cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), MARK, 2)
+            corners = np.array(((x - 7, _FAILURE.y - 18), (x + 7, _FAILURE.y - 18), (x, _FAILURE.y - 6)), np.int32)
+            cv2.fillConvexPoly(picture, corners, MARK, cv2.LINE_AA)
+
+
+def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:
+    """Speed in km/h, throttle minus brake, steering."""
+    column = result.trace.column
+    return column("speed_mps") * 3.6, column("throttle") - column("brake"), column("steer")

@@ -1,0 +1,119 @@
+"""H.264 in MP4 by PyAV, an optional extra; the file is whole or not there."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Pixels = NDArray[np.uint8]
+
+__all__ = ["EXTRA", "has_encoder", "write_png", "write_video"]
+
+EXTRA = "pytest-drive-robust[video]"
+"""What to install for videos."""
+
+_ENCODERS = ("libx264", "libopenh264")
+"""The wheels of PyAV bring the first; builds of FFmpeg without it often bring the second."""
+
+
+def has_encoder() -> bool:
+    """True when a video can be written here."""
+    return _encoder() is not None
+
+
+def write_video(
+    path: Path, pictures: Iterable[Pixels], *, rate_hz: int, wrote: Callable[[], object] | None = None
+) -> None:
+    """Write pictures, all (height, width, 3) uint8 RGB with even sides, as a video that browsers play.
+
+    8-bit 4:2:0 in BT.709 with its index in front, so that it starts before it is loaded. `wrote()` is called after
+    every picture; pictures are taken one at a time. Raises `UsageError` where no encoder is installed, the path cannot
+    be written, or there is no picture; then `path` is what it was before.
+    """
+    encoder = _encoder()
+    if encoder is None:
+        raise UsageError(f"no H.264 encoder is installed: pip install '{EXTRA}'.")
+    import av
+
+    with _whole(path) as temporary, av.open(
+        str(temporary), "w", format="mp4", options={"movflags": "+faststart"}
+    ) as container:
+        stream: Any = None
+        for picture in pictures:
+            if stream is None:
+                stream = _stream(container, encoder, picture, rate_hz)
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame = frame.reformat(format="yuv420p", src_colorspace="ITU709", dst_colorspace="ITU709")
+            container.mux(stream.encode(frame))
+            if wrote is not None:
+                wrote()
+        if stream is None:
+            raise UsageError(f"there is no picture to write to {str(path)!r}.")
+        container.mux(stream.encode())
+
+
+def write_png(path: Path, picture: Pixels) -> None:
+    """Write one RGB picture. Raises `UsageError` when the path cannot be written."""
+    import cv2
+
+    data = cv2.imencode(".png", picture[:, :, ::-1])[1].tobytes()
+    with _whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _encoder() -> str | None:
+    try:
+        import av
+    except ImportError:
+        return None
+    return next((name for name in _ENCODERS if name in av.codecs_available), None)
+
+
+def _stream(container: Any, encoder: str, picture: Pixels, rate_hz: int) -> Any:
+    options = {"crf": "20", "preset": "veryfast"} if encoder == "libx264" else {}
+    stream = container.add_stream(encoder, rate=Fraction(rate_hz), options=options)
+    stream.height, stream.width = picture.shape[:2]
+    stream.pix_fmt = "yuv420p"
+    context = stream.codec_context
+    context.gop_size = rate_hz * 2  # one can jump to any two seconds
+    context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709
+    context.color_range = 1  # 16..235
+    if encoder != "libx264":
+        context.bit_rate = 4_000_000
+    return stream
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A temporary name beside `path` that becomes `path` when the block ends well, else is deleted."""
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    except OSError as error:
+        raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise UsageError(f"cannot write {str(path)!r}: {error.strerror or error}.") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,81 @@
+"""Watches both seams of an episode: did the perturbations change what the agent got, or what the vehicle got?
+
+A perturbation that says in its schedule what it injected may still have changed nothing: zero metres of noise, a
+camera that the agent does not have. So the loop compares, which must cost next to nothing: objects by identity first,
+then ticks and values. Pixels are compared only where images lie in different memory with the same tick of capture, and
+only until that camera was seen to change once; from then on other memory counts as changed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.reception import CONTROL, Reception, Touch
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.control import Control
+    from pytest_drive_robust.domain.observation import Image, Observation
+
+__all__ = ["Witness"]
+
+
+class Witness:
+    """The count of one episode. `seen` and `applied` are called once a tick at most and cost about a microsecond."""
+
+    __slots__ = ("_cameras", "_consumes", "_counts", "_firsts", "_observations")
+
+    def __init__(self, cameras: tuple[str, ...] = (), consumes: tuple[str, ...] = ()) -> None:
+        self._cameras = cameras
+        self._consumes = consumes
+        self._observations = 0
+        self._counts: dict[str, int] = {}
+        self._firsts: dict[str, int] = {}
+
+    def seen(self, captured: Observation, given: Observation) -> None:
+        """The agent is `given` this in place of what the sensors `captured`."""
+        self._observations += 1
+        if given is captured:
+            return
+        if given.gps is not captured.gps and given.gps != captured.gps:
+            self._touch("gps", captured.tick)
+        if given.speed is not captured.speed and given.speed != captured.speed:
+            self._touch("speed", captured.tick)
+        if given.imu is not captured.imu and given.imu != captured.imu:
+            self._touch("imu", captured.tick)
+        if given.compass is not captured.compass and given.compass != captured.compass:
+            self._touch("compass", captured.tick)
+        if given.cameras is not captured.cameras:
+            self._compare_images(captured, given)
+
+    def applied(self, tick: int, asked: Control | None, given: Control) -> None:
+        """The vehicle is `given` this; `asked` is what the agent gave in this tick, None when it was not asked."""
+        if given is not asked and given != asked:
+            self._touch(CONTROL, tick)
+
+    def reception(self) -> Reception:
+        """What was seen so far."""
+        touched = tuple(Touch(signal, count, self._firsts[signal]) for signal, count in self._counts.items())
+        return Reception(self._cameras, self._consumes, self._observations, touched)
+
+    def _compare_images(self, captured: Observation, given: Observation) -> None:
+        for name, image in captured.cameras.items():
+            other = given.cameras.get(name)
+            if other is not image and (other is None or self._differ(name, image, other)):
+                self._touch(name, captured.tick)
+
+    def _differ(self, camera: str, one: Image, other: Image) -> bool:
+        if one.tick != other.tick:
+            return True
+        if one.pixels is other.pixels:
+            return False
+        if camera in self._counts:
+            return True
+        import numpy as np
+
+        return not np.array_equal(one.pixels, other.pixels)
+
+    def _touch(self, signal: str, tick: int) -> None:
+        count = self._counts.get(signal, 0)
+        if count == 0:
+            self._firsts[signal] = tick
+        self._counts[signal] = count + 1

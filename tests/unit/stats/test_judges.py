@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats.judges import EvidenceJudge, Judge, ListJudge, PointJudge, judge_by
+from pytest_drive_robust.stats.rules import degradation_rule, mean_rule
+
+RULE = degradation_rule(0.30)
+score = st.one_of(st.sampled_from([0.0, 60.0, 100.0]), st.floats(0.0, 100.0))
+score_pairs = st.lists(st.tuples(score, score), min_size=1, max_size=60)
+
+
+def read(judge: Judge, pairs: Sequence[tuple[float, float]]) -> tuple[str, int]:
+    for clean, perturbed in pairs:
+        if judge.read(perturbed, clean) is not None:
+            break
+    return judge.close(), judge.routes
+
+
+def agent(seed: int, count: int, keeps: float) -> list[tuple[float, float]]:
+    draw = random.Random(seed)
+    clean = [draw.choice([100.0, 100.0, 60.0, 20.0]) for _ in range(count)]
+    return [(before, before * draw.choice([1.0, keeps, keeps * draw.random()])) for before in clean]
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+def test_every_judge_fails_a_wreck_passes_a_twin_and_finds_nothing_to_compare_with_zeros(kind: str) -> None:
+    def verdict(clean: float, perturbed: float) -> str:
+        return read(judge_by(kind, RULE, planned=60), [(clean, perturbed)] * 60)[0]  # type: ignore[arg-type]
+
+    assert verdict(90.0, 10.0) == "fail"
+    assert verdict(90.0, 90.0) == "pass"
+    assert verdict(0.0, 0.0) == "inconclusive"
+    assert verdict(0.0, 50.0) == "inconclusive"
+
+
+@given(score_pairs.filter(lambda pairs: any(clean > 0.0 for clean, _ in pairs)))
+def test_the_point_judge_reads_everything_and_compares(pairs: list[tuple[float, float]]) -> None:
+    verdict, routes = read(PointJudge(RULE), pairs)
+    excess = sum(perturbed - 0.7 * clean for clean, perturbed in pairs)
+
+    assert routes == len(pairs)
+    if abs(excess) > 1e-3:
+        assert verdict == ("pass" if excess > 0.0 else "fail")
+
+
+def test_equal_to_the_limit_passes_by_point_and_by_list() -> None:
+    pairs = [(80.0, 56.0)] * 30
+
+    assert read(PointJudge(RULE), pairs) == ("pass", 30)
+    assert read(ListJudge(RULE, planned=30), pairs)[0] == "pass"
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.floats(0.2, 0.9))
+def test_a_list_that_was_read_to_the_end_is_judged_like_the_point(seed: int, keeps: float) -> None:
+    pairs = agent(seed, 25, keeps)
+    verdict, routes = read(ListJudge(RULE, planned=25, alpha=1e-9), pairs)
+
+    assert verdict == read(PointJudge(RULE), pairs)[0]
+    assert routes <= 25
+
+
+@settings(max_examples=100)
+@given(score_pairs.filter(lambda pairs: any(clean > 0.0 for clean, _ in pairs)))
+def test_a_list_stops_on_certainty_only_where_it_may_not_err(pairs: list[tuple[float, float]]) -> None:
+    # alpha so small that no bet can be won within 60 routes: what stops is what the routes left cannot turn
+    verdict, _ = read(ListJudge(RULE, planned=len(pairs), alpha=1e-30), pairs)
+
+    assert verdict == read(PointJudge(RULE), pairs)[0]
+
+
+def test_a_list_stops_when_the_routes_left_cannot_turn_it() -> None:
+    rule = mean_rule(0.5, ">=", low=0.0, high=1.0, margin=0.1)
+    judge = ListJudge(rule, planned=10, alpha=0.001)
+    verdicts = [judge.read(0.0) for _ in range(6)]
+
+    assert verdicts == [None] * 5 + ["fail"]
+
+
+@pytest.mark.parametrize("limit", [0.25, 0.30, 0.35])
+def test_a_list_disagrees_with_the_full_list_at_most_alpha_of_the_shuffles(limit: float) -> None:
+    pairs = agent(3, 120, 0.62)
+    rule = degradation_rule(limit)
+    truth = read(PointJudge(rule), pairs)[0]
+    wrong, used, shuffles = 0, 0, 300
+    for seed in range(shuffles):
+        shuffled = random.Random(seed).sample(pairs, len(pairs))
+        verdict, routes = read(ListJudge(rule, planned=120), shuffled)
+        wrong += verdict != truth
+        used += routes
+
+    assert wrong <= 0.05 * shuffles
+    assert used < 120 * shuffles
+
+
+def test_a_list_that_ends_before_its_end_is_inconclusive_and_one_route_more_is_refused() -> None:
+    judge = ListJudge(RULE, planned=20)
+    judge.read(70.0, 100.0)
+    assert judge.close() == "inconclusive"
+
+    judge = ListJudge(RULE, planned=1)
+    with pytest.raises(ComparisonError, match="no pair"):
+        judge.close()
+    assert judge.read(70.0, 100.0) == "pass"
+    assert judge.read(0.0, 100.0) == "pass"
+
+
+def test_a_list_without_a_range_bets_nothing_and_is_read_to_the_end() -> None:
+    rule = mean_rule(60.0, ">=", margin=5.0)
+
+    assert read(ListJudge(rule, planned=40), [(0.0, 100.0), (0.0, 30.0)] * 20) == ("pass", 40)
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+@pytest.mark.parametrize("wrong", [float("nan"), 300.0, -300.0])
+def test_a_score_that_cannot_be_is_refused(kind: str, wrong: float) -> None:
+    with pytest.raises(ComparisonError, match="outside"):
+        judge_by(kind, RULE, planned=5).read(wrong, 90.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+def test_nothing_read_is_an_error(kind: str) -> None:
+    with pytest.raises(ComparisonError, match="no pair"):
+        judge_by(kind, RULE, planned=5).close()  # type: ignore[arg-type]
+
+
+def test_while_no_reference_moved_evidence_waits_for_one_that_does() -> None:
+    judge = EvidenceJudge(RULE)
+    assert [judge.read(100.0, 0.0) for _ in range(30)] == [None] * 30
+
+    assert judge.read(90.0, 90.0) == "pass"
+    assert judge.routes == 31
+
+
+def test_a_verdict_of_another_name_is_refused() -> None:
+    with pytest.raises(ValueError, match="evidence, list, point"):
+        judge_by("vote", RULE, planned=5)  # type: ignore[arg-type]

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats.planning import (
+    advise,
+    degradation_noise,
+    pairs_to_settle,
+    resolution,
+    routes_needed,
+)
+
+
+def test_the_formula_by_hand() -> None:
+    # z(0.96) + z(0.90) = 1.7507 + 1.2816 standard errors
+    assert resolution(220, 0.45) == pytest.approx(3.0322 * 0.45 / math.sqrt(220), rel=1e-4)
+    assert routes_needed(0.10, 0.45) == math.ceil((3.0322 * 4.5) ** 2)
+    assert pairs_to_settle(0.34, 0.30, 0.10, 0.45) == math.ceil((3.0322 * 0.45 / 0.06) ** 2)
+    assert pairs_to_settle(70.0, 72.0, -10.0, 30.0) == math.ceil((3.0322 * 30.0 / 8.0) ** 2)
+
+
+@given(st.floats(0.03, 0.3), st.floats(0.1, 1.0), st.sampled_from([0.01, 0.05]))
+def test_as_many_routes_as_needed_resolve_the_margin_and_one_less_does_not(
+    margin: float, noise: float, alpha: float
+) -> None:
+    needed = routes_needed(margin, noise, alpha=alpha)
+
+    assert needed >= 20
+    assert resolution(needed, noise, alpha=alpha) <= margin + 1e-9
+    if needed > 21:
+        assert resolution(needed - 1, noise, alpha=alpha) > margin - 1e-9
+
+
+@given(st.integers(1, 400))
+def test_more_routes_resolve_more(routes: int) -> None:
+    assert resolution(routes + 1) < resolution(routes)
+
+
+def test_the_noise_of_stored_scores_by_hand() -> None:
+    # RD 0.5; D = (30, -30), sd with n - 1 = 42.43, mean clean 80
+    assert degradation_noise([80.0, 80.0], [70.0, 10.0]) == pytest.approx(math.sqrt(1800.0) / 80.0)
+    assert degradation_noise([80.0, 40.0], [40.0, 20.0]) == 0.0
+
+
+def test_the_noise_of_nothing_is_refused() -> None:
+    with pytest.raises(ComparisonError, match="two pairs or more"):
+        degradation_noise([80.0], [70.0])
+    with pytest.raises(ComparisonError, match="mean clean score is 0"):
+        degradation_noise([0.0, 0.0], [70.0, 1.0])
+    with pytest.raises(ValueError, match="1 or more"):
+        resolution(0)
+    with pytest.raises(ValueError, match="above 0"):
+        routes_needed(0.0)
+
+
+def test_a_margin_finer_than_the_resolution_is_warned_about_in_words() -> None:
+    advice = advise(50, 0.10)
+
+    assert advice.level == "warn"
+    assert advice.text == (
+        "50 routes can only catch violations larger than +0.19 RD (90%); asked margin 0.10 needs about 190 routes"
+    )
+
+
+def test_many_routes_are_fine_few_are_warned_about_and_very_few_are_refused() -> None:
+    assert advise(220, 0.10).level == "fine"
+    assert advise(220, 0.10).text == ""
+    assert advise(120, 0.10, noise=0.33).level == "fine"
+    assert advise(44, 0.25).level == "warn"
+    assert "50 are better" in advise(44, 0.25).text
+    assert advise(19, 0.10).level == "refuse"
+    assert "Give 20 routes or more, or a margin of 0.3 or more" in advise(19, 0.10).text
+    assert advise(19, 0.30).level == "warn"
+    assert advise(10, 10.0, 30.0, what="DS", scale=100.0).level == "refuse"
+    assert "margin of 30 or more" in advise(10, 10.0, 30.0, what="DS", scale=100.0).text

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.rules import degradation_rule, mean_rule
+from pytest_drive_robust.stats.several import any_wrong, fail_p_value, holm
+
+p_lists = st.lists(st.floats(0.0, 1.0), max_size=12)
+
+
+def test_holm_by_hand() -> None:
+    assert holm([0.010, 0.040, 0.030, 0.005]) == (True, False, False, True)
+    assert holm([0.04]) == (True,)
+    assert holm([]) == ()
+
+
+@given(p_lists, st.floats(0.001, 0.2))
+def test_holm_rejects_between_bonferroni_and_no_correction(p_values: list[float], alpha: float) -> None:
+    for p_value, rejected in zip(p_values, holm(p_values, alpha), strict=True):
+        assert rejected or p_value > alpha / len(p_values)
+        assert not rejected or p_value <= alpha
+
+
+@given(p_lists)
+def test_holm_never_keeps_a_smaller_p_value_than_it_rejects(p_values: list[float]) -> None:
+    rejected = holm(p_values)
+
+    for mine, one in zip(p_values, rejected, strict=True):
+        assert all(
+            other_rejected for other, other_rejected in zip(p_values, rejected, strict=True) if one and other < mine
+        )
+
+
+def test_what_is_no_p_value_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"in 0\.\.1"):
+        holm([0.2, 1.5])
+
+
+def test_any_wrong_grows_with_the_number_of_requirements() -> None:
+    assert any_wrong(0.05, 0) == 0.0
+    assert any_wrong(0.05, 1) == pytest.approx(0.05)
+    assert any_wrong(0.05, 2) == pytest.approx(0.0975)
+
+
+@settings(max_examples=150)
+@given(st.integers(0, 10**6), st.sampled_from([10, 20, 60]), st.floats(0.2, 0.9), st.sampled_from([0.01, 0.05]))
+def test_the_p_value_is_alpha_or_less_exactly_when_the_gate_fails(
+    seed: int, count: int, keeps: float, alpha: float
+) -> None:
+    draw = random.Random(seed)
+    clean = [draw.choice([100.0, 60.0, 20.0]) for _ in range(count)]
+    perturbed = [before * draw.choice([1.0, keeps, draw.random()]) for before in clean]
+    verdict = gate(clean, perturbed, 0.30, alpha=alpha)
+    read = slice(verdict.pairs)
+    ended = verdict.pairs == count
+    p_value = fail_p_value(degradation_rule(0.30), perturbed[read], clean[read], ended=ended)
+
+    assert 0.0 <= p_value <= 1.0
+    assert (p_value <= alpha) == (verdict.verdict == "fail") or verdict.verdict == "pass"
+
+
+def test_the_p_value_of_a_mean_and_of_nothing_to_compare_with() -> None:
+    rule = mean_rule(0.6, ">=", low=0.0, high=1.0, margin=0.1)
+
+    assert fail_p_value(rule, [0.0] * 40) < 1e-6
+    assert fail_p_value(rule, [1.0] * 40) == 1.0
+    assert fail_p_value(rule, []) == 1.0
+    assert fail_p_value(degradation_rule(0.3), [0.0] * 40, [0.0] * 40) == 1.0
+
+
+def test_p_values_are_small_as_rarely_as_they_say() -> None:
+    rule, draw = mean_rule(0.6, ">=", low=0.0, high=1.0, margin=0.1), random.Random(5)
+    p_values = [fail_p_value(rule, [float(draw.random() < 0.6) for _ in range(60)]) for _ in range(600)]
+
+    for alpha in (0.05, 0.2):
+        assert sum(p_value <= alpha for p_value in p_values) <= 600 * (alpha + 2 * (alpha / 600) ** 0.5)
