@@ -10,7 +10,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
 from pytest_drive_robust.regression.clean import clean_sentence
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches
-from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise
 from pytest_drive_robust.stats.judges import VerdictKind
 from pytest_drive_robust.stats.order import planned_order

@@ -80,6 +80,12 @@ def true_rd(profile: str, rd: float) -> float:
     return rd_of(clean, perturbed)
 
 
+def true_means(profile: str, rd: float) -> tuple[float, float]:
+    """The mean score and the success rate (0..1) of the perturbed runs."""
+    perturbed = _tables(profile, rd)[1]
+    return float(perturbed @ _weights()), float((perturbed == 100.0) @ _weights())
+
+
 def rd_of(clean: Scores, perturbed: Scores) -> float:
     """RD of the population of routes: the tables weighted by how often their entries are drawn."""
     weights = _weights()

@@ -14,8 +14,24 @@ from typing import NamedTuple
 
 import numpy as np
 from paper_table import PAPER, SETTINGS
-from score_model import PROFILES, Latent, Scores, draw_pairs, draw_runs, quantiles, rd_of, true_rd, twist_of
+from score_model import (
+    PROFILES,
+    Latent,
+    Scores,
+    draw_pairs,
+    draw_runs,
+    quantiles,
+    rd_of,
+    true_means,
+    true_rd,
+    twist_of,
+)
 from score_shapes import SHAPES
+
+from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.judges import EvidenceJudge, ListJudge, PointJudge
+from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
+from pytest_drive_robust.stats.sequential_intervals import evidence_interval
 
 GateRule = Callable[[Sequence[float], Sequence[float], float, float, float], tuple[str, int]]
 
@@ -183,3 +199,75 @@ def paper_suite(rule: GateRule, studies: int, *, seed: int = 1, routes: int = 22
             episodes += float(pairs.mean())
         episodes += float(longest.mean())
     return cells, episodes
+
+
+def mean_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
+    """The rules for SR, DS and efficiency in both directions: wrong verdicts with the truth at the limit and beyond."""
+    seeds = count(1000 * seed + 300)
+    for routes in ROUTES:
+        scores = draw_pairs("mid", 0.10, studies=studies, routes=routes, seed=next(seeds))[1]
+        ds, sr = true_means("mid", 0.10)
+        speeds = np.random.default_rng(next(seeds)).gamma(2.0, 65.0, (studies, routes))
+        for metric, values, truth, high, margin in (
+            ("DS", scores, ds, 100.0, 10.0),
+            ("SR", (scores == 100.0).astype(float), sr, 1.0, 0.10),
+            ("efficiency", speeds, 130.0, math.inf, 30.0),
+        ):
+            for comparison, worse in ((">=", -1.0), ("<=", 1.0)):
+                at = mean_rule(truth, comparison, low=0.0, high=high, margin=margin)
+                over = mean_rule(truth - worse * margin, comparison, low=0.0, high=high, margin=margin)
+                name = f"{metric} {comparison}, {routes} routes"
+                fails = sum(_read(at, route_values) == "fail" for route_values in values.tolist()) / studies
+                passes = sum(_read(over, route_values) == "pass" for route_values in values.tolist()) / studies
+                error = math.sqrt(ALPHA * (1.0 - ALPHA) / studies)
+                yield Bar(f"false fail: {name}", fails, error, at_most=ALPHA)
+                yield Bar(f"wrong pass: {name}", passes, error, at_most=ALPHA)
+
+
+def _read(rule: Rule, values: Sequence[float]) -> str:
+    judge = EvidenceJudge(rule, alpha=ALPHA)
+    for value in values:
+        if judge.read(value) is not None:
+            break
+    return judge.close()
+
+
+def list_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
+    """The verdict on a fixed list: how rarely it disagrees with all 220 routes, and what it saves."""
+    seeds = count(1000 * seed + 600)
+    rule = degradation_rule(0.30)
+    pairs_at = {"strong": (17, 26, 33), "mid": (26, 43, 46), "weak": (32, 51, 55)}  # at RD 0, 0.10, 0.50
+    for profile in AGENTS:
+        for number, rd in enumerate((0.0, 0.10, 0.50, 0.25, 0.30, 0.35)):
+            drawn = draw_pairs(profile, rd, studies=studies, routes=220, seed=next(seeds))
+            wrong, used = 0, []
+            for clean, perturbed in zip(drawn[0].tolist(), drawn[1].tolist(), strict=True):
+                judge, full = ListJudge(rule, planned=220, alpha=ALPHA), PointJudge(rule)
+                for before, after in zip(clean, perturbed, strict=True):
+                    judge.read(after, before)
+                    full.read(after, before)
+                wrong += judge.close() != full.close()
+                used.append(judge.routes)
+            error = math.sqrt(ALPHA * (1.0 - ALPHA) / studies)
+            yield Bar(f"list disagrees with all: {profile}, RD {rd:.2f}", wrong / studies, error, at_most=ALPHA)
+            if number < 3:
+                spread = float(np.std(used) / math.sqrt(studies))
+                most = pairs_at[profile][number]
+                yield Bar(f"pairs of the list: {profile}, RD {rd:.2f}", float(np.mean(used)), spread, at_most=most)
+
+
+def interval_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
+    """The interval that a report shows beside a verdict that may have stopped early: misses on either side."""
+    seeds = count(1000 * seed + 800)
+    for profile in AGENTS:
+        for rd in (0.10, 0.30, 0.40, 0.50):
+            drawn = draw_pairs(profile, rd, studies=studies, routes=220, seed=next(seeds))
+            truth, above, below = true_rd(profile, rd), 0, 0
+            for clean, perturbed in zip(drawn[0].tolist(), drawn[1].tolist(), strict=True):
+                used = gate(clean, perturbed, 0.30, 0.10, ALPHA).pairs
+                low, high = evidence_interval(clean[:used], perturbed[:used], ALPHA, ended=used == 220)
+                above += low > truth
+                below += high < truth
+            error = math.sqrt(ALPHA * (1.0 - ALPHA) / studies)
+            yield Bar(f"interval above the truth: {profile}, RD {rd:.2f}", above / studies, error, at_most=ALPHA)
+            yield Bar(f"interval below the truth: {profile}, RD {rd:.2f}", below / studies, error, at_most=ALPHA)

@@ -320,7 +320,7 @@ def rollouts(
                 in_front, beside = rx * co + ry * so, abs(-rx * so + ry * co)
                 aligned = math.cos(yaw - oyaw)
                 speed_now = min(speed[j] + 2.5 * STEP_S, planned) if leads[i] == 0 else speed[j]
-                least = -0.5 if pushy and speed[j] < PUSHED_MPS else 0.7
+                least = -0.5 if pushy and speed[j] < PUSHED_MPS else 0.6
                 expected = sizes[i, 1] > BICYCLE_WIDTH_M and aligned > least
                 if expected and 0.0 < in_front < 40.0 and beside < 0.5 * (size[1] + sizes[i, 1]) and step > 2:
                     gap = in_front - 0.5 * (size[0] + sizes[i, 0])

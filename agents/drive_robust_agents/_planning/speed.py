@@ -30,7 +30,7 @@ _HORIZON_STEPS = 30
 _DT_S = 0.05
 _GAP_MPS = 7.0
 """Below this speed a quick start is worth it when only that uses a gap."""
-_PATIENCE_S = 10.0
+_PATIENCE_S = 8.0
 _MARGINS, _TIGHT_MARGINS, _LEAST_MARGINS = (
     np.array([1.2, 0.7, 0.25]),
     np.array([0.5, 0.3, 0.1]),
@@ -95,9 +95,10 @@ class SpeedChoice:
         self._waited_s = self._waited_s + _DT_S if v < 0.5 else 0.0
         self._pushing = self._waited_s > _PATIENCE_S or (self._pushing and v < _GAP_MPS)
         limit = min(scene.limits[int(np.clip(now.row + 0.3 * v, 0, scene.count - 1))], max(cruise_mps, 3.0))
+        trial = _Trial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
+        hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
         wanted = float(np.clip(1.2 * (limit - v), -2.5, comfort))
-        trial = _Trial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         if trial.survives(wanted):
             return wanted
         for k, (margins, wary) in enumerate(trial.tiers):
@@ -120,14 +121,15 @@ class _Trial:
 
     def __init__(self, now: Moment, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
-        self.now, self.path, self.stop_row, self.pushy, self.hurry = now, path, stop_row, pushy, hurry
+        self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
         self.leads = leaders(path, now.row, traffic.boxes)
         self.boxes = now.junctions.keep_clear(now.scene, traffic, path, self.leads)
         self.forecast = np.ascontiguousarray(traffic.forecast[:, : _HORIZON_STEPS + 1])
         self.horizon_s = 0.2 * _HORIZON_STEPS
         front, rear = now.row + 0.5 * now.scene.size[0], now.row - 0.5 * now.scene.size[0]
         inside = bool(np.any((self.boxes[:, 0] + 0.5 < front) & (rear < self.boxes[:, 1])))
-        self.yields_mps2 = _YIELD_MPS2 if hurry else _POLITE_MPS2
+        self.hurry = hurry or inside
+        self.yields_mps2 = _YIELD_MPS2 if self.hurry or pushy else _POLITE_MPS2
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _MARGINS
         self.tiers = ((first, True), (first, False), (_TIGHT_MARGINS, True), (_TIGHT_MARGINS, False))

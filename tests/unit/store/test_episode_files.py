@@ -8,6 +8,7 @@ import pytest
 from result_factory import infraction, make_result, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.store import episodes
 from pytest_drive_robust.store.episodes import read_episode, write_episode
@@ -28,6 +29,7 @@ FULL = replace(
     inference_s=(0.01, 0.02),
     privileged=True,
     junction_passed=True,
+    reception=Reception(("front",), ("cameras", "gps"), 7, (Touch("gps", 7, 0),)),
 )
 
 

@@ -1,0 +1,90 @@
+"""Reads a requirement route by route, in an order that was fixed before, until its verdict is in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import fsum
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.requirements.known import known_metric
+from pytest_drive_robust.requirements.ruling import Ruling, rule_of
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.runner.plan import Need, Scope, Task
+
+__all__ = ["RouteTasks", "read_until_decided", "routes_in_order"]
+
+Results = tuple[EpisodeResult, ...]
+Drive = Callable[["tuple[Task, ...]"], Results]
+
+
+@dataclass(frozen=True, slots=True)
+class RouteTasks:
+    """One route's episodes, clean and perturbed, over all seeds."""
+
+    clean: tuple[Task, ...]
+    perturbed: tuple[Task, ...]
+
+    @property
+    def tasks(self) -> tuple[Task, ...]:
+        """All of them, the clean ones first, each once."""
+        return tuple({task.key: task for task in (*self.clean, *self.perturbed)}.values())
+
+
+def routes_in_order(scope: Scope, need: Need) -> tuple[RouteTasks, ...]:
+    """The routes of a need in planned order: the same for all requirements of a scope, so they share clean episodes."""
+    from pytest_drive_robust.stats.order import planned_order
+
+    ids = [route.id for route in scope.routes]
+    types = [route.scenario.type for route in scope.routes]
+    order = planned_order(ids, types, f"{scope.agent} on {scope.routes_spec}")
+    clean, perturbed = _by_route(need.clean), _by_route(need.perturbed)
+    return tuple(RouteTasks(clean.get(route, ()), perturbed[route]) for route in order)
+
+
+def read_until_decided(
+    requirement: Requirement, ruling: Ruling, routes: Sequence[RouteTasks], drive: Drive, *, mode: str
+) -> tuple[str, int]:
+    """(decision, how many routes were read). Drives no route after the one that decided.
+
+    A route whose episodes hold no data for the metric is driven but not read.
+    """
+    from pytest_drive_robust.stats.judges import judge_by
+
+    judge = judge_by(ruling.kind, rule_of(requirement, ruling), planned=len(routes), alpha=ruling.alpha)  # type: ignore[arg-type]
+    done = 0
+    for route in routes:
+        drive(route.tasks)
+        done += 1
+        scores = _scores(requirement, drive(route.clean), drive(route.perturbed), mode)
+        if scores is not None and judge.read(*scores) is not None:
+            break
+    return judge.close(), done
+
+
+def _scores(requirement: Requirement, clean: Results, perturbed: Results, mode: str) -> tuple[float, float] | None:
+    """(score, reference) of one route, each the mean over its seeds."""
+    metric = known_metric(requirement.metric)
+    if metric.needs_clean:
+        return _mean(map(driving_score, perturbed)), _mean(map(driving_score, clean))
+    of_episode = metric.of_episode
+    assert of_episode is not None  # a function over all episodes is never read route by route
+    values = [value for result in perturbed if (value := of_episode(result, mode)) is not None]
+    return (_mean(iter(values)), 0.0) if values else None
+
+
+def _mean(values: Iterator[float]) -> float:
+    found = list(values)
+    return fsum(found) / len(found) if found else math.nan
+
+
+def _by_route(tasks: Sequence[Task]) -> dict[str, tuple[Task, ...]]:
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        found.setdefault(task.route.id, []).append(task)
+    return {route: tuple(own) for route, own in found.items()}
