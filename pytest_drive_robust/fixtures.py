@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
@@ -16,10 +16,13 @@ from pytest_drive_robust.report.numbers import interval_text
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.domain.ruling import Ruling
     from pytest_drive_robust.perturbations.base import Perturbation
     from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.requirements.bracket import Bracket
     from pytest_drive_robust.requirements.evaluate import Verdict
     from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.requirements.shrink import MinimalFailure
     from pytest_drive_robust.runner.campaign import Campaign, Judgement
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.runner.scopes import Scopes
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DRIVER",
+    "INCONCLUSIVE",
     "NEEDS_FLAG",
     "BrokenRequirementError",
     "Drive",
@@ -38,6 +42,8 @@ __all__ = [
 ]
 
 NEEDS_FLAG = "needs --drive-robust"
+INCONCLUSIVE = "drive_inconclusive"
+"""The property of a test whose verdict is open, with its first line."""
 
 
 @dataclass(frozen=True)
@@ -94,9 +100,10 @@ class Drive:
     Episodes are driven when they are first asked for; every test of the run shares them.
     """
 
-    def __init__(self, driver: Driver, scope: Scope, item: pytest.Item) -> None:
+    def __init__(self, driver: Driver, scope: Scope, ruling: Ruling, item: pytest.Item) -> None:
         self._driver = driver
         self._scope = scope
+        self._ruling = ruling
         self._item = item
 
     @property
@@ -114,9 +121,12 @@ class Drive:
         """The seeds that each route is driven with."""
         return self._scope.seeds
 
-    def check(self, requirement: Requirement) -> Verdict:
+    def check(self, requirement: Requirement, *, verdict: str | None = None, margin: float | None = None) -> Verdict:
         """Drive what is missing and judge. Fails the test when the requirement does not hold, and makes it an error
-        when it cannot be judged (an episode broke in the simulator, nothing to compare with).
+        when it cannot be judged (an episode broke in the simulator, nothing to compare with). An inconclusive verdict
+        warns, fails or skips, as `--drive-inconclusive` says.
+
+        `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
         __tracebackhide__ = True
         from pytest_drive_robust.requirements.model import Requirement
@@ -124,9 +134,12 @@ class Drive:
         if not isinstance(requirement, Requirement):
             raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
         with self._errors_of(str(requirement)):
-            judgement = self._driver.campaign.judge(requirement, self._scope, nodeid=self._item.nodeid)
+            ruling = MarkerOptions(verdict=verdict, margin=margin).ruling(self._ruling).for_routes(len(self.routes))
+            judgement = self._driver.campaign.judge(requirement, self._scope, ruling, nodeid=self._item.nodeid)
         self._record(judgement)
-        if not judgement.verdict.passed:
+        if judgement.verdict.decision == "inconclusive":
+            self._leave_open(judgement)
+        elif not judgement.verdict.passed:
             self._fail(judgement)
         return judgement.verdict
 
@@ -150,6 +163,44 @@ class Drive:
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
             return self._driver.campaign.episodes(self._scope, _as_setting(setting))
+
+    def largest(
+        self,
+        perturbation: Perturbation | type[Perturbation],
+        *,
+        metric: str = "RD",
+        limit: float = 0.30,
+        levels: Iterable[float] | None = None,
+    ) -> Bracket:
+        """The largest severity at which `metric` keeps to `limit`, found by bisection over whole ticks or usual steps:
+        `assert drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
+
+        Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`), `levels` (mildest first) to
+        say which severities to try.
+        """
+        __tracebackhide__ = True
+        from pytest_drive_robust.perturbations.ladder import ladder_of
+        from pytest_drive_robust.runner.severity import largest
+
+        with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
+            ladder = ladder_of(perturbation, dt_s=self._driver.scopes.dt_s, levels=levels)
+            return largest(ladder, self._driver.campaign, scope=self._scope, metric=metric, limit=limit)
+
+    def minimal(self, requirement: Requirement) -> MinimalFailure | None:
+        """The smallest part of the requirement's setting that still breaks it, None when nothing is broken:
+        `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, failure`.
+        """
+        __tracebackhide__ = True
+        from pytest_drive_robust.runner.shrink import minimal_failure
+
+        with self._errors_of(str(requirement)):
+            return minimal_failure(
+                requirement,
+                self._driver.campaign,
+                scope=self._scope,
+                ruling=self._ruling,
+                dt_s=self._driver.scopes.dt_s,
+            )
 
     def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
         """The limit is only there because a verdict needs one; the test has its own."""
@@ -175,7 +226,7 @@ class Drive:
         self._item.user_properties += [
             ("drive_requirement", str(verdict.requirement)),
             ("drive_agent", verdict.agent),
-            ("drive_verdict", "pass" if verdict.passed else "fail"),
+            ("drive_verdict", verdict.decision),
             ("drive_value", float(verdict.value)),
             ("drive_limit", float(verdict.requirement.limit)),
             ("drive_low", float(verdict.low)),
@@ -185,22 +236,44 @@ class Drive:
 
     def _fail(self, judgement: Judgement) -> NoReturn:
         __tracebackhide__ = True
+        raise BrokenRequirementError(self._text(judgement), pytrace=False)
+
+    def _leave_open(self, judgement: Judgement) -> None:
+        """Neither shown to hold nor to be broken."""
+        __tracebackhide__ = True
+        mode = self._driver.settings.inconclusive
+        if mode == "fail":
+            self._fail(judgement)
+        first = self._text(judgement).partition("\n")[0]
+        if mode == "skip":
+            pytest.skip(first)
+        self._item.user_properties.append((INCONCLUSIVE, first))
+
+    def _text(self, judgement: Judgement) -> str:
         from pytest_drive_robust.report.failure import failure_text
 
-        text = failure_text(
+        return failure_text(
             judgement.verdict,
             self._driver.settings,
             routes_spec=self._scope.routes_spec,
             privileged=judgement.privileged,
-        )
-        raise BrokenRequirementError(text, pytrace=False)
+        ) + self._reach(judgement.verdict.requirement)
+
+    def _reach(self, requirement: Requirement) -> str:
+        """How far the agent does get, where a margin was asked for."""
+        from pytest_drive_robust.requirements.margin import MarginRequirement
+
+        if not isinstance(requirement, MarginRequirement):
+            return ""
+        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric, limit=requirement.limit)}"
 
 
 @pytest.fixture
 def drive(request: pytest.FixtureRequest) -> Drive:
     """Judge requirements on closed-loop episodes: `drive.check(requirement)`, `drive.rd(setting) <= 0.30`."""
     driver = _driver(request)
-    return Drive(driver, _scope(driver, request), request.node)
+    ruling = _marker(request).ruling(driver.settings.ruling)
+    return Drive(driver, _scope(driver, request), ruling, request.node)
 
 
 @pytest.fixture
@@ -217,7 +290,11 @@ def _driver(request: pytest.FixtureRequest) -> Driver:
 
 
 def _scope(driver: Driver, request: pytest.FixtureRequest) -> Scope:
-    return driver.scopes.of(MarkerOptions.from_marks(request.node.iter_markers("drive_robust")))
+    return driver.scopes.of(_marker(request))
+
+
+def _marker(request: pytest.FixtureRequest) -> MarkerOptions:
+    return MarkerOptions.from_marks(request.node.iter_markers("drive_robust"))
 
 
 def _as_setting(setting: Setting | Perturbation) -> Setting:

@@ -1,4 +1,4 @@
-"""The marker `drive_robust(agent=, routes=, seeds=)`: what some tests want driven differently from the others."""
+"""The marker `drive_robust(agent=, routes=, seeds=, ...)`: what some tests want driven or judged differently."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import UsageError, nearest
 from pytest_drive_robust.settings import check_seeds
 
 __all__ = ["MARKER_LINE", "MarkerOptions"]
 
 MARKER_LINE = (
-    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1]): drive these tests with this agent, these routes and these "
-    "seeds, whatever the command line says."
+    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], verdict=RULE, margin=SHARE): drive these tests with this "
+    "agent, these routes and these seeds, and judge them by this rule, whatever the command line says."
 )
 
 
@@ -34,6 +35,13 @@ class MarkerOptions:
     agent: str | None = None
     routes: str | None = None
     seeds: tuple[int, ...] | None = None
+    verdict: str | None = None
+    margin: float | None = None
+
+    def ruling(self, usual: Ruling) -> Ruling:
+        """The run's ruling with what these marks change. Raises `UsageError`."""
+        kind = usual.kind if self.verdict is None else self.verdict
+        return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
 
     @classmethod
     def from_marks(cls, marks: Iterable[_Mark]) -> MarkerOptions:
@@ -58,8 +66,10 @@ class MarkerOptions:
                 close = nearest(name, names)
                 hint = f" Did you mean {close!r}?" if close else ""
                 raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
-        agent, routes = (_text(mark.kwargs.get(name), name) for name in ("agent", "routes"))
-        return cls(agent, routes, _seeds(mark.kwargs.get("seeds")))
+        agent, routes, verdict = (_text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict"))
+        options = cls(agent, routes, _seeds(mark.kwargs.get("seeds")), verdict, mark.kwargs.get("margin"))
+        options.ruling(Ruling())  # refuses what it cannot use
+        return options
 
 
 def _text(value: object, name: str) -> str | None:

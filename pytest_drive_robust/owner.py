@@ -13,6 +13,7 @@ from pytest_drive_robust.store.base import MemoryStore
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.epilogue import Epilogue
     from pytest_drive_robust.runner.progress import Progress
     from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.store.events import Event
@@ -70,15 +71,21 @@ class LocalRecord:
 class RunOwner:
     """Builds the one `RunResult` and what is made of it. A report that breaks is named and spoils no other."""
 
-    def __init__(self, settings: Settings, record: Record, *, versions: Mapping[str, str]) -> None:
+    def __init__(
+        self, settings: Settings, record: Record, *, versions: Mapping[str, str], epilogue: Epilogue | None = None
+    ) -> None:
         self._settings = settings
         self._record = record
         self._versions = versions
+        self._epilogue = epilogue
         self._run: RunResult | None = None
         self._problems: list[str] = []
 
-    def finish(self) -> bool:
-        """Close the books and write the files. True when the run must not be green for a reason of its own."""
+    def finish(self, *, whole: bool = False) -> bool:
+        """Close the books and write the files. True when the run must not be green for a reason of its own.
+
+        `whole` says that every test was selected and ran.
+        """
         try:
             self._run = self._build()
         except Exception as error:
@@ -91,7 +98,23 @@ class RunOwner:
                 write_json(self._settings.json_path, self._run)
             except Exception as error:
                 self._problems.append(f"ERROR: {os.fspath(self._settings.json_path)} was not written: {_reason(error)}")
-        return bool(self._problems)
+        return self._conclude(self._run, whole=whole) or bool(self._problems)
+
+    def _conclude(self, run: RunResult, *, whole: bool) -> bool:
+        if self._epilogue is None:
+            return False
+        try:
+            return self._epilogue.finish(run, whole=whole)
+        except Exception as error:
+            self._problems.append(f"ERROR: the run was not stored or compared: {_reason(error)}")
+            return True
+
+    def sections(self, *, colour: bool) -> list[tuple[str, str]]:
+        """(title, text) of what comes after the table."""
+        try:
+            return [] if self._epilogue is None else self._epilogue.sections(colour=colour)
+        except Exception as error:
+            return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
 
     def text(self, *, colour: bool) -> str:
         """The table and what is wrong with the run; empty when there is nothing to say."""

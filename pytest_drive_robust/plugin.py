@@ -17,6 +17,7 @@ import pytest
 from pytest_drive_robust import distributed, errors
 from pytest_drive_robust.fixtures import (
     DRIVER,
+    INCONCLUSIVE,
     NEEDS_FLAG,
     BrokenRequirementError,
     Driver,
@@ -25,11 +26,15 @@ from pytest_drive_robust.fixtures import (
     drive_agent,
 )
 from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
+from pytest_drive_robust.regression.choices import REGRESSION_OPTIONS, Choices
+from pytest_drive_robust.selection import everything_ran
 from pytest_drive_robust.settings import DEFAULT_SIMULATOR, OPTIONS, Settings
 
 if TYPE_CHECKING:
     from pytest_drive_robust.owner import Record, RunOwner
+    from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.campaign import Observer
+    from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["drive", "drive_agent"]
@@ -39,14 +44,18 @@ _FIXTURES = frozenset({"drive", "drive_agent"})
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 """Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
 
+_ADVICE = pytest.StashKey["dict[str, None]"]()
+"""What the routes of the selected tests cannot show, each sentence once."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
     group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
     group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
-    for option in OPTIONS:
+    for option in (*OPTIONS, *REGRESSION_OPTIONS):
         default = f" (default: {option.default})" if option.default else ""
-        group.addoption(option.flag, metavar=option.metavar, default=None, help=f"{option.help}{default}")
+        bare = {"nargs": "?", "const": option.bare} if option.bare else {}
+        group.addoption(option.flag, metavar=option.metavar, default=None, help=f"{option.help}{default}", **bare)
         parser.addini(option.ini, f"as {option.flag}: {option.help}", default="")
 
 
@@ -63,6 +72,7 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", MARKER_LINE)
     problems: dict[str, str] = {}
     config.stash[_PROBLEMS] = problems
+    config.stash[_ADVICE] = {}
     with _as_usage_error():
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
@@ -171,6 +181,10 @@ class ReportingPlugin:
         """The effective choices, in one line."""
         return self._header
 
+    def pytest_report_collectionfinish(self) -> list[str]:
+        """Before anything is driven: what so many routes cannot show."""
+        return [f"drive-robust: {text}" for text in self._config.stash[_ADVICE]]
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
         """Tests are about to run; --fixtures, --markers and the like never come here."""
@@ -181,16 +195,18 @@ class ReportingPlugin:
     def pytest_report_teststatus(
         self, report: pytest.TestReport
     ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
-        """What could not be judged counts as an error of the test."""
+        """What could not be judged counts as an error of the test; an open verdict is neither dot nor F."""
         if getattr(report, _NOT_JUDGED, False):
             return "error", "E", ("ERROR", {"red": True})
+        if report.when == "call" and report.passed and any(name == INCONCLUSIVE for name, _ in report.user_properties):
+            return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
         return None
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Close the books. A run that drove no episode, or whose file was not written, is not green."""
         if self._ran and not self._config.stash[_PROBLEMS]:
-            problem = self._owner.finish()
+            problem = self._owner.finish(whole=everything_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
@@ -200,30 +216,42 @@ class ReportingPlugin:
         if text:
             terminalreporter.section("drive-robust")
             terminalreporter.write_line(text)
+        for title, text in self._owner.sections(colour=terminalreporter.hasmarkup):
+            terminalreporter.section(title)
+            terminalreporter.write_line(text)
 
 
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
+    from pytest_drive_robust.epilogue import Epilogue
     from pytest_drive_robust.owner import LocalRecord, RunOwner
+    from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.screen import progress_for
+    from pytest_drive_robust.waiving import WaivingPlugin
 
     settings = Settings.from_pytest_config(config)
+    choices = Choices.from_pytest_config(config, config.rootpath)
+    waivers = Waivers.of(choices.waivers)
+    config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     if distributed.is_worker(config):
-        distributed.join_run(config, lambda store, observer: _drive_here(config, settings, store, observer))
+        distributed.join_run(config, partial(_drive_here, config, settings, choices))
         return
+    epilogue = Epilogue(choices, settings, waivers)  # before anything is driven: its reference may not be there
     routes = _routes_in_words(settings)
     record: Record
     if distributed.is_controller(config):
         record = distributed.start_run(config)
     else:
         record = local = LocalRecord(progress_for(config))
-        _drive_here(config, settings, local.store, local)
-    owner = RunOwner(settings, record, versions={"pytest": pytest.__version__})
-    header = _header(settings, routes)
+        _drive_here(config, settings, choices, local.store, local)
+    owner = RunOwner(settings, record, versions={"pytest": pytest.__version__}, epilogue=epilogue)
+    header = " ".join((_header(settings, routes), *choices.in_words()))
     config.pluginmanager.register(ReportingPlugin(config, owner, header), "drive_robust_reporting")
 
 
-def _drive_here(config: pytest.Config, settings: Settings, store: EpisodeStore, observer: Observer) -> None:
+def _drive_here(
+    config: pytest.Config, settings: Settings, choices: Choices, store: EpisodeStore, observer: Observer
+) -> None:
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.campaign import Campaign
     from pytest_drive_robust.runner.executors import InlineExecutor
@@ -234,7 +262,7 @@ def _drive_here(config: pytest.Config, settings: Settings, store: EpisodeStore, 
     registry = default_registry()
     options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
     executor = InlineExecutor(registry, simulator=settings.simulator, options=options)
-    campaign = Campaign(store, executor, observer, metrics=settings.metrics)
+    campaign = Campaign(store, executor, observer, metrics=settings.metrics, whole=bool(choices.save))
     driver = Driver(settings, Scopes(settings, registry, resolve_routes), campaign)
     config.stash[DRIVER] = driver
     config.pluginmanager.register(DrivingPlugin(driver), "drive_robust_driving")
@@ -246,19 +274,35 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
 
     _check(session.config, "", driver.scopes.check)
     tasks: dict[str, Any] = {}
+    advice = session.config.stash[_ADVICE]
+    scopes: dict[tuple[str, str], Scope] = {}
 
     def add(item: pytest.Item) -> None:
         scope = driver.scopes.of(_marker_of(item))
+        scopes.setdefault((scope.agent, scope.routes_spec), scope)
         callspec = getattr(item, "callspec", None)
         params = callspec.params.values() if callspec is not None else ()
         wanted = [value for value in params if isinstance(value, Requirement)]
         for requirement in wanted:
             driver.scopes.check_setting(requirement.setting)
+            advice.update(dict.fromkeys(_advice(driver, item, requirement, len(scope.routes))))
         tasks.update(scope.plan(wanted))
 
     for item in _driving(session.items):
         _check(session.config, item.nodeid, partial(add, item))
     driver.campaign.planned(tasks)
+    _check(session.config, "", lambda: driver.campaign.identified(map(driver.scopes.identify, scopes.values())))
+
+
+def _advice(driver: Driver, item: pytest.Item, requirement: Requirement, routes: int) -> list[str]:
+    """What the routes of a test cannot show. Raises `UsageError` where they can show next to nothing."""
+    from pytest_drive_robust.requirements.ruling import advice_on
+
+    ruling = _marker_of(item).ruling(driver.settings.ruling).for_routes(routes)
+    advice = advice_on(requirement, ruling, routes)
+    if advice.level == "refuse":
+        raise errors.UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
+    return [advice.text] if advice.text else []
 
 
 def _check(config: pytest.Config, where: str, attempt: Any) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 
 __all__ = [
@@ -18,25 +19,32 @@ __all__ = [
     "METRIC_MODES",
     "OPTIONS",
     "Option",
+    "OptionSource",
     "Settings",
     "positive_seconds",
+    "read_option",
 ]
 
 DEFAULT_AGENT = "classical"
 DEFAULT_ROUTES = "one-per-scenario"
 DEFAULT_SIMULATOR = "embedded"
 METRIC_MODES = ("bench2drive", "fixed")
+INCONCLUSIVE_MODES = ("warn", "fail", "skip")
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """One command line option with the ini key of the same meaning. The command line wins."""
+    """One command line option with the ini key of the same meaning. The command line wins.
+
+    `bare` is what the flag means without a value; empty where it needs one.
+    """
 
     flag: str
     ini: str
     metavar: str
     default: str
     help: str
+    bare: str = ""
 
 
 OPTIONS = (
@@ -51,6 +59,16 @@ OPTIONS = (
     Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator, as in gymnasium:merge-v0"),
     Option("--drive-metrics", "drive_metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
+    Option("--drive-verdict", "drive_verdict", "RULE", "auto", f"how to judge: {', '.join(VERDICT_KINDS)}"),
+    Option("--drive-margin", "drive_margin", "SHARE", "0.10", "how far beyond a limit evidence may still pass"),
+    Option("--drive-alpha", "drive_alpha", "SHARE", "0.05", "how often a verdict from evidence may be wrong, each way"),
+    Option(
+        "--drive-inconclusive",
+        "drive_inconclusive",
+        "MODE",
+        "warn",
+        "what an inconclusive verdict does to its test: warn, fail or skip",
+    ),
     Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
     Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
 )
@@ -58,12 +76,16 @@ OPTIONS = (
 _ROUTES = next(option for option in OPTIONS if option.ini == "drive_routes")
 
 
-class _Config(Protocol):
-    """The part of `pytest.Config` that is read here."""
+class OptionSource(Protocol):
+    """The part of `pytest.Config` that options are read from."""
 
-    def getoption(self, name: str) -> Any: ...
+    def getoption(self, name: str) -> Any:
+        """The value of a command line option."""
+        ...
 
-    def getini(self, name: str) -> Any: ...
+    def getini(self, name: str) -> Any:
+        """The value of an ini key."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +94,7 @@ class Settings:
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
     `json_path` is None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
+    `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     """
 
@@ -82,12 +105,14 @@ class Settings:
     metrics: str = "bench2drive"
     stuck_stop_s: float | None = None
     json_path: Path | None = None
+    ruling: Ruling = field(default_factory=Ruling)
+    inconclusive: str = "warn"
     routes_given: bool = field(default=False, compare=False)
 
     @classmethod
-    def from_pytest_config(cls, config: _Config) -> Settings:
+    def from_pytest_config(cls, config: OptionSource) -> Settings:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
-        given = {option.ini: _read(config, option) for option in OPTIONS}
+        given = {option.ini: read_option(config, option) for option in OPTIONS}
         return cls(
             agent=given["drive_agent"],
             routes=given["drive_routes"],
@@ -96,6 +121,12 @@ class Settings:
             metrics=_metric_mode(given["drive_metrics"]),
             stuck_stop_s=positive_seconds("--drive-stuck-stop", text) if (text := given["drive_stuck_stop"]) else None,
             json_path=_writable_file(given["drive_json"]),
+            ruling=Ruling(
+                given["drive_verdict"],
+                margin=_share("--drive-margin", given["drive_margin"]),
+                alpha=_share("--drive-alpha", given["drive_alpha"]),
+            ),
+            inconclusive=_inconclusive_mode(given["drive_inconclusive"]),
             routes_given=bool(_given(config, _ROUTES)),
         )
 
@@ -108,6 +139,9 @@ class Settings:
             "simulator": self.simulator,
             "metrics": self.metrics,
             "stuck_stop_s": self.stuck_stop_s,
+            "verdict": self.ruling.kind,
+            "margin": self.ruling.margin,
+            "alpha": self.ruling.alpha,
         }
 
 
@@ -133,12 +167,12 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def _read(config: _Config, option: Option) -> str:
+def read_option(config: OptionSource, option: Option) -> str:
     """The command line's value, else the ini file's, else the default."""
     return _given(config, option) or option.default
 
 
-def _given(config: _Config, option: Option) -> str:
+def _given(config: OptionSource, option: Option) -> str:
     """The command line's value, else the ini file's, else nothing."""
     dest = option.flag.lstrip("-").replace("-", "_")
     given = config.getoption(dest)
@@ -151,6 +185,20 @@ def _metric_mode(given: str) -> str:
     if given not in METRIC_MODES:
         raise UnknownNameError.of("metric mode", given, METRIC_MODES, hint="Set it with --drive-metrics.")
     return given
+
+
+def _inconclusive_mode(given: str) -> str:
+    if given not in INCONCLUSIVE_MODES:
+        hint = "Set it with --drive-inconclusive."
+        raise UnknownNameError.of("way to treat inconclusive verdicts", given, INCONCLUSIVE_MODES, hint=hint)
+    return given
+
+
+def _share(option: str, given: str) -> float:
+    try:
+        return float(given)
+    except ValueError:
+        raise UsageError(f"{option} is {given!r}, expected a number between 0 and 1, as in {option} 0.10.") from None
 
 
 def positive_seconds(option: str, given: str) -> float:

@@ -17,7 +17,7 @@ from pytest_drive_robust.testing import fake_route
 # be imported twice into one process, and of our own classes there must not be two.
 for _name in ("filelock", "rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
     importlib.import_module(_name)
-for _part in ("metrics", "perturbations", "report", "requirements", "runner", "store", "stats"):
+for _part in ("metrics", "perturbations", "regression", "report", "requirements", "runner", "store", "stats"):
     _package = importlib.import_module(f"pytest_drive_robust.{_part}")
     for _module in pkgutil.iter_modules(_package.__path__, f"{_package.__name__}."):
         importlib.import_module(_module.name)
@@ -100,6 +100,7 @@ INI = """
 drive_sim = fake
 drive_agent = steady
 drive_routes = routes.xml
+drive_verdict = point
 addopts = {plugin}
 filterwarnings = ignore:Module already imported
 """

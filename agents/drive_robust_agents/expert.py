@@ -18,10 +18,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats, look_ahead_m, pedals, steer_to
+from drive_robust_agents._planning.control import Floats, pedals, steer_along
 from drive_robust_agents._planning.forecast import project, project_all
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lanes import LaneChanges, Siren
+from drive_robust_agents._planning.lateral import line_of
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.speed import Moment, SpeedChoice, is_free
@@ -39,6 +40,7 @@ _PARKED_FROM_M = 1.5
 _SLOWER = 0.9
 """While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
 _INVADER_LOOK_M, _INVADER_GAP_M, _INVADER_TICKS = 90, 0.5, 600
+_TURNING_M = 12.0
 _EDGE_M = 0.3
 """So far beyond the right edge of its lane the ego goes to keep clear of an invader."""
 
@@ -65,6 +67,7 @@ class Expert:
         self._siren = Siren()
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
+        self._line: tuple[Floats, Floats] | None = None
         self._doubts = 0
         self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
@@ -185,6 +188,8 @@ class Expert:
         at = project_all(scene.route, k - 5, k + _INVADER_LOOK_M, boxes)
         rows = np.clip(at[:, 0], 0, scene.count - 1).astype(int)
         along = (at[:, 0] > now.row - 3.0) & (at[:, 0] < min(k + _INVADER_LOOK_M, scene.given) - 2)
+        for first, last in scene.boxes:  # who turns there crosses lanes for good reasons
+            along &= (at[:, 0] < first - _TURNING_M) | (at[:, 0] > last + _TURNING_M)
         coming = along & (np.cos(boxes[:, 2] - scene.route[rows, 2]) < -0.8) & (boxes[:, 3] > 1.0)
         edge = at[:, 1] + 0.5 * boxes[:, 5]
         half_lane = 0.5 * scene.lane_at(now.row).width_m
@@ -215,19 +220,10 @@ class Expert:
     # --- control ---
 
     def _control(self, ego: EgoState, profile: Floats, now: Moment, acceleration: float) -> Control:
-        scene = now.scene
-        places = [_place(scene, profile, now.row + ahead) for ahead in (look_ahead_m(ego.speed_mps), *range(2, 32, 2))]
+        if self._line is None or self._line[0] is not profile:
+            self._line = (profile, line_of(now.scene, profile))
+        line, row = self._line[1], int(np.clip(now.row, 0, now.scene.count - 1))
+        ahead = line[row + 2 : row + 32 : 2, :2] - (ego.x_m, ego.y_m)
         c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
-        self._path = tuple(
-            ((x - ego.x_m) * c + (y - ego.y_m) * s, -(x - ego.x_m) * s + (y - ego.y_m) * c) for x, y in places[1:]
-        )
-        return pedals(ego, acceleration, steer_to(ego, *places[0]))
-
-
-def _place(scene: Scene, profile: Floats, row: float) -> tuple[float, float]:
-    """x, y of a place of a profile."""
-    k = int(min(max(row, 0.0), scene.count - 2.0))
-    share = row - k
-    right = profile[k] + share * (profile[k + 1] - profile[k])
-    x, y = scene.route[k, :2] + share * (scene.route[k + 1, :2] - scene.route[k, :2])
-    return float(x - right * scene.sines[k]), float(y + right * scene.cosines[k])
+        self._path = tuple((float(x * c + y * s), float(-x * s + y * c)) for x, y in ahead)
+        return pedals(ego, acceleration, steer_along(ego, line, row))

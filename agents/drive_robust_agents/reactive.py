@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats, look_ahead_m, pedals, speed_profile, steer_to
+from drive_robust_agents._planning.control import Floats, pedals, speed_profile, steer_along
 from drive_robust_agents._planning.forecast import nearest_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.truth import ActorKind, Frame, GroundTruth
@@ -50,9 +50,10 @@ class Reactive:
             self._limits = speed_profile(truth.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
         ego = truth.frame.ego
         wanted = self._limits[min(truth.progress + int(0.3 * ego.speed_mps) + 1, len(self._limits) - 1)]
-        x, y = _point(truth.route, truth.progress + look_ahead_m(ego.speed_mps))
         gap, speed = _leader(truth)
-        return pedals(ego, _idm(ego.speed_mps, float(wanted), gap, speed), steer_to(ego, x, y))
+        return pedals(
+            ego, _idm(ego.speed_mps, float(wanted), gap, speed), steer_along(ego, truth.route, truth.progress)
+        )
 
 
 def _leader(truth: GroundTruth) -> tuple[float, float]:
@@ -72,10 +73,3 @@ def _idm(v: float, wanted: float, gap: float, leader: float) -> float:
         desired = _GAP_M + max(0.0, v * _HEADWAY_S + closing)
         free = min(free, _ACCEL_MPS2 * (1.0 - (desired / max(gap, 0.1)) ** 2))
     return max(free, -_HARDEST_MPS2)
-
-
-def _point(route: Floats, row: float) -> tuple[float, float]:
-    """x, y of a place of the route, prolonged straight on beyond its end."""
-    k = min(max(int(row), 0), len(route) - 1)
-    x, y, yaw, _ = route[k]
-    return float(x + (row - k) * math.cos(yaw)), float(y + (row - k) * math.sin(yaw))

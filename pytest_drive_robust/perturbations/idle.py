@@ -1,4 +1,4 @@
-"""Why a perturbation changed nothing, in a clause for people: `"100 ms latency"` of 0 ticks, a camera that is not there.
+"""Why a perturbation changed nothing, in a clause for people: "latency 20 ms is 0 ticks at 20 Hz".
 
 Asked only after whole episodes in which nothing changed. A class of your own is explained in general words, unless you
 register a clause for it with `idle_reason.register`.

@@ -1,7 +1,7 @@
 """Blessed baselines: `suites/baselines/<agent>.json`, small enough to be reviewed, one route a line.
 
-A blessing adds and replaces the routes that its run drove; whatever else is in the file stays, with the blessing that it
-came from. Keys are sorted, so a diff shows what changed and nothing else.
+A blessing adds and replaces the routes that its run drove; whatever else is in the file stays, with the blessing that
+it came from. Keys are sorted, so a diff shows what changed and nothing else.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,7 @@ def merge(old: Baseline, new: Baseline) -> Baseline:
     if old.agent != new.agent:
         raise UsageError(f"the baseline is of agent {old.agent!r}, expected {new.agent!r}.")
     names = {name: _free(name, blessing, old.blessings) for name, blessing in new.blessings.items()}
-    fresh = {place: _renamed(route, names) for place, route in new.routes.items()}
+    fresh = {place: replace(route, blessing=names[route.blessing]) for place, route in new.routes.items()}
     routes = {**old.routes, **fresh}
     used = {route.blessing for route in routes.values()}
     blessings = {**old.blessings, **{names[name]: blessing for name, blessing in new.blessings.items()}}
@@ -140,11 +140,6 @@ def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
     while taken.get(f"{name}-{number}", blessing) != blessing:
         number += 1
     return f"{name}-{number}"
-
-
-def _renamed(route: BlessedRoute, names: Mapping[str, str]) -> BlessedRoute:
-    fields = {name: getattr(route, name) for name in BlessedRoute.__dataclass_fields__}
-    return BlessedRoute(**{**fields, "blessing": names[route.blessing]})
 
 
 def _blessing(item: Mapping[str, Any]) -> Blessing:

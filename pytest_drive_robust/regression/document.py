@@ -63,7 +63,8 @@ class _Reader:
             key = episode["agent"], episode["setting"]
             found.setdefault(key, {}).setdefault(episode["route_id"], []).append(episode)
         cells = {key: self._cell(key, specs.get(key, ""), routes) for key, routes in found.items()}
-        return Snapshot(self._label, cells, _made(self._document.get("stored") or {}))
+        stored = self._document.get("stored") or {}  # a plain --drive-json file does not say
+        return Snapshot(self._label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")
 
     def _cell(self, key: CellKey, routes_spec: str, routes: Mapping[str, list[Mapping[str, Any]]]) -> Cell:
         scores, broken = {}, []
@@ -137,8 +138,3 @@ def _outcome(item: Mapping[str, Any]) -> str:
             trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
         )
     )
-
-
-def _made(stored: Mapping[str, Any]) -> str:
-    """When and of which commit; empty for a plain `--drive-json` file."""
-    return ", ".join(text for text in (stored.get("date"), stored.get("commit")) if text)

@@ -79,11 +79,23 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """A run, or what was blessed of several. `label` is how people call it; `made` says when and of which commit."""
+    """A run, or what was blessed of several. `label` is how people call it; date and commit are empty if unknown."""
 
     label: str
     cells: Mapping[CellKey, Cell]
-    made: str = ""
+    date: str = ""
+    commit: str = ""
+
+    @property
+    def made(self) -> str:
+        """When and of which commit, in a few words."""
+        return ", ".join(text for text in (self.date, self.commit) if text)
+
+    @property
+    def simulator(self) -> str | None:
+        """The name of the simulator that it was driven in; None when it holds no score."""
+        scores = (score for cell in self.cells.values() for score in cell.routes.values())
+        return next((score.fingerprint.simulator for score in scores), None)
 
     @property
     def agents(self) -> tuple[str, ...]:

@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
+from typing import get_args
 
+from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T, Decision, mean_below_zero_p
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by
 from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
 
-__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise"]
+__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise", "parse_kind"]
 
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
@@ -30,6 +32,14 @@ class Quartet:
     before: float
     clean_after: float
     after: float
+
+
+def parse_kind(given: str, *, source: str) -> VerdictKind:
+    """The rule of that name. Raises `UnknownNameError`, naming `source`."""
+    known: dict[str, VerdictKind] = {kind: kind for kind in get_args(VerdictKind)}
+    if given not in known:
+        raise UnknownNameError.of(f"rule for {source}", given, known)
+    return known[given]
 
 
 def judge_drop(

@@ -24,6 +24,7 @@ def failure_text(verdict: Verdict, settings: Settings, *, routes_spec: str, priv
     """The whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
     lines = [
         *_headline(verdict),
+        *_promise(verdict),
         *_summaries(verdict),
         *_worst(verdict),
     ]
@@ -60,10 +61,34 @@ def _headline(verdict: Verdict) -> list[str]:
     metric = requirement.metric
     value = value_text(metric, str(requirement.setting), verdict.value)
     limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
-    interval = interval_text(metric, verdict.low, verdict.high)
-    counts = f"{_count(verdict.routes, 'route')} x {_count(verdict.seeds, 'seed')}"
+    alpha = verdict.ruling.alpha if verdict.ruling.kind == "evidence" else 0.025
+    interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)
+    routes = _count(verdict.routes, "route")
+    if verdict.routes < verdict.planned:
+        routes = f"{verdict.routes} of {_count(verdict.planned, 'route')}"
+    counts = f"{routes} x {_count(verdict.seeds, 'seed')}"
     line = f"{value}, {limit}   ({interval}, {counts})"
     return [line] if len(line) <= WIDTH else [_cut(f"{value}, {limit}", WIDTH), f"  ({interval}, {counts})"]
+
+
+def _promise(verdict: Verdict) -> list[str]:
+    """What the verdict says and how often it may be wrong; nothing for a plain comparison."""
+    metric, kind = verdict.requirement.metric, verdict.ruling.kind
+    if verdict.reason:
+        return [f"  open: {verdict.reason}"]
+    if kind == "list" and verdict.routes < verdict.planned:
+        return [f"  decided for these {verdict.planned} routes and seeds before all were driven"]
+    if kind != "evidence":
+        return []
+    above = verdict.requirement.comparison == "<="
+    limit = verdict.requirement.limit
+    lenient = limit + verdict.margin if above else limit - verdict.margin
+    broken = f"{metric} {'>' if above else '<'} {shown(metric, limit)}"
+    held = f"{metric} {'<' if above else '>'} {shown(metric, lenient)}"
+    if verdict.decision == "inconclusive":
+        return [f"  open: neither {broken} nor {held} is shown by {_count(verdict.routes, 'route')}"]
+    claim = broken if verdict.decision == "fail" else held
+    return [f"  shown: {claim} on routes like these, wrong at most {verdict.ruling.alpha:.0%} of the time"]
 
 
 def _summaries(verdict: Verdict) -> list[str]:

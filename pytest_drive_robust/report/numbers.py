@@ -18,8 +18,9 @@ def shown(metric: str, value: float | None) -> str:
     return "0.00" if text == "-0.00" and metric in _SHARES else text
 
 
-def interval_text(metric: str, low: float, high: float) -> str:
+def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
     """`"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
+    name = f"{100.0 * confidence:.3g} % interval"
     if not (math.isfinite(low) and math.isfinite(high)):
-        return "95 % interval unknown"
-    return f"95 % interval {shown(metric, low)} to {shown(metric, high)}"
+        return f"{name} unknown"
+    return f"{name} {shown(metric, low)} to {shown(metric, high)}"

@@ -20,7 +20,7 @@ __all__ = ["WIDTH", "run_summary"]
 WIDTH = 100
 _MAX_ERRORS = 10
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
-_STYLES = {"pass": "green", "fail": "red", "error": "bold red"}
+_STYLES = {"pass": "green", "fail": "red", "inconclusive": "yellow", "error": "bold red"}
 
 
 def run_summary(run: RunResult, *, colour: bool) -> str:
@@ -87,10 +87,22 @@ def _footnotes(run: RunResult) -> list[str]:
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
+    lines += _open(run)
     lines += [note for row in run.rows if (note := immunity(row.results))]
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)
+
+
+def _open(run: RunResult) -> list[str]:
+    """What was neither shown to hold nor to be broken."""
+    lines = []
+    for judged in run.judged:
+        if judged.verdict == "inconclusive":
+            why = judged.message or "neither broken nor within its margin is shown"
+            value = shown(judged.metric, judged.value)
+            lines.append(f"~ {judged.requirement}: {value} after {judged.routes} of {judged.planned} routes, {why}")
+    return lines
 
 
 def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:

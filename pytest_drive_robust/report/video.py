@@ -46,9 +46,10 @@ def write_video(
         raise UsageError(f"no H.264 encoder is installed: pip install '{EXTRA}'.")
     import av
 
-    with _whole(path) as temporary, av.open(
-        str(temporary), "w", format="mp4", options={"movflags": "+faststart"}
-    ) as container:
+    with (
+        _whole(path) as temporary,
+        av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"}) as container,
+    ):
         stream: Any = None
         for picture in pictures:
             if stream is None:

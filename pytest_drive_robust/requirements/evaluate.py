@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.averages import values_by_route
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
@@ -17,6 +18,7 @@ from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.divergence import first_divergence_s
 from pytest_drive_robust.requirements.known import known_metric
 from pytest_drive_robust.requirements.model import Requirement
+from pytest_drive_robust.requirements.ruling import margin_of
 from pytest_drive_robust.requirements.touched import require_touched
 from pytest_drive_robust.requirements.worst import WorstRoute, worst_routes
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
@@ -28,14 +30,20 @@ __all__ = ["Verdict", "WorstRoute", "first_divergence_s", "judge", "measure"]
 class Verdict:
     """Whether `agent` meets `requirement`, and why.
 
-    `passed` compares `value` with the limit (equal passes); `low..high` is the 95 % interval of the value over routes
-    like these, infinite where one route or an unsure clean score says nothing. `clean` is None when no clean episode
-    was given. `worst` are at most three routes, for people.
+    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by the rule of `ruling`; `margin` is its margin in the unit of
+    the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the `routes`
+    of `planned` that were driven; `low..high` is its interval over routes like these (95 %, or alpha a side of the
+    ruling where evidence was read and may have stopped early), infinite where one route or an unsure clean score says
+    nothing. `clean` is None when no clean episode was given. `worst` are at most three routes, for people.
     """
 
     requirement: Requirement
     agent: str
-    passed: bool
+    decision: str
+    ruling: Ruling
+    margin: float
+    reason: str
+    planned: int
     value: float
     low: float
     high: float
@@ -45,6 +53,11 @@ class Verdict:
     perturbed: Summary
     worst: tuple[WorstRoute, ...]
 
+    @property
+    def passed(self) -> bool:
+        """True for `"pass"` only."""
+        return self.decision == "pass"
+
 
 def judge(
     requirement: Requirement,
@@ -53,8 +66,14 @@ def judge(
     clean: Sequence[EpisodeResult],
     perturbed: Sequence[EpisodeResult],
     mode: str = "bench2drive",
+    ruling: Ruling | None = None,
+    decision: str | None = None,
+    planned: int | None = None,
 ) -> Verdict:
     """The verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
+
+    `decision` is what `ruling` decided while it read the routes (`runner.reading`); without one the value is compared
+    with the limit, as the rule `"point"` does. `planned` is how many routes there were to read.
 
     `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones. For a
     relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
@@ -69,19 +88,61 @@ def judge(
     if clean:
         _require_episodes_of(agent, [baseline] if metric.needs_clean else [baseline, str(Setting.CLEAN)], clean)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
+    routes = len({result.episode.route_id for result in perturbed})
+    if decision is None or ruling is None:
+        ruling = Ruling("point") if ruling is None else ruling
+        decision = "pass" if requirement.is_met_by(value) else "fail"
+    elif ruling.kind == "evidence":
+        low, high = _honest(metric, clean, perturbed, mode, ruling, ended=planned is None or routes >= planned)
+    reason = _clean_floor(metric, clean, ruling)
     return Verdict(
         requirement=requirement,
         agent=agent,
-        passed=requirement.is_met_by(value),
+        decision="inconclusive" if reason and decision == "pass" else decision,
+        ruling=ruling,
+        margin=margin_of(requirement, ruling) if ruling.kind == "evidence" else 0.0,
+        reason=reason,
+        planned=routes if planned is None else planned,
         value=value,
         low=low,
         high=high,
-        routes=len({result.episode.route_id for result in perturbed}),
+        routes=routes,
         seeds=len({result.episode.seed for result in perturbed}),
         clean=summarize(clean, mode=mode) if clean else None,
         perturbed=summarize(perturbed, mode=mode),
         worst=worst_routes(clean, perturbed, relative=metric.needs_clean),
     )
+
+
+def _honest(
+    metric: Metric,
+    clean: Sequence[EpisodeResult],
+    perturbed: Sequence[EpisodeResult],
+    mode: str,
+    ruling: Ruling,
+    *,
+    ended: bool,
+) -> tuple[float, float]:
+    """The interval that holds although reading may have stopped early."""
+    from pytest_drive_robust.stats.sequential_intervals import evidence_interval, mean_evidence_interval
+
+    if metric.needs_clean:
+        return evidence_interval(*paired_driving_scores(clean, perturbed), ruling.alpha, ended=ended)
+    of_episode = metric.of_episode
+    assert of_episode is not None  # a user's function is never read route by route
+    values = list(values_by_route(perturbed, lambda result: of_episode(result, mode)).values())
+    return mean_evidence_interval(values, ruling.alpha, low=metric.low, high=metric.high, ended=ended)
+
+
+def _clean_floor(metric: Metric, clean: Sequence[EpisodeResult], ruling: Ruling) -> str:
+    """Why an RD says nothing: an agent that hardly drives has little to lose."""
+    if not metric.needs_clean or ruling.kind == "point":
+        return ""
+    scores, _ = paired_driving_scores(clean, clean)
+    mean = math.fsum(scores) / len(scores)
+    if mean >= ruling.clean_floor:
+        return ""
+    return f"the clean driving score is {mean:.1f}, below the floor of {ruling.clean_floor:g}: RD says nothing yet"
 
 
 def measure(

@@ -13,7 +13,7 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.known import known_metric
 
-__all__ = ["Requirement", "Unjudged", "requirement"]
+__all__ = ["Requirement", "Unjudged", "requirement", "slug"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Requirement:
         """A test id of `A-Z a-z 0-9 _ . -`: `"rd-200ms-latency-le-0.30"`, different for different requirements."""
         comparison = "le" if self.comparison == "<=" else "ge"
         limit = known_metric(self.metric).format_limit(self.limit)
-        return f"{_slug(self.metric)}-{_slug(str(self.setting))}-{comparison}-{_slug(limit)}"
+        return f"{slug(self.metric)}-{slug(str(self.setting))}-{comparison}-{slug(limit)}"
 
     @property
     def needs_clean(self) -> bool:
@@ -133,8 +133,8 @@ def _range(low: float, high: float) -> str:
     return f"{low:g} or more" if math.isinf(high) else f"a number in {low:g}..{high:g}"
 
 
-def _slug(text: str) -> str:
-    """`"GPS noise 5 m"` to `"gps-noise-5m"`."""
+def slug(text: str) -> str:
+    """A part of a test id: `"GPS noise 5 m"` to `"gps-noise-5m"`."""
     text = re.sub(r"(?<=\d) (?=(?:ms|m|s)\b)", "", text.lower())
     text = re.sub(r"(?<![a-z0-9.])-(?=\d)", "minus ", text)
     return re.sub(r"[^a-z0-9_.]+", "-", text.replace("e+", "e")).strip("-")

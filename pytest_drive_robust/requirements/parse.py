@@ -1,4 +1,4 @@
-"""Sentences to requirements: `METRIC under SETTING <= LIMIT`, one a line."""
+"""Sentences to requirements: `METRIC under SETTING <= LIMIT` or `FAILURE margin >= SEVERITY`, one a line."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pytest_drive_robust.errors import RequirementError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.known import known_metric, known_perturbations
+from pytest_drive_robust.requirements.margin import parse_margin
 from pytest_drive_robust.requirements.model import Requirement
 from pytest_drive_robust.requirements.suggest import nearest_sentence
 
@@ -79,6 +80,9 @@ def _canonical(sentence: str, known: Known) -> str | None:
 
 
 def _parse(sentence: str, known: Known) -> Requirement:
+    margin = parse_margin(sentence, known)
+    if margin is not None:
+        return margin
     comparison = _COMPARISON.search(sentence)
     if comparison is None:
         wrong = _NO_COMPARISON.search(sentence)

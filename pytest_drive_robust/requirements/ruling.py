@@ -1,51 +1,21 @@
-"""By which rule a requirement is judged: what counts as shown, how sure one wants to be, when reading may stop."""
+"""A requirement under a ruling, as the linear forms of one route's scores that `stats` reads."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.requirements.known import known_metric
 
 if TYPE_CHECKING:
     from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.stats.planning import Advice
     from pytest_drive_robust.stats.rules import Rule
 
-__all__ = ["VERDICT_KINDS", "Ruling", "margin_of", "reads_routes", "rule_of"]
+__all__ = ["advice_on", "margin_of", "reads_routes", "rule_of"]
 
-VERDICT_KINDS = ("evidence", "list", "point")
 _SCORE_RANGE = 100.0
-
-
-@dataclass(frozen=True, slots=True)
-class Ruling:
-    """How verdicts come about.
-
-    `kind`: `"evidence"` asks about routes and seeds like these, in three verdicts, wrong at most `alpha` of the time a
-    side; `"list"` about exactly the given routes and seeds; `"point"` compares the value of all of them with the limit.
-    The first two read routes in planned order and stop once the verdict is in. `margin` is how far beyond the limit
-    "pass" may reach, as a share of the metric's range (0.10 is 0.10 RD or SR, 10 points of DS). Below `clean_floor`
-    (mean clean driving score, 0..100) an RD says nothing and is inconclusive.
-
-    Raises `UsageError` for values that cannot be used.
-    """
-
-    kind: str = "evidence"
-    margin: float = 0.10
-    alpha: float = 0.05
-    clean_floor: float = 30.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in VERDICT_KINDS:
-            raise UnknownNameError.of("verdict rule", self.kind, VERDICT_KINDS, hint="Set it with --drive-verdict.")
-        for name, low, high in (("margin", 0.0, 1.0), ("alpha", 0.0, 0.5)):
-            value = getattr(self, name)
-            if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
-                raise UsageError(f"the {name} of a verdict is {value!r}, expected a number between {low:g} and {high:g}.")
-        if not 0.0 <= self.clean_floor <= _SCORE_RANGE:
-            raise UsageError(f"the floor of the clean driving score is {self.clean_floor!r}, expected 0..100.")
 
 
 def reads_routes(requirement: Requirement, ruling: Ruling) -> bool:
@@ -67,6 +37,19 @@ def rule_of(requirement: Requirement, ruling: Ruling) -> Rule:
     if metric.needs_clean:
         return degradation_rule(requirement.limit, margin, comparison=requirement.comparison)
     return mean_rule(requirement.limit, requirement.comparison, margin=margin, low=metric.low, high=metric.high)
+
+
+def advice_on(requirement: Requirement, ruling: Ruling, routes: int) -> Advice:
+    """What so many routes can show of it, by the usual noise; nothing to say where no evidence is asked for."""
+    from pytest_drive_robust.stats.planning import USUAL_NOISE, Advice, advise
+
+    if ruling.kind != "evidence" or not reads_routes(requirement, ruling):
+        return Advice("fine", "", 0.0)
+    scale = _range_of(requirement)
+    return advise(
+        routes, margin_of(requirement, ruling), USUAL_NOISE * scale, what=requirement.metric, scale=scale,
+        alpha=ruling.alpha,
+    )  # fmt: skip
 
 
 def _range_of(requirement: Requirement) -> float:

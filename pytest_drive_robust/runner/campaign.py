@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import DriveRobustError
-from pytest_drive_robust.store.events import Asked, Event, Finished, Judged, Planned, Started
+from pytest_drive_robust.store.events import Asked, Event, Finished, Identified, Judged, Planned, Spared, Started
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.domain.ruling import Ruling
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.requirements.evaluate import Verdict
     from pytest_drive_robust.requirements.model import Requirement
@@ -50,44 +51,82 @@ class Judgement:
 
 
 class Campaign:
-    """Answers questions about episodes; drives those that nobody has driven yet, when they are asked for."""
+    """Answers questions about episodes; drives those that nobody has driven yet, when they are asked for.
 
-    def __init__(self, store: EpisodeStore, executor: Executor, observer: Observer, *, metrics: str) -> None:
+    `whole`: episodes that a verdict can do without are driven too, because the run will be compared with others. One
+    that stopped where its scores happened to be high would be a flattering reference.
+    """
+
+    def __init__(
+        self, store: EpisodeStore, executor: Executor, observer: Observer, *, metrics: str, whole: bool = False
+    ) -> None:
         self._store = store
         self._executor = executor
         self._observer = observer
         self._metrics = metrics
+        self._whole = whole
 
     def planned(self, tasks: Mapping[str, Task]) -> None:
         """Tell the observer what will be needed, so that it can say how much is left."""
         self._observer(Planned(tuple(tasks)))
 
+    def identified(self, facts: Iterable[Identified]) -> None:
+        """Tell the record what agents and routes are made of."""
+        for fact in facts:
+            self._observer(fact)
+
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Every episode of `scope` under `setting`, routes within seeds."""
         return self._results(scope, scope.need(setting, clean=False))[1]
 
-    def judge(self, requirement: Requirement, scope: Scope, *, nodeid: str) -> Judgement:
+    def judge(self, requirement: Requirement, scope: Scope, ruling: Ruling, *, nodeid: str) -> Judgement:
         """Drive what is missing and judge, for the record of the run.
 
         Raises `ComparisonError` when there is no number to judge and `UsageError` when the agent or the simulator
         cannot be made; the record says so too.
         """
         try:
-            judgement = self.measure(requirement, scope)
+            judgement = self.decide(requirement, scope, ruling)
         except DriveRobustError as error:
             self._observer(_judged(requirement, scope, nodeid, verdict=None, message=str(error)))
             raise
         self._observer(_judged(requirement, scope, nodeid, verdict=judgement.verdict))
         return judgement
 
-    def measure(self, requirement: Requirement, scope: Scope) -> Judgement:
-        """As `judge`, for a caller who only wants the value: the record gets the episodes but no verdict."""
+    def decide(self, requirement: Requirement, scope: Scope, ruling: Ruling) -> Judgement:
+        """Drive route by route until the ruling decides; all of them where it compares values. No verdict recorded."""
+        from pytest_drive_robust.requirements.evaluate import judge
+        from pytest_drive_robust.requirements.ruling import reads_routes
+        from pytest_drive_robust.runner.reading import read_until_decided, routes_in_order
+
+        if not reads_routes(requirement, ruling):
+            return self.measure(requirement, scope, ruling)
+        need = scope.need(requirement.setting, clean=requirement.needs_clean)
+        self._tell_asked(scope, need)
+        routes = routes_in_order(scope, need)
+        decision, count = read_until_decided(requirement, ruling, routes, self._driven, mode=self._metrics)
+        read, spared = routes[:count], routes[count:]
+        if self._whole:
+            self._drive_missing(tuple(task for route in spared for task in route.tasks))
+        elif spared:
+            self._observer(Spared(tuple(task.key for route in spared for task in route.tasks)))
+        clean = self._finished(tuple(task for route in read for task in route.clean))
+        perturbed = self._finished(tuple(task for route in read for task in route.perturbed))
+        verdict = judge(
+            requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics, ruling=ruling,
+            decision=decision, planned=len(routes),
+        )  # fmt: skip
+        return _judgement(verdict, (*clean, *perturbed))
+
+    def measure(self, requirement: Requirement, scope: Scope, ruling: Ruling | None = None) -> Judgement:
+        """The value over all episodes, compared with the limit: for a caller who only wants the value."""
         from pytest_drive_robust.requirements.evaluate import judge
 
         clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
-        verdict = judge(requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics)
-        used = (*clean, *perturbed)
-        return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))
+        verdict = judge(
+            requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics, ruling=ruling
+        )
+        return _judgement(verdict, (*clean, *perturbed))
 
     def close(self) -> None:
         """Free simulators and agents."""
@@ -95,10 +134,18 @@ class Campaign:
 
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
         """The clean and the perturbed results, driven where missing."""
-        for asked in _asked(scope, need):
-            self._observer(asked)
+        self._tell_asked(scope, need)
         self._drive_missing(need.tasks)
         return self._finished(need.clean), self._finished(need.perturbed)
+
+    def _tell_asked(self, scope: Scope, need: Need) -> None:
+        for asked in _asked(scope, need):
+            self._observer(asked)
+
+    def _driven(self, tasks: tuple[Task, ...]) -> Results:
+        """The results of these tasks, driven where missing."""
+        self._drive_missing(tasks)
+        return self._finished(tasks)
 
     def _drive_missing(self, tasks: tuple[Task, ...]) -> None:
         by_key = {task.key: task for task in tasks}
@@ -155,10 +202,16 @@ def _judged(
         setting=str(requirement.setting),
         comparison=requirement.comparison,
         limit=float(requirement.limit),
-        verdict="error" if verdict is None else "pass" if verdict.passed else "fail",
+        verdict="error" if verdict is None else verdict.decision,
         value=None if verdict is None else float(verdict.value),
         low=None if verdict is None else float(verdict.low),
         high=None if verdict is None else float(verdict.high),
         routes=0 if verdict is None else verdict.routes,
-        message=message,
+        message=message or ("" if verdict is None else verdict.reason),
+        planned=0 if verdict is None else verdict.planned,
+        rule="" if verdict is None else verdict.ruling.kind,
     )
+
+
+def _judgement(verdict: Verdict, used: Results) -> Judgement:
+    return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))

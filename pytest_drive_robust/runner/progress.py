@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Started
+from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Spared, Started
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -35,6 +35,7 @@ class ProgressState:
         self._clock = clock
         self._keys: set[str] = set()
         self._finished: set[str] = set()
+        self._spared: set[str] = set()
         self._open: list[Asked] = []
         self._running: dict[str, Started] = {}
         self._began_s: float | None = None
@@ -45,6 +46,10 @@ class ProgressState:
             self._keys.update(event.keys)
         if isinstance(event, Asked) and event not in self._open and not self._finished.issuperset(event.keys):
             self._open.append(event)
+        if isinstance(event, Asked):
+            self._spared.difference_update(event.keys)
+        if isinstance(event, Spared):
+            self._spared.update(event.keys)
         if isinstance(event, Started):
             self._running[event.key] = event
             if self._began_s is None:
@@ -52,7 +57,8 @@ class ProgressState:
         if isinstance(event, Finished):
             self._running.pop(event.key, None)
             self._finished.add(event.key)
-        completed = [asked for asked in self._open if self._finished.issuperset(asked.keys)]
+        over = self._finished | self._spared
+        completed = [asked for asked in self._open if over.issuperset(asked.keys)]
         self._open = [asked for asked in self._open if asked not in completed]
         return completed
 
@@ -63,8 +69,8 @@ class ProgressState:
 
     @property
     def total(self) -> int:
-        """Episodes that are known to be needed."""
-        return len(self._keys | self._finished)
+        """Episodes that are known to be needed, without those that a verdict did not wait for."""
+        return len((self._keys - self._spared) | self._finished)
 
     @property
     def left_s(self) -> float | None:

@@ -6,16 +6,18 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import fsum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.requirements.known import known_metric
-from pytest_drive_robust.requirements.ruling import Ruling, rule_of
+from pytest_drive_robust.requirements.ruling import rule_of
 
 if TYPE_CHECKING:
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.plan import Need, Scope, Task
+    from pytest_drive_robust.stats.judges import VerdictKind
 
 __all__ = ["RouteTasks", "read_until_decided", "routes_in_order"]
 
@@ -56,15 +58,21 @@ def read_until_decided(
     """
     from pytest_drive_robust.stats.judges import judge_by
 
-    judge = judge_by(ruling.kind, rule_of(requirement, ruling), planned=len(routes), alpha=ruling.alpha)  # type: ignore[arg-type]
-    done = 0
-    for route in routes:
+    rule = rule_of(requirement, ruling)
+    judge = judge_by(cast("VerdictKind", ruling.kind), rule, planned=len(routes), alpha=ruling.alpha)
+    read: list[tuple[float, float]] = []
+    for done, route in enumerate(routes, 1):
         drive(route.tasks)
-        done += 1
         scores = _scores(requirement, drive(route.clean), drive(route.perturbed), mode)
-        if scores is not None and judge.read(*scores) is not None:
-            break
-    return judge.close(), done
+        if scores is not None:
+            read.append(scores)
+            if judge.read(*scores) is not None:
+                return judge.close(), done
+    if ruling.kind == "list" and read:  # the list that can be read is shorter than planned
+        judge = judge_by("point", rule, planned=len(read))
+        for scores in read:
+            judge.read(*scores)
+    return judge.close(), len(routes)
 
 
 def _scores(requirement: Requirement, clean: Results, perturbed: Results, mode: str) -> tuple[float, float] | None:

@@ -79,7 +79,7 @@ def record_episode(
         file.close()
         raise
     last = moments[-1] if moments else Moment(world.frame)
-    moments.append(replace(last, frame=world.frame, asked=None, applied=None))
+    moments.append(replace(last, frame=world.frame, gps=None, speed_mps=None, asked=None, applied=None))
     truth = world.start
     return Tape(result, tuple(moments), truth.lane_map, truth.route, file, world.has_view, driver.plan_problem)
 

@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned
+from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned, Spared
 
 __all__ = ["RunResult", "SettingRow"]
 
@@ -24,7 +24,8 @@ class SettingRow:
 
     `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
     the clean twins were not driven or do not compare. `verdict` is the worst of the requirements on this row:
-    `"error"`, `"fail"`, `"pass"`, or `"-"` when none was judged.
+    `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged. `needed` leaves out what a verdict
+    did not wait for.
     """
 
     agent: str
@@ -75,11 +76,12 @@ class RunResult:
         asked = _merged(event for event in events if isinstance(event, Asked))
         order = {key: place for place, key in enumerate(_needed_keys(events))}
         asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
+        spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
         episodes = {key: result for key in order if (result := find(key)) is not None}
         judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
         return cls(
             settings=settings,
-            rows=tuple(_row(item, episodes, judged, mode=settings.metrics) for item in asked),
+            rows=tuple(_row(item, episodes, judged, spared, mode=settings.metrics) for item in asked),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
@@ -104,7 +106,9 @@ def _needed_keys(events: Sequence[Event]) -> list[str]:
     return list(dict.fromkeys((*planned, *asked)))
 
 
-def _row(asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[Judged], *, mode: str) -> SettingRow:
+def _row(
+    asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[Judged], spared: set[str], *, mode: str
+) -> SettingRow:
     results = tuple(episodes[key] for key in asked.keys if key in episodes)
     summary, problem = None, ""
     try:
@@ -116,22 +120,28 @@ def _row(asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[J
         routes_spec=asked.routes_spec,
         setting=asked.setting,
         seeds=asked.seeds,
-        needed=len(asked.keys),
+        needed=sum(key in episodes or key not in spared for key in asked.keys),
         results=results,
         summary=summary,
-        rd=_rd(asked, episodes),
+        rd=_rd(asked, episodes, spared),
         verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
         problem=problem,
     )
 
 
-def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult]) -> float | None:
-    if not asked.clean_keys or any(key not in episodes for key in (*asked.clean_keys, *asked.keys)):
+def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str]) -> float | None:
+    """Over the routes that were driven in both ways; None when one is missing that nobody spared."""
+    if any(key not in episodes and key not in spared for key in (*asked.clean_keys, *asked.keys)):
+        return None
+    pairs = [
+        (episodes[clean], episodes[perturbed])
+        for clean, perturbed in zip(asked.clean_keys, asked.keys, strict=False)
+        if clean in episodes and perturbed in episodes
+    ]
+    if not pairs:
         return None
     try:
-        return robustness_degradation(
-            [episodes[key] for key in asked.clean_keys], [episodes[key] for key in asked.keys]
-        )
+        return robustness_degradation([clean for clean, _ in pairs], [perturbed for _, perturbed in pairs])
     except ComparisonError:
         return None
 
@@ -143,7 +153,7 @@ def _is_on(judged: Judged, asked: Asked) -> bool:
 
 def _worst(verdicts: Iterable[str]) -> str:
     found = set(verdicts)
-    return next((verdict for verdict in ("error", "fail", "pass") if verdict in found), "-")
+    return next((verdict for verdict in ("error", "fail", "inconclusive", "pass") if verdict in found), "-")
 
 
 def _simulator_versions(results: Iterable[EpisodeResult]) -> dict[str, str]:

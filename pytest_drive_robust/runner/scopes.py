@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.runner.identity import identify
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.settings import Settings
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
+    from pytest_drive_robust.store.events import Identified
 
 __all__ = ["Scopes"]
 
@@ -45,6 +47,10 @@ class Scopes:
         routes_spec = marker.routes or default_spec(self._settings, self._simulator)
         return Scope(agent, routes_spec, self.routes(routes_spec), marker.seeds or self._settings.seeds)
 
+    def identify(self, scope: Scope) -> Identified:
+        """What the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not read."""
+        return identify(scope, self._registry)
+
     def check(self) -> None:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
         self._require("simulators", self._settings.simulator)
@@ -53,6 +59,11 @@ class Scopes:
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
+
+    @property
+    def dt_s(self) -> float:
+        """The length of a tick of the run's simulator in seconds."""
+        return self._simulator.dt_s
 
     def _check_routes(self, routes: tuple[Route, ...]) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""

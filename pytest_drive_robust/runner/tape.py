@@ -44,10 +44,10 @@ class Picture:
 class Moment:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
-    `pictures` are what the agent was given; `real` is what its main camera would have shown where that is something
-    else. `gps` (x, y in metres) and `speed_mps` are what the agent was given; `asked` is the agent's newest control (None
-    before its first), `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of
-    the world. The last moment of a tape is the end: nothing is asked or applied any more.
+    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is what its main camera
+    would have shown where that is something else. `asked` is the agent's newest control (None before its first),
+    `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of the world. The
+    last moment of a tape is the end: nothing is asked or applied any more.
     """
 
     frame: Frame
@@ -90,11 +90,15 @@ class Tape:
         self.file.close()
 
 
+def _temporary() -> IO[bytes]:
+    return tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES)  # closed by `PictureFile.close`
+
+
 @dataclass
 class PictureFile:
     """JPEGs one after the other in a file without a name: gone when it is closed or the process ends."""
 
-    _file: IO[bytes] = field(default_factory=lambda: tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES))
+    _file: IO[bytes] = field(default_factory=_temporary)
     _end: int = 0
 
     def add(self, images: Mapping[str, Image]) -> tuple[Picture, ...]:
@@ -108,8 +112,8 @@ class PictureFile:
 
         self._file.seek(picture.start)
         stored = np.frombuffer(self._file.read(picture.length), np.uint8)
-        pixels: Pixels = np.ascontiguousarray(cv2.imdecode(stored, cv2.IMREAD_COLOR)[:, :, ::-1], np.uint8)
-        return pixels
+        decoded = np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
+        return np.ascontiguousarray(decoded[:, :, ::-1])
 
     def close(self) -> None:
         """Delete the file."""
@@ -117,12 +121,13 @@ class PictureFile:
 
     def _add(self, camera: str, image: Image) -> Picture:
         import cv2
+        import numpy as np
 
         pixels = image.pixels[:, :, ::-1]
         height, width = pixels.shape[:2]
         if width > _WIDEST_PX:
             size = (_WIDEST_PX, max(1, round(height * _WIDEST_PX / width)))
-            pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
         data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
         start = self._end
         self._file.seek(start)

@@ -19,9 +19,12 @@ from typing import Literal
 
 from pytest_drive_robust.errors import ComparisonError
 
-__all__ = ["EARLY_SHARE", "FEWEST_FOR_T", "Decision", "Evidence", "Wealth", "mean_below_zero_p", "share_of"]
+__all__ = ["BETS", "EARLY_SHARE", "FEWEST_FOR_T", "Decision", "Evidence", "Wealth", "mean_below_zero_p", "share_of"]
 
 Decision = Literal["pass", "fail", "inconclusive"]
+
+BETS = (0.2, 0.5, 0.9)
+"""The shares of what they own that the three gamblers stake: far from the limit the bold one wins, near it the shy."""
 
 EARLY_SHARE = 0.2
 """The share of alpha that betting after every route may spend; the rest is for the last look."""
@@ -30,6 +33,7 @@ FEWEST_FOR_T = 20
 """Fewer two-humped scores have no usable t statistic: then betting alone decides."""
 
 
+_SHY, _FAIR, _BOLD = BETS
 _ROUNDING = 1e-12
 
 
@@ -52,7 +56,7 @@ class Wealth:
                 raise ComparisonError(f"a value of {x!r} lies outside the range that its scores can have.")
             x = -1.0
         low, middle, high = self._owned
-        low, middle, high = low * (1.0 + 0.2 * x), middle * (1.0 + 0.5 * x), high * (1.0 + 0.9 * x)
+        low, middle, high = low * (1.0 + _SHY * x), middle * (1.0 + _FAIR * x), high * (1.0 + _BOLD * x)
         self._owned = low, middle, high
         self.value = (low + middle + high) / 3.0
         return self.value

@@ -14,6 +14,8 @@ __all__ = ["PrefixReader", "planned_order"]
 
 Result = TypeVar("Result")
 
+_MOST_DROPPED = 0.05
+
 
 def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_text: str) -> tuple[str, ...]:
     """The routes shuffled by `seed_text`, spread so that every stretch holds its share of each scenario type.
@@ -84,8 +86,13 @@ class PrefixReader(Generic[Result]):
 
     @property
     def dropped(self) -> tuple[str, ...]:
-        """The routes that were dropped, in planned order. More than 5 % of them leave nothing to be sure of."""
+        """The routes that were dropped, in planned order."""
         return tuple(route for route in self._planned if route in self._dropped)
+
+    @property
+    def lost_too_many(self) -> bool:
+        """True when more than 5 % of the planned routes were dropped: what is left may be another kind of routes."""
+        return len(self._dropped) > _MOST_DROPPED * len(self._planned)
 
     @property
     def is_complete(self) -> bool:

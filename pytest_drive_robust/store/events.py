@@ -16,6 +16,7 @@ __all__ = [
     "Identified",
     "Judged",
     "Planned",
+    "Spared",
     "Started",
     "event_from_json",
     "event_to_json",
@@ -60,6 +61,13 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
+class Spared:
+    """A verdict was in before these episodes (by key) were needed. Another test may still want them."""
+
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Started:
     """An episode began. `route` is the label of the route, for people."""
 
@@ -81,8 +89,8 @@ class Finished:
 class Judged:
     """A requirement got its verdict in the test `nodeid`.
 
-    `verdict` is `"pass"`, `"fail"` or `"error"`. For `"error"` the numbers are None and `message` says why.
-    `low` and `high` bound the 95 % interval of `value`.
+    `verdict` is `"pass"`, `"fail"`, `"inconclusive"` or `"error"`; for an error the numbers are None and `message` says
+    why. `low` and `high` bound the interval of `value`, `routes` of `planned` were read by the rule `rule`.
     """
 
     nodeid: str
@@ -100,11 +108,15 @@ class Judged:
     high: float | None = None
     routes: int = 0
     message: str = ""
+    planned: int = 0
+    rule: str = ""
 
 
-Event = Planned | Identified | Asked | Started | Finished | Judged
+Event = Planned | Identified | Asked | Spared | Started | Finished | Judged
 
-_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Planned, Identified, Asked, Started, Finished, Judged)}
+_KINDS: dict[str, type[Any]] = {
+    kind.__name__: kind for kind in (Planned, Identified, Asked, Spared, Started, Finished, Judged)
+}
 
 
 def event_to_json(event: Event) -> str:

@@ -72,7 +72,7 @@ def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFi
 
     route = resolve_routes("full")[0]
     arguments = ["replay", route.id, "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latency"]
-    assert main([*arguments, "--seed", "5"]) == 0
+    assert main([*arguments, "--seed", "5", "--no-video"]) == 0
     shown = capsys.readouterr().out
     assert f"cli_agents:Good on {route.id} under clean, seed 5 ({route.scenario.type})" in shown
     assert f"cli_agents:Good on {route.id} under 200 ms latency, seed 5" in shown
@@ -84,7 +84,7 @@ def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[s
     from pytest_drive_robust.runner.routes import resolve_routes
 
     route = resolve_routes("full")[0]
-    assert main(["replay", route.id, "--agent", "cli_agents:Bad", "--sim", FAKE]) == 0
+    assert main(["replay", route.id, "--agent", "cli_agents:Bad", "--sim", FAKE, "--no-video"]) == 0
     shown = capsys.readouterr().out
     assert shown.count("under clean") == 1
     assert "agent_error" in shown
@@ -136,7 +136,7 @@ def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[st
     from pytest_drive_robust.runner.routes import resolve_routes
 
     route = next(route.id for route in resolve_routes("full") if route.scenario.type == "ParkedObstacle")
-    arguments = ["replay", route, "--agent", "drive_robust_agents.constant:Constant", "--stuck-stop"]
+    arguments = ["replay", route, "--agent", "drive_robust_agents.constant:Constant", "--no-video", "--stuck-stop"]
     assert main([*arguments, "5"]) == 0
     assert "stopped early" in capsys.readouterr().out
     assert main([*arguments, "soon"]) == 4

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.settings import OPTIONS, Settings, check_seeds, parse_seeds
 
@@ -34,10 +35,10 @@ def test_the_command_line_wins_over_the_ini_file():
 
 
 def test_every_option_is_read(tmp_path):
-    values = ("a", "r.xml", "3, 1", "s", "fixed", "12.5", str(tmp_path / "run.json"))
+    values = (*("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "12.5"), str(tmp_path / "run.json"))
     config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
     assert Settings.from_pytest_config(config) == Settings(
-        "a", "r.xml", (3, 1), "s", "fixed", 12.5, Path(tmp_path / "run.json")
+        "a", "r.xml", (3, 1), "s", "fixed", 12.5, Path(tmp_path / "run.json"), Ruling("list", 0.2, 0.01), "skip"
     )
 
 

@@ -7,17 +7,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._planning.forecast import project
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import EgoState
 
-__all__ = ["Floats", "look_ahead_m", "pedals", "speed_profile", "steer_to"]
+__all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
 
 Floats = NDArray[np.float64]
 
 _WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
 _ACCEL_MAX_MPS2, _BRAKE_MAX_MPS2, _POWER_WPKG = 5.0, 8.0, 55.0
-_STEER_DELAY_S = 0.12
-"""The steering wheel follows late by about this much; pursuit starts from where the ego will be then."""
+_STEER_DELAY_S = 0.15
+"""The wheels follow the steering late by about this much."""
+_SETTLE_M, _SETTLE_S = 2.0, 0.45
 
 
 def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> Floats:
@@ -35,19 +37,25 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
     return limits
 
 
-def look_ahead_m(speed_mps: float) -> float:
-    """How far ahead the point lies that the ego steers at."""
-    return float(np.clip(0.55 * speed_mps + 2.5, 3.5, 14.0))
+def steer_along(ego: EgoState, line: Floats, row: int) -> float:
+    """The steering (-1..1) that brings the ego onto a line and keeps it there.
 
-
-def steer_to(ego: EgoState, x_m: float, y_m: float) -> float:
-    """Pure pursuit: the steering (-1..1) whose arc leads from the ego to a point of the world."""
-    reach = ego.speed_mps * _STEER_DELAY_S
+    `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The curvature of the line, corrected by
+    the angle and the distance to it so that the ego comes back without overshooting, within a length that grows with
+    the speed; all at the place where the ego will be once the wheels have turned.
+    """
+    v, reach = ego.speed_mps, ego.speed_mps * _STEER_DELAY_S
     yaw = ego.yaw_rad + ego.yaw_rate_radps * _STEER_DELAY_S
-    dx, dy = x_m - ego.x_m - reach * math.cos(yaw), y_m - ego.y_m - reach * math.sin(yaw)
-    forward = dx * math.cos(yaw) + dy * math.sin(yaw)
-    right = -dx * math.sin(yaw) + dy * math.cos(yaw)
-    curvature = 2.0 * right / max(forward * forward + right * right, 1.0)
+    x, y = ego.x_m + reach * math.cos(yaw), ego.y_m + reach * math.sin(yaw)
+    at, right = project(line, row - 6, row + 14, x, y)
+    k = int(np.clip(at, 3, len(line) - 4)) if len(line) > 7 else 0
+    low, high = max(k - 2, 0), min(k + 3, len(line) - 1)
+    bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
+    heading = line[k, 2] + (at - k) * bend
+    slip = math.atan(0.5 * _WHEELBASE_M * bend)  # the middle of the vehicle moves a little aside of its nose
+    length = max(_SETTLE_M, _SETTLE_S * v)
+    lean = math.remainder(yaw + slip - heading, math.tau)
+    curvature = bend - 2.0 * lean / length - right / length**2
     return float(np.clip(math.atan(_WHEELBASE_M * curvature) / _STEER_MAX_RAD, -1.0, 1.0))
 
 

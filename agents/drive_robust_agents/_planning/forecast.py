@@ -38,9 +38,11 @@ ACCELERATE_S = 1.6
 """Who accelerates or brakes now is expected to go on with it for this long."""
 FASTEST_MPS = 18.0
 """Nobody is expected to accelerate beyond this."""
+NOTICED_M = 1.0
+"""Who follows is expected to brake for the ego once its middle is so near to the middle of the lane."""
 PUSHED_MPS = 9.0
 """Nobody faster than this is expected to brake for an ego that pushes its way across."""
-NOSE_M, HARD_BRAKE_MPS2 = 2.5, 6.0
+NOSE_M, TAIL_M, HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 """With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more."""
 BICYCLE_WIDTH_M = 1.0
 """Nobody narrower than this is expected to brake for the ego."""
@@ -270,9 +272,9 @@ def rollouts(
     `path` is (n, 3) x, y, yaw, about one row a metre; `forecast` comes from `tracks` and sets the horizon; `sizes` is
     (k, 2) length, width; `plans` (m, 3) accelerate at [0] for [1] seconds, then at [2]. `limits` is the speed limit of
     each row. `margins` are metres added to the ego's length, its width, and seconds by which who crosses may come
-    earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or a stop within one of
-    the `boxes` (first row, last row) that could have been made before it. Who follows is expected to brake for the ego
-    at `yields_mps2`; who crosses only when `pushy`.
+    earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or being within one of
+    the `boxes` (first row, last row) at the end although it was possible to wait before it. Who follows is expected to
+    brake for the ego at `yields_mps2`; who crosses only when `pushy`.
     """
     steps = forecast.shape[1] - 1
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
@@ -322,7 +324,7 @@ def rollouts(
                 speed_now = min(speed[j] + 2.5 * STEP_S, planned) if leads[i] == 0 else speed[j]
                 least = -0.5 if pushy and speed[j] < PUSHED_MPS else 0.6
                 expected = sizes[i, 1] > BICYCLE_WIDTH_M and aligned > least
-                if expected and 0.0 < in_front < 40.0 and beside < 0.5 * (size[1] + sizes[i, 1]) and step > 2:
+                if expected and 0.0 < in_front < 40.0 and beside < NOTICED_M and step > 2:
                     gap = in_front - 0.5 * (size[0] + sizes[i, 0])
                     closing = max(speed[j] - v, 0.0)
                     if gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * speed[j]:
@@ -347,10 +349,11 @@ def rollouts(
             if trouble:
                 found[p] = (step - 1) * STEP_S
                 break
-            if v <= 0.0 and plans[p, 2] < 0.0:
-                for b in range(len(boxes)):
-                    before = s0 + half <= boxes[b, 0] + NOSE_M and s - s0 > 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2)
-                    if before and s + half > boxes[b, 0] + 0.5 and s - half < boxes[b, 1]:
-                        found[p] = min(found[p], 0.1)
         driven[p] = s - s0
+        if found[p] < steps * STEP_S - 1e-9 or s - s0 < 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2):
+            continue
+        for b in range(len(boxes)):
+            before = s0 + half <= boxes[b, 0] + NOSE_M
+            if before and s + half > boxes[b, 0] + 0.5 and s - half < boxes[b, 1] - TAIL_M:
+                found[p] = 0.1
     return found, driven

@@ -12,7 +12,7 @@ import numpy as np
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.scene import Scene
 
-__all__ = ["blend", "path_of", "shift_length_m"]
+__all__ = ["blend", "line_of", "path_of", "shift_length_m"]
 
 _BEND_PER_M, _LATERAL_MPS2 = 0.23, 2.5
 """The narrowest turn of the ego, as a curvature, and what passengers bear."""
@@ -50,7 +50,11 @@ def path_of(
 
     `drift` is the metres to the right that the ego's heading gains in a metre of the route.
     """
-    offsets = _return(scene, profile, row, right_m, speed_mps=speed_mps, drift=drift)
+    return line_of(scene, _return(scene, profile, row, right_m, speed_mps=speed_mps, drift=drift))
+
+
+def line_of(scene: Scene, offsets: Floats) -> Floats:
+    """(n, 3) x, y, yaw: the line that runs so many metres to the right of the route."""
     route, found = scene.route, np.empty((scene.count, 3))
     found[:, 0] = route[:, 0] - offsets * scene.sines
     found[:, 1] = route[:, 1] + offsets * scene.cosines

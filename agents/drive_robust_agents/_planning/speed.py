@@ -101,15 +101,16 @@ class SpeedChoice:
         wanted = float(np.clip(1.2 * (limit - v), -2.5, comfort))
         if trial.survives(wanted):
             return wanted
-        for k, (margins, wary) in enumerate(trial.tiers):
+        for margins, wary in trial.tiers:
             free = trial.seconds(_ACCELERATIONS, margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
                 break
         safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
         if len(safe) == 0:
-            return float(_ACCELERATIONS[int(np.argmax(free))]) if free.max() > _LEFT_ALONE_S else -8.0
+            lost = free.max() <= _LEFT_ALONE_S and not hurry
+            return -8.0 if lost else float(_ACCELERATIONS[int(np.argmax(free))])
         if not (wary or hurry):
-            return min(float(safe[0]), wanted, _FALL_BACK_MPS2 if k else wanted)
+            return min(float(safe[0]), wanted, _FALL_BACK_MPS2)
         gentle = safe[safe <= comfort]
         if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
             return float(safe[0])  # a gap that only a quick start can use

@@ -49,11 +49,10 @@ class Film:
         ground = Ground(clean.lane_map, clean.route)
         self.story = story_of(tapes)
         self.dt_s = clean.result.dt_s
+        places = (0, 640) if perturbed is not None else (320,)
         self._scenes = tuple(
             Scene(tape, tape.result.episode.setting, colour, ground, events, left)
-            for tape, colour, events, left in zip(
-                tapes, (CLEAN, PERTURBED), self.story.events, (0, 640) if perturbed is not None else (320,), strict=False
-            )
+            for tape, colour, events, left in zip(tapes, (CLEAN, PERTURBED), self.story.events, places, strict=False)
         )
         self._strips = Strips([tape.result for tape in tapes], self.story)
         self._empty = _backdrop(tapes)
@@ -78,7 +77,7 @@ class Film:
 
     def picture(self, position: int) -> Pixels:
         """The world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
-        picture = self._empty.copy()
+        picture: Pixels = self._empty.copy()
         for scene in self._scenes:
             scene.draw(picture, position, twin=self._twin(scene, position))
         self._strips.draw(picture, position)

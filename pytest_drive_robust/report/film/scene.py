@@ -1,4 +1,4 @@
-"""One of the two scenes: what the agent was given, the view from above, what it asks and what the car gets, captions."""
+"""One of the two scenes: what the agent was given, the view from above, what it asks, what the car gets, captions."""
 
 from __future__ import annotations
 
@@ -73,6 +73,8 @@ class Scene:
         self._camera(picture, at, moment)
         self._numbers(picture, moment)
         self._captions(picture, position, at)
+        if any(0 <= position - event.tick <= _FRESH_S / self.tape.result.dt_s for event in self.events):
+            cv2.rectangle(picture, (self.left + 1, 35), (self.left + 638, 463), WRONG, 4)
 
     def _head(self, picture: Pixels) -> None:
         fill(picture, Box(self.left, 34, 640, 28), self.colour)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
 from pytest_drive_robust.requirements.divergence import first_divergence_s
 
 if TYPE_CHECKING:
@@ -17,6 +17,11 @@ __all__ = ["Event", "Span", "Story", "story_of"]
 
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
+_STILL_MPS = 0.05
+_STILL_S = 3.0
+"""When nobody moves for longer, the film skims what comes after so many seconds."""
+_SUMS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
+"""What is found only when the whole way is added up happened at no particular place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +47,18 @@ class Story:
     """The plot of a film.
 
     `length` is the last position: position `k` is the world after `k` ticks, and an episode that is over stays at its
-    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events`, `spans`
-    and `ends` are one entry for each tape; an entry of `ends` is the position of the end.
+    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events` and
+    `spans` are one entry for each tape. In the `skimmed` positions nobody has moved for long and nothing happens.
     """
 
     length: int
     divergence: tuple[int, str] | None
     events: tuple[tuple[Event, ...], ...]
     spans: tuple[tuple[Span, ...], ...]
-    ends: tuple[int, ...]
+    skimmed: frozenset[int] = frozenset()
+
+    SKIM: ClassVar[int] = 8
+    """Of a skimmed stretch one position in so many is shown."""
 
     def showing(self, dt_s: float) -> list[int]:
         """The positions in the order in which a film shows them: it stands still where something happens."""
@@ -59,6 +67,8 @@ class Story:
             pauses.add(self.divergence[0])
         shown: list[int] = []
         for position in range(self.length + 1):
+            if position in self.skimmed and position % self.SKIM:
+                continue
             shown += [position] * (1 + (round(_HOLD_S / dt_s) if position in pauses else 0))
         return shown + [self.length] * round(_LAST_HOLD_S / dt_s)
 
@@ -73,14 +83,29 @@ class Story:
 def story_of(tapes: tuple[Tape, ...]) -> Story:
     """The story of a clean and a perturbed tape, or of one alone."""
     results = tuple(tape.result for tape in tapes)
-    ends = tuple(len(tape.moments) - 1 for tape in tapes)
+    events = tuple(_events(result) for result in results)
     return Story(
-        length=max(ends),
+        length=max(len(tape.moments) for tape in tapes) - 1,
         divergence=_divergence(*results) if len(results) == 2 else None,
-        events=tuple(_events(result) for result in results),
+        events=events,
         spans=tuple(_spans(result) for result in results),
-        ends=ends,
+        skimmed=_skimmed(tapes, {event.tick for items in events for event in items}),
     )
+
+
+def _skimmed(tapes: tuple[Tape, ...], busy: set[int]) -> frozenset[int]:
+    """The positions of long waits. An episode that is over does not move either."""
+    patience = round(_STILL_S / tapes[0].result.dt_s)
+    found: set[int] = set()
+    stood = 0
+    for position in range(max(len(tape.moments) for tape in tapes)):
+        moving = any(
+            position < len(tape.moments) and tape.moments[position].frame.ego.speed_mps > _STILL_MPS for tape in tapes
+        )
+        stood = 0 if moving or position in busy else stood + 1
+        if stood > patience:
+            found.add(position)
+    return frozenset(found)
 
 
 def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, str] | None:
@@ -113,7 +138,7 @@ def _apart(clean: EpisodeResult, perturbed: EpisodeResult, row: int) -> str:
 
 def _events(result: EpisodeResult) -> tuple[Event, ...]:
     events = [
-        Event(item.tick, item.detail, (item.x_m, item.y_m) if item.x_m or item.y_m else None)
+        Event(item.tick, item.detail, None if item.kind in _SUMS else (item.x_m, item.y_m))
         for item in result.infractions
     ]
     if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):

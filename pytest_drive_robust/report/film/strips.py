@@ -1,4 +1,4 @@
-"""The strips below the scenes: speed, pedals and steering over time, clean against perturbed, and what happened when."""
+"""The strips below the scenes: speed, pedals and steering over time, clean against perturbed, and what happened."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from pytest_drive_robust.report.film.canvas import (
     Box,
     fill,
     text,
+    text_width,
 )
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ _LEFT, _RIGHT = 118, 1264
 _FAILURE = Box(_LEFT, 486, _RIGHT - _LEFT, 8)
 _AXIS_Y = 714
 _COLOURS = (CLEAN, PERTURBED)
+_MARK_SIZE = 0.45
 _STEPS_S = (1, 2, 5, 10, 20, 50, 100)
 
 
@@ -75,8 +77,9 @@ class Strips:
             later = picture[box.y : box.bottom, now : box.right]
             later[:] = later // 2 + np.array(BACKGROUND, np.uint8) // 2
         cv2.line(picture, (now, _FAILURE.y), (now, self._strips[-1].box.bottom), INK, 2)
-        second = f"{position * self._dt_s:.2f} s"
-        align = "right" if now > _RIGHT - 80 else "left"
+        skims = position in self._story.skimmed and position < self._story.length
+        second = f"{position * self._dt_s:.2f} s" + (f"  >> {self._story.SKIM} x" if skims else "")
+        align = "right" if now > _RIGHT - 150 else "left"
         text(picture, second, (now + (-8 if align == "right" else 8), 516), size=0.5, bold=True, align=align)
 
     def _column(self, position: float) -> int:
@@ -92,7 +95,8 @@ class Strips:
                 self._curve(whole, strip, values, colour)
         self._failures(whole)
         self._marks(whole)
-        return whole[AREA.y :].copy()
+        area: Pixels = whole[AREA.y :].copy()
+        return area
 
     def _scale(self, picture: Pixels) -> None:
         """Boxes, names, and a line for every few seconds."""
@@ -141,18 +145,23 @@ class Strips:
             fill(picture, Box(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
-        """Lines through all strips at the first divergence and at every infraction of the last tape."""
+        """Lines through all strips at the first divergence and at every infraction, with words where there is room."""
         bottom = self._strips[-1].box.bottom
-        for items in self._story.events:
-            for event in items:
-                x = self._column(event.tick)
-                cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), WRONG, 2)
-                cv2.drawMarker(picture, (x, _FAILURE.y - 10), WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
+        marks = [(self._column(event.tick), event.words, WRONG) for items in self._story.events for event in items]
         if self._story.divergence is not None:
-            x = self._column(self._story.divergence[0])
-            cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), MARK, 2)
-            corners = np.array(((x - 7, _FAILURE.y - 18), (x + 7, _FAILURE.y - 18), (x, _FAILURE.y - 6)), np.int32)
-            cv2.fillConvexPoly(picture, corners, MARK, cv2.LINE_AA)
+            at = self._story.divergence[0]
+            marks.append((self._column(at), f"first divergence {at * self._dt_s:.2f} s", MARK))
+        marks.sort(key=lambda mark: mark[:2])
+        for number, (x, words, colour) in enumerate(marks):
+            cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), colour, 2)
+            if colour == MARK:
+                corners = np.array(((x - 7, _FAILURE.y - 18), (x + 7, _FAILURE.y - 18), (x, _FAILURE.y - 6)), np.int32)
+                cv2.fillConvexPoly(picture, corners, MARK, cv2.LINE_AA)
+            else:
+                cv2.drawMarker(picture, (x, _FAILURE.y - 10), WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
+            end = marks[number + 1][0] - 12 if number + 1 < len(marks) else _RIGHT
+            if x + 12 + text_width(words, _MARK_SIZE) <= end:
+                text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:

@@ -19,7 +19,14 @@ from pytest_drive_robust.errors import SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BOX_COLUMNS
 from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-from pytest_drive_robust.simulators.embedded.drawing.entry import Ground, Passes, Scene, draw_camera, fill_boxes
+from pytest_drive_robust.simulators.embedded.drawing.entry import (
+    Ground,
+    Passes,
+    Scene,
+    draw_camera,
+    fill_boxes,
+    measure_camera,
+)
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
 from pytest_drive_robust.simulators.embedded.drawing.ground import ground_rows
 from pytest_drive_robust.simulators.embedded.drawing.looks import LOOKS, PAINTS, part_rows
@@ -106,7 +113,7 @@ class CameraRig:
         pictures: dict[str, Pixels] = {}
         for eye in self._eyes:
             if due is None or eye.spec.name in due:
-                self._draw(eye, frame, scene, lamps, True, _NOT_WANTED)
+                self._draw(eye, frame, scene, lamps)
                 pictures[eye.spec.name] = eye.canvas.pixels
         return pictures
 
@@ -130,7 +137,8 @@ class CameraRig:
         for eye in self._eyes:
             if due is None or eye.spec.name in due:
                 wanted = eye.wanted(passes)
-                self._draw(eye, frame, scene, lamps, "rgb" in passes, wanted)
+                view = self._draw(eye, frame, scene, lamps, picture="rgb" in passes)
+                measure_camera(eye.canvas, scene, eye.ground, view, wanted)
                 arrays: dict[str, Measured] = {"rgb": eye.canvas.pixels, **wanted._asdict()}
                 found[eye.spec.name] = {name: arrays[name] for name in passes}
         return found
@@ -153,12 +161,11 @@ class CameraRig:
         fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
         return scene
 
-    def _draw(self, eye: _Eye, frame: Frame, scene: Scene, lamps: Headlamps, picture: bool, passes: Passes) -> None:
+    def _draw(self, eye: _Eye, frame: Frame, scene: Scene, lamps: Headlamps, *, picture: bool = True) -> View:
         eye.canvas = eye.canvas.with_room(len(scene.rows))
         view = View.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
-        draw_camera(
-            eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture, passes
-        )
+        draw_camera(eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture)
+        return view
 
 
 def _check(cameras: Sequence[CameraSpec]) -> None:

@@ -218,7 +218,7 @@ class Stage(Places):
         self._set_lights(0, ego, opposite, crossing)
 
     def green_for_ego(self) -> None:
-        """At every junction with lights: green along the ego's road, red across. So it is until a scenario says else."""
+        """At every junction with lights: green along the ego's road, red across. The default."""
         for number in range(len(self.dense.passages())):
             self._set_lights(number, GREEN, GREEN, RED)
 

@@ -69,7 +69,6 @@ def test_content_counts_not_memory() -> None:
         (SpeedNoise(mean=0.5), {"speed": 59}),  # in tick 0 the vehicle stands: half of nothing is nothing
         (PartialObservation(ratio=0.5), {"front": 60, "rear": 60}),
         (SensorDelay(camera_ms=0, ego_ms=50), {"gps": 59, "compass": 59, "imu": 59, "speed": 59}),
-        (SensorDelay(camera_ms=50, ego_ms=0), {"front": 59, "rear": 29}),  # every other tick is no new image of rear
         (InferenceLatency(ms=100), {"control": 60}),
         (InferenceLatency(ms=100, mode="hold"), {"control": 60}),
     ],
@@ -141,3 +140,7 @@ def test_pixels_are_read_until_a_camera_was_seen_to_change_and_never_after(monke
         witness.seen(captured, given)
     assert len(compared) == 2
     assert witness.reception().touched == (Touch("front", 3, 0),)
+
+
+def test_a_delayed_image_is_told_by_its_tick_of_capture() -> None:
+    assert received(SensorDelay(camera_ms=50, ego_ms=0), cameras=(FRONT,)).touched == (Touch("front", 59, 1),)

@@ -99,6 +99,14 @@ def test_a_dropped_route_is_left_out_at_its_place() -> None:
     assert reader.next_route == "d"
     assert reader.finish("d", 4) == [("d", 4)]
     assert reader.dropped == ("c",)
+    assert reader.is_complete
+
+
+def test_more_than_5_percent_dropped_are_too_many() -> None:
+    reader: PrefixReader[int] = PrefixReader(map(str, range(40)))
+    lost = [reader.drop(str(number)) or reader.lost_too_many for number in range(3)]
+
+    assert lost == [False, False, True]
 
 
 def test_what_is_not_planned_or_finished_before_is_refused() -> None:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats import gate
 from pytest_drive_robust.stats.planning import (
     advise,
     degradation_noise,
@@ -39,6 +40,21 @@ def test_as_many_routes_as_needed_resolve_the_margin_and_one_less_does_not(
 @given(st.integers(1, 400))
 def test_more_routes_resolve_more(routes: int) -> None:
     assert resolution(routes + 1) < resolution(routes)
+
+
+def test_fewer_than_20_routes_catch_next_to_nothing() -> None:
+    # Betting alone: 19 pairs that all lose the same must multiply 1 by 300 with a stake of 0.9
+    assert resolution(19) == pytest.approx(2.0 * (300.0 ** (1.0 / 19.0) - 1.0) / 0.9)
+    assert resolution(20) < 0.31 < 0.75 < resolution(19)
+    assert resolution(10, 30.0, scale=100.0) > 100.0
+    assert advise(10, 0.30).text == "10 routes can catch no violation at all; asked margin 0.30 needs about 30 routes"
+
+
+def test_three_pairs_that_lose_everything_are_below_the_resolution_and_not_failed() -> None:
+    assert resolution(3) > 1.0
+    assert gate([100.0] * 3, [0.0] * 3, 0.30).verdict == "inconclusive"
+    assert gate([50.0] * 19, [15.0] * 19, 0.30).verdict == "inconclusive"
+    assert gate([50.0] * 20, [15.0] * 20, 0.30).verdict == "fail"
 
 
 def test_the_noise_of_stored_scores_by_hand() -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
     from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
 
-__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes", "look_down"]
+__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes", "look_down", "measure_camera"]
 
 Floats = NDArray[np.float64]
 
@@ -97,14 +97,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
         street_light: float,
         tick: int,
         picture: bool,
-        passes: Passes,
     ) -> None:
         _ = sources
         draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
-        measure(
-            canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
-            passes.semantic, passes.depth, passes.instance,
-        )  # fmt: skip
         if not picture:
             return
         draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
@@ -117,6 +112,18 @@ def _draw_camera(sources: int) -> Callable[..., None]:
             draw_lens(canvas.pixels, canvas.faces, tick, view, air)
 
     return draw_camera
+
+
+def _measure_camera(sources: int) -> Callable[..., None]:
+    @entry
+    def measure_camera(canvas: Canvas, scene: Scene, ground: Ground, view: View, passes: Passes) -> None:
+        _ = sources
+        measure(
+            canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
+            passes.semantic, passes.depth, passes.instance,
+        )  # fmt: skip
+
+    return measure_camera
 
 
 def _look_down(sources: int) -> Callable[..., None]:
@@ -147,7 +154,10 @@ fill_boxes = _fill_boxes(sources_digest())
 """Puts the boxes of the actors into `scene.rows` (`assemble`); returns the row after the last one."""
 
 draw_camera = _draw_camera(sources_digest())
-"""Draws one camera: `canvas.pixels` when `picture`, and those of `passes` that have room."""
+"""Finds what one camera sees and, when `picture`, draws it: `canvas.pixels`."""
+
+measure_camera = _measure_camera(sources_digest())
+"""Fills those of `passes` that have room with what `draw_camera` has found (`passes.measure`)."""
 
 look_down = _look_down(sources_digest())
 """Draws the classes around the ego from above (`draw_overhead`)."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Packed = NDArray[np.uint32]
     Triple = tuple[float, float, float]
-    Lens = tuple[float, float, float, float, float, float]
+    Lens = tuple[float, float, float, float, float, float, float]
 
 __all__ = ["CLEAR_STEPS_PER_M", "draw_pixels", "pack_pixels"]
 
@@ -40,6 +40,7 @@ CLEAR_STEPS_PER_M = 4
 _STRIPES, _RIBS = int(box.Material.STRIPES), int(box.Material.RIBS)
 _SIDES = 4
 _SEGMENT_PX = 64
+_PER_FLOOR = 1.0 / FLOOR_M
 _ONE_COLOUR = 1.0 / 160.0
 _LAMP_THROUGH_HAZE = 0.35
 _WINDOW, _LIT_WINDOW = (52.0, 66.0, 84.0), (250.0, 205.0, 120.0)
@@ -63,7 +64,15 @@ def draw_pixels(
         canvas.table,
     )
     height, width = colours.shape
-    lens = (0.5 * width - 0.5, 0.5 * height - 0.5, 1.0 / view.focal_px, view.cos_pitch, view.sin_pitch, view.z_m)
+    lens = (
+        0.5 * width - 0.5,
+        0.5 * height - 0.5,
+        view.focal_px,
+        1.0 / view.focal_px,
+        view.cos_pitch,
+        view.sin_pitch,
+        view.z_m,
+    )
     for row in range(height):
         column, end = touched[row, 0], touched[row, 1]
         while column < end:
@@ -105,7 +114,8 @@ def _light_face(entry: Floats, b: Floats, view: View, air: Air, lamps: Headlamps
     if entry[face.PATTERN] != 0.0:
         _lay_out(entry, b, (x, y, z), side, view)
         return
-    nearest, farthest = _clear(entry[face.NEAREST], clear, glow), _clear(entry[face.FARTHEST], clear, glow)
+    nearest = _clear(1.0 / entry[face.NEAREST], clear, glow)
+    farthest = _clear(1.0 / entry[face.FARTHEST], clear, glow)
     if nearest - farthest < _ONE_COLOUR:
         left = 0.5 * (nearest + farthest)
         packed = 0
@@ -154,9 +164,9 @@ def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: View) ->
 
 
 @inner
-def _clear(near: float, clear: NDArray[np.float32], glow: float) -> float:
-    """What the air lets through from a place whose inverse depth is `near`; of a lamp it lets through more."""
-    steps = min(CLEAR_STEPS_PER_M / near, float(len(clear) - 1))
+def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
+    """What the air lets through from a place so far away; of a lamp it lets through more."""
+    steps = min(CLEAR_STEPS_PER_M * depth_m, float(len(clear) - 1))
     left = float(clear[int(steps)])
     return left + (1.0 - left) * _LAMP_THROUGH_HAZE * glow
 
@@ -193,8 +203,9 @@ def _draw_run(
     """Colours one run of pixels of one face; what the air lets through is interpolated between its ends."""
     glow, last = entry[face.GLOW], len(colours) - 1
     near_start, near_end = float(nearness[0]), float(nearness[last])
-    left = _clear(near_start, clear, glow)
-    change = (_clear(near_end, clear, glow) - left) / max(last, 1)
+    depth_start, depth_end = 1.0 / near_start, 1.0 / near_end
+    left = _clear(depth_start, clear, glow)
+    change = (_clear(depth_end, clear, glow) - left) / max(last, 1)
     through = (np.float32(left), np.float32(change))
     own = (np.float32(entry[face.RED]), np.float32(entry[face.GREEN]), np.float32(entry[face.BLUE]))
     haze = (np.float32(air.haze[0]), np.float32(air.haze[1]), np.float32(air.haze[2]))
@@ -202,21 +213,21 @@ def _draw_run(
     if pattern == 0:
         plain(colours, own, haze, through)
         return
-    middle_u, middle_v, per_focal, cos_pitch, sin_pitch, eye_m = lens
+    middle_u, middle_v, focal_px, per_focal, cos_pitch, sin_pitch, eye_m = lens
     right, up = (first - middle_u) * per_focal, (middle_v - row) * per_focal
     # metres along the face = (across + across_step * u) / near + start, up from the box's bottom = climb / near + rise
     across = right * entry[face.ALONG_RIGHT] + up * entry[face.ALONG_UP] + entry[face.ALONG_FORWARD]
     across_step, start = entry[face.ALONG_RIGHT] * per_focal, entry[face.START_M]
     climb, rise = up * cos_pitch + sin_pitch, eye_m - b[box.Z]
     near = 0.5 * (near_start + near_end)
-    pixels_per_m = max(entry[face.DISTANCE_M] * near, _GRAZING) * near / per_focal
+    pixels_per_m = max(entry[face.DISTANCE_M] * near, _GRAZING) * near * focal_px
     place = (np.float32(across), np.float32(across_step), np.float32(start), np.float32(climb), np.float32(rise))
     if pattern == _STRIPES:
         white = _lit(entry, air, (240.0, 240.0, 236.0))
         stripes(colours, nearness, place, np.float32(pixels_per_m), own, white, haze, through)
     elif pattern == _RIBS:
         ribs(colours, nearness, place, np.float32(pixels_per_m), own, haze, through)
-    elif _between_floors(climb / near_start + rise, climb / near_end + rise, pixels_per_m):
+    elif _between_floors(climb * depth_start + rise, climb * depth_end + rise, pixels_per_m):
         plain(colours, own, haze, through)
     else:
         window, shining = _lit(entry, air, _WINDOW), _lit_window(entry, air)
@@ -227,7 +238,7 @@ def _draw_run(
 @inner
 def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
     """Whether a run that goes from one height to another meets no window."""
-    phase, other = (up_m - SILL_M) / FLOOR_M, (other_m - SILL_M) / FLOOR_M
+    phase, other = (up_m - SILL_M) * _PER_FLOOR, (other_m - SILL_M) * _PER_FLOOR
     floor, edge = math.floor(phase), 0.5 / max(FLOOR_M * pixels_per_m, 1e-6)
     phase, other = phase - floor, other - floor
     return min(phase, other) > WINDOW_HIGH + edge and max(phase, other) < 1.0 - edge

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["draw_shadows"]
+__all__ = ["draw_shadows", "row_of"]
 
 _KIND, _X, _Y, _YAW = Frame.KIND, Frame.X, Frame.Y, Frame.YAW
 _LENGTH, _WIDTH, _HEIGHT = Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT
@@ -53,8 +53,8 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -
     # the sweep in the actor's axes
     along, across = sweep_ahead * cos_turn + sweep_aside * sin_turn, sweep_aside * cos_turn - sweep_ahead * sin_turn
     reach = abs(cos_turn) * long + abs(sin_turn) * wide
-    first = _row_of(ahead + reach + max(sweep_ahead, 0.0), view, height)
-    last = _row_of(ahead - reach + min(sweep_ahead, 0.0), view, height)
+    first = row_of(ahead + reach + max(sweep_ahead, 0.0), view, height)
+    last = row_of(ahead - reach + min(sweep_ahead, 0.0), view, height)
     swept = math.sqrt(along * along + across * across)
     for row in range(first, last + 1):
         if rows[row, DEPTH] <= 0.0:
@@ -80,7 +80,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -
 
 
 @inner
-def _row_of(ahead_m: float, view: View, height: int) -> int:
+def row_of(ahead_m: float, view: View, height: int) -> int:
     """The row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
     if forward < 0.01:

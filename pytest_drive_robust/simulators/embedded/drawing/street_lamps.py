@@ -11,6 +11,7 @@ from numba import njit
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
+from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def draw_pools(
         if abs(aside) - _POOL_M > (ahead + _POOL_M) * 0.5 * width / view.focal_px:
             continue
         gain = strength * _BRIGHTER * math.exp(-haze_per_m * max(ahead, 0.0)) * (1.0 - max(ahead, 0.0) / _FARTHEST_M)
-        for row in range(height):
+        for row in range(row_of(ahead + _POOL_M, view, height), row_of(ahead - _POOL_M, view, height) + 1):
             up = (0.5 * height - row - 0.5) / view.focal_px
             rise = view.sin_pitch + up * view.cos_pitch
             if rise > -0.01:

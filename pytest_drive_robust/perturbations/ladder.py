@@ -1,0 +1,163 @@
+"""The severities that a search or a strategy steps through, from mild to severe.
+
+Latency and delay step by whole ticks, because nothing between two ticks exists. A class of your own says its steps in
+an attribute, mildest first::
+
+    ladder: ClassVar[tuple[str, tuple[float, ...]]] = ("gain", (0.9, 0.7, 0.5, 0.3, 0.1))
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from pytest_drive_robust.errors import PerturbationError
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.blend import FrameBlend
+from pytest_drive_robust.perturbations.camera import BurstFrameDrop, PartialObservation
+from pytest_drive_robust.perturbations.compute import InferenceLatency
+from pytest_drive_robust.perturbations.delay import SensorDelay
+from pytest_drive_robust.perturbations.ego_state import GpsNoise, SpeedNoise
+from pytest_drive_robust.perturbations.severity import whole_ticks
+from pytest_drive_robust.perturbations.values import render_value
+
+__all__ = ["Ladder", "failure_word", "ladder_of"]
+
+_LONGEST_DELAY_S = 1.0
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """`levels` of the severity `field`, mildest first; the other severities are those of `template`.
+
+    `tick_ms` is the length of a tick where a level is so many whole ticks in milliseconds, else None.
+    """
+
+    template: Perturbation
+    field: str
+    levels: tuple[float, ...]
+    tick_ms: float | None = None
+
+    def at(self, level: float) -> Perturbation:
+        """The perturbation of that severity. Raises `PerturbationError` for one that it cannot have."""
+        changed: dict[str, Any] = {self.field: level}
+        return dataclasses.replace(self.template, **changed)
+
+    def level_of(self, perturbation: Perturbation) -> float:
+        """Its severity on this ladder. Raises `PerturbationError` for another class or other severities beside it."""
+        if type(perturbation) is type(self.template):
+            level = perturbation.parameters()[self.field]
+            if isinstance(level, (int, float)) and self.at(level).parameters() == perturbation.parameters():
+                return float(level)
+        raise PerturbationError(
+            f"'{perturbation}' is not on the ladder of {type(self.template).__name__}.{self.field}, expected a "
+            f"severity like '{self.template}' with another {self.field}."
+        )
+
+    def severity(self, level: float) -> float:
+        """A number that grows with severity and is the same for levels that do the same."""
+        if self.tick_ms is not None:
+            return whole_ticks(level, self.tick_ms)
+        return level if self.levels[-1] >= self.levels[0] else -level
+
+    def label(self, level: float) -> str:
+        """`"140 ms"`, `"0.5"`."""
+        return f"{render_value(round(float(level), 9))} {self.unit}".rstrip()
+
+    @property
+    def unit(self) -> str:
+        """`"ms"`, `"s"`, `"m"` or nothing: what the name of the severity ends with."""
+        ending = self.field.rpartition("_")[2]
+        return ending if ending in ("ms", "s", "m") else ""
+
+    @property
+    def word(self) -> str:
+        """What people call the failure: the words of its phrase, `"latency"`, `"GPS noise"`."""
+        return failure_word(type(self.template))
+
+
+def failure_word(cls: type[Perturbation]) -> str:
+    """The phrase of a class without severities and their units.
+
+    >>> failure_word(InferenceLatency), failure_word(GpsNoise), failure_word(FrameBlend)
+    ('latency', 'GPS noise', 'frame blend')
+    """
+    words = re.sub(r"\{\w+\}(?:\s+(?:ms|m|s)\b)?", " ", cls.phrase or cls.__name__)
+    return " ".join(words.split())
+
+
+def ladder_of(
+    perturbation: Perturbation | type[Perturbation], *, dt_s: float, levels: Iterable[float] | None = None
+) -> Ladder:
+    """The ladder of a class with its default severities, or of an object, whose other severities are kept.
+
+    `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first.
+    Raises `PerturbationError` for a class without a ladder, and for levels that go up and down or are no severities.
+
+    >>> ladder_of(InferenceLatency, dt_s=0.02).levels[:3], ladder_of(SpeedNoise, dt_s=0.02).levels[:2]
+    ((20.0, 40.0, 60.0), (0.9, 0.8))
+    """
+    cls = perturbation if isinstance(perturbation, type) else type(perturbation)
+    field, usual = _usual(cls, dt_s)
+    steps = tuple(float(level) for level in (usual if levels is None else levels))
+    if not _one_way(steps):
+        raise PerturbationError(
+            f"the levels of {cls.__name__} are {steps}, expected at least one, from mild to severe."
+        )
+    changed: dict[str, Any] = {field: steps[0]}
+    template = cls(**changed) if isinstance(perturbation, type) else dataclasses.replace(perturbation, **changed)
+    tick_ms = 1000.0 * dt_s if cls in _BY_TICKS else None
+    ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms)
+    for level in ladder.levels:
+        ladder.at(level)  # refused now, not after an hour of driving
+    return ladder
+
+
+def _usual(cls: type[Perturbation], dt_s: float) -> tuple[str, tuple[float, ...]]:
+    declared = getattr(cls, "ladder", None)
+    if declared is not None:
+        field, levels = declared
+        return str(field), tuple(levels)
+    for base, (field, steps) in _USUAL.items():
+        if issubclass(cls, base):
+            return field, steps(dt_s)
+    raise PerturbationError(
+        f"{cls.__name__} has no ladder of severities. Give it one: "
+        f"ladder: ClassVar = ('{next(iter(_numbers(cls)), 'severity')}', (mildest, ..., most severe))."
+    )
+
+
+def _numbers(cls: type[Perturbation]) -> list[str]:
+    return [field.name for field in dataclasses.fields(cls)]
+
+
+def _one_way(levels: tuple[float, ...]) -> bool:
+    pairs = list(pairwise(levels))
+    finite = bool(levels) and all(map(math.isfinite, levels))
+    return finite and (all(a < b for a, b in pairs) or all(a > b for a, b in pairs))
+
+
+def _ticks(dt_s: float) -> tuple[float, ...]:
+    """Whole ticks in milliseconds, up to a second."""
+    return tuple(round(1000.0 * dt_s * count, 6) for count in range(1, round(_LONGEST_DELAY_S / dt_s) + 1))
+
+
+def _always(*levels: float) -> Callable[[float], tuple[float, ...]]:
+    return lambda _dt_s: levels
+
+
+_BY_TICKS = (InferenceLatency, SensorDelay)
+_USUAL: Mapping[type[Perturbation], tuple[str, Callable[[float], tuple[float, ...]]]] = {
+    InferenceLatency: ("ms", _ticks),
+    SensorDelay: ("camera_ms", _ticks),
+    BurstFrameDrop: ("length_s", _always(0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0)),
+    PartialObservation: ("ratio", _always(*(step / 10.0 for step in range(1, 11)))),
+    GpsNoise: ("std_m", _always(0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 50.0)),
+    SpeedNoise: ("mean", _always(*(step / 10.0 for step in range(9, -1, -1)))),
+    FrameBlend: ("frames", _always(2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0)),
+}

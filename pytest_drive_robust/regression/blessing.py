@@ -1,0 +1,166 @@
+"""Accepting a run: its scores become the baseline that later runs are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.baselines import (
+    Baseline,
+    BlessedRoute,
+    Blessing,
+    Place,
+    baseline_file,
+    merge,
+    read_baseline,
+)
+from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
+from pytest_drive_robust.store.whole_file import write_whole
+
+__all__ = ["Blessed", "Signature", "bless", "blessed_snapshot"]
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """Why, when (ISO date) and by whom. `by`, `run` and `commit` are empty when nobody knows."""
+
+    reason: str
+    date: str
+    by: str = ""
+    run: str = ""
+    commit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Blessed:
+    """What happened to one file: how many scores are new, how many were replaced, how many of others were kept."""
+
+    path: Path
+    agent: str
+    added: int
+    replaced: int
+    kept: int
+
+
+def bless(
+    run: Snapshot, folder: Path, signature: Signature, *, environ: Mapping[str, str], replace_routes: bool = False
+) -> tuple[Blessed, ...]:
+    """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
+
+    Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
+    of or that holds no score, and, unless `replace_routes`, for routes that are others than the blessed ones of the
+    same id. Nothing is written then.
+    """
+    _require_acceptable(run, signature, environ)
+    prepared = []
+    for agent in run.agents:
+        path = baseline_file(folder, agent)
+        old = read_baseline(path) if path.exists() else Baseline(agent)
+        new = _baseline(run, agent, signature)
+        if not new.routes:
+            continue
+        if not replace_routes:
+            _require_same_routes(old, new)
+        merged = merge(old, new)
+        replaced = len(old.routes.keys() & new.routes.keys())
+        kept = len(old.routes) - replaced
+        prepared.append((Blessed(path, agent, len(new.routes) - replaced, replaced, kept), merged.to_text()))
+    folder.mkdir(parents=True, exist_ok=True)
+    for blessed, text in prepared:
+        write_whole(blessed.path, text)
+    return tuple(blessed for blessed, _ in prepared)
+
+
+def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, label: str) -> Snapshot:
+    """What was blessed for one simulator, as a run; for the only one there is when `simulator` is None.
+
+    Raises `UsageError` when nothing was blessed for it, or when it is not clear which one is meant.
+    """
+    baselines = list(baselines)
+    known = sorted({place[0] for baseline in baselines for place in baseline.routes})
+    if simulator is None and len(known) == 1:
+        simulator = known[0]
+    if simulator is None or simulator not in known:
+        asked = f"for the simulator {simulator!r}" if simulator else "for one simulator"
+        raise UsageError(f"{label} holds nothing {asked}, only for: {', '.join(known) or 'none'}.")
+    cells: dict[CellKey, dict[str, RouteScore]] = {}
+    for baseline in baselines:
+        for (world, setting, route_id), route in baseline.routes.items():
+            if world == simulator:
+                routes = cells.setdefault((baseline.agent, setting), {})
+                routes[route_id] = _score(route_id, route, baseline.blessings[route.blessing])
+    return Snapshot(label, {key: Cell(*key, "", routes) for key, routes in cells.items()})
+
+
+def _require_acceptable(run: Snapshot, signature: Signature, environ: Mapping[str, str]) -> None:
+    if environ.get("CI"):
+        raise UsageError(
+            "CI is set in the environment, and CI never blesses: a baseline is accepted by a person. Fetch the run, "
+            "bless it at your desk and commit the file."
+        )
+    if not signature.reason.strip():
+        raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
+    broken = [f"{cell.agent} under {cell.setting} on {told}" for cell in run.cells.values() for told in cell.broken]
+    if broken:
+        raise UsageError(
+            f"{len(broken)} episodes of {run.label} broke in the simulator, first {broken[0]}. Such a run is no "
+            "baseline: drive it again."
+        )
+    if not any(cell.routes for cell in run.cells.values()):
+        raise UsageError(f"{run.label} holds no score to bless.")
+
+
+def _require_same_routes(old: Baseline, new: Baseline) -> None:
+    others = [
+        place
+        for place, route in new.routes.items()
+        if place in old.routes and old.routes[place].digest not in ("", route.digest)
+    ]
+    if others:
+        _, setting, route_id = others[0]
+        raise UsageError(
+            f"{len(others)} routes are others than the blessed ones of the same id, first {route_id!r} under "
+            f"{setting}. Give --replace-routes when the routes were changed on purpose."
+        )
+
+
+def _baseline(run: Snapshot, agent: str, signature: Signature) -> Baseline:
+    blessings: dict[str, Blessing] = {}
+    routes: dict[Place, BlessedRoute] = {}
+    for (name, setting), cell in run.cells.items():
+        for route_id, score in cell.routes.items() if name == agent else ():
+            routes[score.fingerprint.simulator, setting, route_id] = BlessedRoute(
+                blessing=signature.date,
+                scenario=score.scenario,
+                ds=round(score.ds, 3),
+                sr=round(score.sr, 3),
+                seeds=score.seeds,
+                worst_seed=score.worst_seed,
+                outcome=score.outcome,
+                digest=score.digest,
+            )
+            blessings[signature.date] = Blessing(
+                date=signature.date,
+                reason=signature.reason.strip(),
+                by=signature.by,
+                run=signature.run,
+                commit=signature.commit,
+                fingerprint=score.fingerprint,
+            )
+    return Baseline(agent, blessings, routes)
+
+
+def _score(route_id: str, route: BlessedRoute, blessing: Blessing) -> RouteScore:
+    return RouteScore(
+        route_id=route_id,
+        scenario=route.scenario,
+        ds=route.ds,
+        sr=route.sr,
+        seeds=route.seeds,
+        outcome=route.outcome,
+        worst_seed=route.worst_seed,
+        digest=route.digest,
+        fingerprint=blessing.fingerprint,
+    )

@@ -1,0 +1,108 @@
+"""What a pytest run was asked about other runs: the options `--drive-save`, `--drive-compare` and their company."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.settings import Option, read_option
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.regression.allowance import Allowance
+    from pytest_drive_robust.regression.fingerprint import MismatchPolicy
+    from pytest_drive_robust.settings import OptionSource
+
+__all__ = ["REGRESSION_OPTIONS", "Choices"]
+
+_AUTO = "auto"
+
+REGRESSION_OPTIONS = (
+    Option("--drive-save", "drive_save", "NAME", "", "store the run as .drive-robust/runs/NAME.json", bare=_AUTO),
+    Option(
+        "--drive-compare",
+        "drive_compare",
+        "REF",
+        "",
+        "judge every setting against a stored run, a JSON file, latest or baseline; "
+        "alone: what was blessed, else the latest run",
+        bare=_AUTO,
+    ),
+    Option(
+        "--drive-fail-on", "drive_fail_on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%"
+    ),
+    Option(
+        "--drive-on-mismatch",
+        "drive_on_mismatch",
+        "POLICY",
+        "default",
+        "warn or refuse when the two runs were not driven with the same; else other routes and simulators are refused",
+    ),
+    Option("--drive-baselines", "drive_baselines", "FOLDER", "", "blessed baselines; default: suites/baselines"),
+    Option("--drive-waivers", "drive_waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists"),
+)
+"""What compares a run with others; none of it without `--drive-robust`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """`save` and `compare` are empty when not asked for; `waivers` is None where there is no such file.
+
+    `save` is a name, or `"auto"`; `compare` is a reference as `references` reads it; `home` is the root folder of the
+    run.
+    """
+
+    home: Path
+    save: str
+    compare: str
+    allowances: tuple[Allowance, ...]
+    policy: MismatchPolicy
+    baselines: Path
+    waivers: Path | None
+
+    @classmethod
+    def from_pytest_config(cls, config: OptionSource, home: Path) -> Choices:
+        """Read the options. Raises `UsageError` for values that cannot be used."""
+        from pytest_drive_robust.regression.allowance import parse_allowances
+        from pytest_drive_robust.regression.fingerprint import parse_policy
+        from pytest_drive_robust.regression.references import BASELINES
+        from pytest_drive_robust.regression.runs import check_run_name
+
+        given = {option.ini: read_option(config, option) for option in REGRESSION_OPTIONS}
+        save, baselines = given["drive_save"], given["drive_baselines"]
+        return cls(
+            home=home,
+            save=check_run_name(save, source="--drive-save") if save not in ("", _AUTO) else save,
+            compare=_not_a_place(given["drive_compare"]),
+            allowances=parse_allowances([given["drive_fail_on"]], source="--drive-fail-on"),
+            policy=parse_policy(given["drive_on_mismatch"]),
+            baselines=home / baselines if baselines else home / BASELINES,
+            waivers=_waivers(given["drive_waivers"], home),
+        )
+
+    def in_words(self) -> tuple[str, ...]:
+        """What the header says about it."""
+        told = (("save", self.save), ("compare", self.compare))
+        return tuple(f"{name}={value}" for name, value in told if value)
+
+
+def _not_a_place(reference: str) -> str:
+    """`--drive-compare suites/` takes the folder that was meant to be collected: refused with advice."""
+    if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
+        raise UsageError(
+            f"--drive-compare is {reference!r}, expected a stored run, a JSON file of a run, latest or baseline. If it "
+            "was meant as a path to collect, put it before --drive-compare."
+        )
+    return reference
+
+
+def _waivers(given: str, home: Path) -> Path | None:
+    """The file that was named, which must be there, or the usual one where it is."""
+    if given:
+        path = home / given
+        if not path.is_file():
+            raise UsageError(f"--drive-waivers is {given!r}, but there is no file {str(path)!r}.")
+        return path
+    usual = home / "suites" / "waivers.toml"
+    return usual if usual.is_file() else None

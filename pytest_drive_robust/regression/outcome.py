@@ -1,0 +1,103 @@
+"""What a comparison found: frozen facts for reports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
+from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy
+from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
+from pytest_drive_robust.stats.judges import VerdictKind
+
+__all__ = ["CellComparison", "Comparison", "Finding", "Flip", "Numbers", "Terms"]
+
+_WORST_FIRST = ("error", "fail", "inconclusive", "pass")
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match."""
+
+    allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
+    kind: VerdictKind = "evidence"
+    policy: MismatchPolicy = "default"
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Means over the routes that both runs hold: DS 0..100, SR 0..1, RD (None where a clean score is missing)."""
+
+    ds: float
+    sr: float
+    rd: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Flip:
+    """A route that succeeded in one run and failed in the other. `fails` is True for a newly failing one."""
+
+    fails: bool
+    before: RouteScore
+    after: RouteScore
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`."""
+
+    allowance: Allowance
+    verdict: str
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CellComparison:
+    """One agent under one setting in both runs. `agent` is its name in the new run.
+
+    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score.
+    """
+
+    agent: str
+    setting: str
+    routes_spec: str
+    before: Numbers
+    after: Numbers
+    routes: int
+    missing: int
+    changed: int
+    findings: tuple[Finding, ...]
+    flips: tuple[Flip, ...]
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the findings."""
+        found = {finding.verdict for finding in self.findings}
+        return next(verdict for verdict in _WORST_FIRST if verdict in found)
+
+    @property
+    def regressed(self) -> bool:
+        """True when the new run must not pass for as good as the old one: it is worse, or was not scored."""
+        return self.verdict in ("fail", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """All of it. `fingerprint` is that of the new run's first agent, for replay commands."""
+
+    before: Snapshot
+    after: Snapshot
+    terms: Terms
+    cells: tuple[CellComparison, ...]
+    mismatches: tuple[Mismatch, ...]
+    fingerprint: Fingerprint
+    notes: tuple[str, ...] = ()
+
+    @property
+    def refusals(self) -> tuple[Mismatch, ...]:
+        """The differences that forbid the comparison under its policy; when there are any, no verdict counts."""
+        return tuple(item for item in self.mismatches if item.refuses(self.terms.policy))
+
+    @property
+    def regressions(self) -> tuple[CellComparison, ...]:
+        """The settings that got worse than allowed."""
+        return tuple(cell for cell in self.cells if cell.regressed)

@@ -1,0 +1,155 @@
+"""Requirements that are allowed to fail until a date, in a file that people review.
+
+::
+
+    [[waiver]]
+    requirement = "RD under 500 ms latency <= 0.30"   # the sentence, the id of the test case, or a pattern of either
+    agent = "classical"                               # or a pattern; left out: every agent
+    owner = "kim"
+    reason = "the new planner lands in week 50"
+    expires = 2026-12-15                              # the last day on which it holds
+
+TOML, because a waiver is written and read by people and wants comments.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from datetime import date, datetime
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.regression import clock
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.store.events import Judged
+
+__all__ = ["Waiver", "Waivers", "read_waivers"]
+
+
+@dataclass(frozen=True, slots=True)
+class Waiver:
+    """One requirement, or a pattern of several, that `owner` answers for until the end of the day `expires`."""
+
+    requirement: str
+    owner: str
+    reason: str
+    expires: date
+    agent: str = "*"
+
+    def __str__(self) -> str:
+        whom = "" if self.agent == "*" else f" of {self.agent}"
+        return f"{self.requirement}{whom} ({self.owner} until {self.expires}: {self.reason})"
+
+    @property
+    def signature(self) -> str:
+        """`"waived by kim until 2026-12-15: the new planner lands in week 50"`."""
+        return f"waived by {self.owner} until {self.expires}: {self.reason}"
+
+    def covers(self, sentence: str, nodeid: str, *, agent: str) -> bool:
+        """True for the requirement of that sentence in that test, when `agent` is meant too."""
+        case = nodeid[nodeid.index("[") + 1 :].removesuffix("]") if "[" in nodeid else nodeid
+        return _matches(self.agent, agent) and any(
+            _matches(self.requirement, text) for text in (sentence, case, nodeid)
+        )
+
+
+class Waivers:
+    """The waivers of a run. `today` is asked whenever a date counts."""
+
+    def __init__(self, waivers: Sequence[Waiver] = (), today: Callable[[], date] | None = None) -> None:
+        self._waivers = tuple(waivers)
+        self._today = today
+
+    @classmethod
+    def of(cls, path: Path | None) -> Waivers:
+        """Those of a file, or none. Raises `UsageError` for what is wrong in the file."""
+        return cls(() if path is None else read_waivers(path))
+
+    def __bool__(self) -> bool:
+        return bool(self._waivers)
+
+    def find(self, sentence: str, nodeid: str, *, agent: str) -> Waiver | None:
+        """The waiver of a requirement; of several the one that holds longest."""
+        found = [waiver for waiver in self._waivers if waiver.covers(sentence, nodeid, agent=agent)]
+        return max(found, key=lambda waiver: waiver.expires, default=None)
+
+    def holds(self, waiver: Waiver) -> bool:
+        """True up to and on the day on which it expires."""
+        today = clock.today if self._today is None else self._today
+        return today() <= waiver.expires
+
+    def review(self, judged: Sequence[Judged], *, whole: bool) -> list[str]:
+        """What people should know at the end: a line for each waiver, in the order of the file.
+
+        `whole` says that every test was selected and ran: only then a waiver that matches nothing is a mistake.
+        """
+        return [line for waiver in self._waivers if (line := self._line(waiver, judged, whole=whole))]
+
+    def _line(self, waiver: Waiver, judged: Sequence[Judged], *, whole: bool) -> str:
+        covered = [item for item in judged if waiver.covers(item.requirement, item.nodeid, agent=item.agent)]
+        if not covered:
+            meant = any(_matches(waiver.agent, item.agent) for item in judged)
+            return f"warning: this waiver matches no requirement: {waiver}" if whole and meant else ""
+        failing = [item for item in covered if item.verdict not in ("pass", "error")]
+        if not self.holds(waiver):
+            what = f"{len(failing)} failing" if failing else "nothing fails, remove it"
+            return f"waiver expired, {what}: {waiver}"
+        if failing:
+            return f"waived, {len(failing)} failing: {waiver}"
+        if any(item.verdict == "pass" for item in covered):
+            return f"waiver not needed any more, all of it passes: {waiver}"
+        return ""
+
+
+def read_waivers(path: Path) -> tuple[Waiver, ...]:
+    """The waivers of a file. Raises `UsageError` that names the file and the waiver for what is wrong in it."""
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"the waivers {str(path)!r} cannot be read: {error.strerror}.") from None
+    except ValueError as error:
+        raise UsageError(f"the waivers {str(path)!r} are no TOML: {error}.") from None
+    given = document.pop("waiver", [])
+    if document:
+        raise UnknownNameError.of(f"table in {str(path)!r}", next(iter(document)), ["waiver"])
+    if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
+        raise UsageError(f"'waiver' in {str(path)!r} is no list of tables, expected [[waiver]] before each.")
+    return tuple(_waiver(item, f"waiver {number} in {str(path)!r}") for number, item in enumerate(given, start=1))
+
+
+def _waiver(given: Mapping[str, Any], where: str) -> Waiver:
+    names = [item.name for item in fields(Waiver)]
+    for name in given:
+        if name not in names:
+            raise UnknownNameError.of(f"key for {where}", name, names)
+    for name in ("requirement", "owner", "reason", "expires"):
+        if name not in given:
+            raise UsageError(f"{where} has no {name!r}; expected requirement, owner, reason and expires.")
+    for name in set(given) - {"expires"}:
+        if not (isinstance(given[name], str) and given[name].strip()):
+            raise UsageError(f"{where} has {name} = {given[name]!r}, expected text.")
+    return Waiver(**{**given, "expires": _date(given["expires"], where)})
+
+
+def _date(given: object, where: str) -> date:
+    if isinstance(given, date) and not isinstance(given, datetime):
+        return given
+    try:
+        return date.fromisoformat(given)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise UsageError(f"{where} has expires = {given!r}, expected a date, as in expires = 2026-12-15.") from None
+
+
+def _matches(pattern: str, text: str) -> bool:
+    """Equal texts match although they may hold brackets, which mean something in a pattern."""
+    return pattern == text or fnmatchcase(text, pattern)

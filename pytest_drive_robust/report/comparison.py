@@ -1,0 +1,160 @@
+"""Two runs side by side, in at most 100 columns: the table, the routes that flipped, and what is to be concluded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from io import StringIO
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.report.failure import replay_command
+from pytest_drive_robust.report.numbers import shown
+from pytest_drive_robust.settings import Settings
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
+    from pytest_drive_robust.regression.snapshot import RouteScore
+
+__all__ = ["WIDTH", "comparison_text", "conclusion"]
+
+WIDTH = 100
+_MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
+_STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
+
+
+def comparison_text(comparison: Comparison, *, colour: bool) -> str:
+    """Everything about a comparison. Of one that is refused only why. `colour` adds terminal escapes."""
+    from rich.console import Console
+
+    stream = StringIO()
+    console = Console(
+        file=stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
+    )
+    for line in _fingerprint_lines(comparison):
+        console.print(line, soft_wrap=True)
+    if not comparison.refusals:
+        console.print(_table(comparison, colour=colour))
+        for line in _stories(comparison):
+            console.print(line, soft_wrap=True)  # a replay line must stay one line
+    console.print(conclusion(comparison), soft_wrap=True)
+    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+
+
+def conclusion(comparison: Comparison) -> str:
+    """One line: what the exit code says, with the reason."""
+    label = comparison.before.label
+    if comparison.refusals:
+        return (
+            f"NOT COMPARED with {label}: {comparison.refusals[0].text}. "
+            "Drive both runs with the same, or give --on-mismatch=warn (in pytest --drive-on-mismatch=warn)."
+        )
+    unsure = sum(cell.verdict == "inconclusive" for cell in comparison.cells)
+    count = _count(len(comparison.cells), "setting")
+    if comparison.regressions:
+        first = comparison.regressions[0]
+        what = f"{first.agent} under {first.setting}"
+        more = f" and {len(comparison.regressions) - 1} more" if len(comparison.regressions) > 1 else ""
+        return f"REGRESSION: {len(comparison.regressions)} of {count} against {label}: {what}{more}"
+    return f"no regression shown in {count} against {label}" + (f", {unsure} inconclusive" if unsure else "")
+
+
+def _fingerprint_lines(comparison: Comparison) -> Iterator[str]:
+    before, after = comparison.before, comparison.after
+    made = [f"{item.label} ({item.made})" if item.made else item.label for item in (before, after)]
+    yield f"{made[0]} -> {made[1]}"
+    for item in comparison.mismatches:
+        word = "refused" if item in comparison.refusals else "note" if item.kind == "agent" else "warning"
+        yield f"{word}: {item.text}"
+    yield from _short([f"note: {note}" for note in comparison.notes], _MOST_NOTES)
+
+
+def _table(comparison: Comparison, *, colour: bool) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table.add_column("agent", max_width=14, no_wrap=True, overflow="ellipsis")
+    table.add_column("setting", overflow="fold")
+    for name in ("DS", "SR", "RD", "routes"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for cell in comparison.cells:
+        routes = f"{cell.routes} of {cell.routes + cell.missing}" if cell.missing else str(cell.routes)
+        table.add_row(
+            cell.agent,
+            cell.setting,
+            f"{cell.before.ds:.1f} -> {cell.after.ds:.1f}",
+            f"{shown('SR', cell.before.sr)} -> {shown('SR', cell.after.sr)}",
+            "-" if cell.after.rd is None else f"{shown('RD', cell.before.rd)} -> {shown('RD', cell.after.rd)}",
+            routes,
+            Text(cell.verdict, style=_STYLES[cell.verdict]),
+        )
+    return table
+
+
+def _stories(comparison: Comparison) -> Iterator[str]:
+    """What is behind each verdict that is not a pass, and behind each flip."""
+    for cell in comparison.cells:
+        broken = [finding for finding in cell.findings if finding.verdict != "pass"]
+        if not broken and not cell.flips:
+            continue
+        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {_count(cell.routes, 'route')} changed"
+        yield from (f"  {_finding(cell, finding)}" for finding in broken)
+        failing = [flip for flip in cell.flips if flip.fails]
+        passing = [flip for flip in cell.flips if not flip.fails]
+        yield from _flips(comparison, cell, failing, most=_MOST_FAILING)
+        yield from _flips(comparison, cell, passing, most=_MOST_PASSING)
+
+
+def _finding(cell: CellComparison, finding: Finding) -> str:
+    allowance = finding.allowance
+    if finding.verdict == "error":
+        return f"error: {finding.problem}"
+    before, after = (getattr(numbers, allowance.metric.lower()) for numbers in (cell.before, cell.after))
+    change = f"{shown(allowance.metric, before)} -> {shown(allowance.metric, after)}"
+    if allowance.relative and before > 0.0:
+        change += f" ({100.0 * (after / before - 1.0):+.1f} %)"
+    words = {"fail": "broken", "inconclusive": "neither shown nor ruled out"}
+    return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {_count(cell.routes, 'route')}"
+
+
+def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:
+    for flip in flips[:most]:
+        word = "newly failing" if flip.fails else "newly passing"
+        yield f"  {word}: {flip.after.route_id} {flip.after.scenario}"
+        yield _story("was", flip.before)
+        yield _story("is", flip.after)
+        if flip.fails and cell.routes_spec:  # a baseline does not know how its routes were called
+            yield f"    replay:  {_replay(comparison, cell, flip.after)}"
+    if len(flips) > most:
+        rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])
+        more = " ..." if len(flips) > most + 10 else ""
+        yield f"  and {len(flips) - most} more {'newly failing' if flips[0].fails else 'newly passing'}: {rest}{more}"
+
+
+def _story(word: str, score: RouteScore) -> str:
+    line = f"    {word:<4}{score.ds:6.1f}  {score.outcome}"
+    return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
+
+
+def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
+    from pytest_drive_robust.requirements.worst import WorstRoute
+
+    fingerprint = score.fingerprint
+    settings = Settings(simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s)
+    worst = WorstRoute(
+        score.route_id, score.scenario, score.worst_seed, None, score.ds, "not driven", score.outcome, None
+    )
+    return replay_command(worst, cell.agent, cell.setting, settings, routes_spec=cell.routes_spec)
+
+
+def _short(lines: Sequence[str], most: int) -> Iterator[str]:
+    yield from lines[:most]
+    if len(lines) > most:
+        yield f"note: and {len(lines) - most} more"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

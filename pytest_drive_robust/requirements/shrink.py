@@ -1,0 +1,161 @@
+"""From a stack of failures that breaks something to a small one that still does.
+
+Verdicts on driving are noisy, and a shrinker that believes every one of them ends at something that does not fail. So
+nothing is left out, and nothing made milder, unless the rest was judged `"fail"`; an open verdict keeps it. That is why
+hypothesis, whose shrinker takes one answer for the truth, does not do this.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pytest_drive_robust.errors import ComparisonError, PerturbationError
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
+from pytest_drive_robust.perturbations.setting import Setting
+
+__all__ = ["Fails", "MinimalFailure", "minimal_failing"]
+
+Fails = Callable[[Setting], "bool | str"]
+"""Does the agent fail under this setting? True or `"fail"` says so; anything else, `"inconclusive"` too, does not."""
+
+_TICK_S = 0.05
+
+
+@dataclass(frozen=True)
+class MinimalFailure:
+    """A setting that fails, of which nothing could be shown to be superfluous.
+
+    `given` is what it came from, `asked` every setting that was judged on the way with its answer. `confirmed` is what
+    the last look with fresh episodes said, None when nobody looked. `str()` is a test case to keep.
+    """
+
+    setting: Setting
+    given: Setting
+    asked: tuple[tuple[str, str], ...]
+    confirmed: bool | None = None
+    sentence: str = "RD under {setting} <= 0.30"
+
+    def __str__(self) -> str:
+        return f"{self.summary}\n\n{self.case}"
+
+    @property
+    def summary(self) -> str:
+        """How it came about, in one line."""
+        again = {True: ", confirmed on fresh episodes", False: ", NOT confirmed on fresh episodes", None: ""}
+        return f"smallest setting that fails: {self.setting} (from {self.given}, {len(self.asked)} verdicts" + (
+            f"{again[self.confirmed]})"
+        )
+
+    @property
+    def case(self) -> str:
+        """A pytest case that checks the setting again."""
+        sentence = self.sentence.format(setting=self.setting)
+        name = re.sub(r"[^a-z0-9]+", "_", str(self.setting).lower()).strip("_")
+        return f'def test_{name}(drive):\n    drive.check(requirements("{_escaped(sentence)}")[0])\n'
+
+
+def minimal_failing(
+    setting: Setting | Perturbation,
+    fails: Fails,
+    *,
+    dt_s: float = _TICK_S,
+    confirm: Fails | None = None,
+    sentence: str = "RD under {setting} <= 0.30",
+) -> MinimalFailure:
+    """Leaves out failures one at a time, mildest first, then makes the rest milder along their ladders.
+
+    `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
+    result once more, on fresh seeds as a rule. `sentence` is the requirement that `fails` stands for, for the test case.
+
+    Raises `ComparisonError` when `setting` itself does not fail.
+    """
+    given = Setting.of(setting) if isinstance(setting, Perturbation) else setting
+    jury = _Jury(fails)
+    if not jury.finds_failing(given):
+        raise ComparisonError(f"{given} does not fail (it is {jury.asked[-1][1]!r}), so there is nothing to shrink.")
+    smallest = _soften(_drop(given, jury, dt_s), jury, dt_s)
+    confirmed = None if confirm is None else _is_failure(confirm(smallest))
+    return MinimalFailure(smallest, given, tuple(jury.asked), confirmed, sentence)
+
+
+class _Jury:
+    """Remembers what it was asked."""
+
+    def __init__(self, fails: Fails) -> None:
+        self._fails = fails
+        self._known: dict[str, bool] = {}
+        self.asked: list[tuple[str, str]] = []
+
+    def finds_failing(self, setting: Setting) -> bool:
+        key = str(setting)
+        if key not in self._known:
+            answer = self._fails(setting)
+            self._known[key] = _is_failure(answer)
+            self.asked.append((key, answer if isinstance(answer, str) else "fail" if answer else "pass"))
+        return self._known[key]
+
+
+def _drop(setting: Setting, jury: _Jury, dt_s: float) -> Setting:
+    """Until nothing can be left out: the mildest is the least likely culprit, so it is tried first."""
+    while len(setting.perturbations) > 1:
+        order = sorted(setting.perturbations, key=lambda item: _height(item, dt_s))
+        smaller = (Setting(tuple(other for other in setting.perturbations if other is not item)) for item in order)
+        found = next((candidate for candidate in smaller if jury.finds_failing(candidate)), None)
+        if found is None:
+            break
+        setting = found
+    return setting
+
+
+def _soften(setting: Setting, jury: _Jury, dt_s: float) -> Setting:
+    """The mildest severity of each that still fails, found by bisection."""
+    for place, item in enumerate(setting.perturbations):
+        ladder = _ladder(item, dt_s)
+        if ladder is None:
+            continue
+        own = ladder.severity(ladder.level_of(item))
+        milder = [level for level in ladder.levels if ladder.severity(level) < own]
+        below, above = -1, len(milder)
+        while above - below > 1:
+            middle = (below + above) // 2
+            candidate = _with(setting, place, ladder.at(milder[middle]))
+            if jury.finds_failing(candidate):
+                above = middle
+            else:
+                below = middle
+        if above < len(milder):
+            setting = _with(setting, place, ladder.at(milder[above]))
+    return setting
+
+
+def _with(setting: Setting, place: int, item: Perturbation) -> Setting:
+    return Setting((*setting.perturbations[:place], item, *setting.perturbations[place + 1 :]))
+
+
+def _height(item: Perturbation, dt_s: float) -> float:
+    """The share of its ladder that a failure has climbed; those without a ladder are tried last."""
+    ladder = _ladder(item, dt_s)
+    if ladder is None:
+        return 2.0
+    own = ladder.severity(ladder.level_of(item))
+    return sum(ladder.severity(level) <= own for level in ladder.levels) / len(ladder.levels)
+
+
+def _ladder(item: Perturbation, dt_s: float) -> Ladder | None:
+    try:
+        ladder = ladder_of(item, dt_s=dt_s)
+        ladder.level_of(item)
+    except PerturbationError:  # no ladder, or no severity at all: measured latency
+        return None
+    return ladder
+
+
+def _is_failure(answer: bool | str) -> bool:
+    return answer is True or answer == "fail"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')

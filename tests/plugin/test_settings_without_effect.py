@@ -1,0 +1,44 @@
+"""A requirement on a setting that changed nothing is an error; the record says what every episode was given."""
+
+from __future__ import annotations
+
+import json
+
+DEAF = """
+
+def deaf():
+    return ScriptedAgent([Control(throttle=1.0)], consumes=())
+
+AGENTS.append(deaf)
+"""
+
+
+def run(suite, *args):
+    return suite.runpytest_inprocess("--drive-robust", "--drive-json", "run.json", *args)
+
+
+def test_a_camera_failure_judged_on_an_agent_without_cameras_is_an_error_that_says_so(suite):
+    folder = suite("RD under occlusion 0.5 <= 0.30")
+    result = run(folder, "-n2")
+    assert result.ret == 1
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        [
+            "ERROR: not judged: RD under occlusion 0.5 <= 0.30",
+            "occlusion 0.5 changed nothing in all 3 episodes of agent 'steady', *",
+            "  occlusion 0.5: the agent has no camera",
+            "  the agent has no camera; of its sensors it declares to use cameras, compass, gps, imu, speed.",
+        ]
+    )
+
+
+def test_an_agent_that_ignores_what_was_changed_is_judged_and_named_as_immune(suite):
+    folder = suite("RD under GPS noise 5 m <= 0.30", conftest=DEAF)
+    result = run(folder, "--drive-agent", "deaf")
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["GPS noise 5 m changed gps, which deaf does not use: the agent has no camera;*"])
+    episodes = json.loads((folder.path / "run.json").read_text())["episodes"]
+    clean, noisy = episodes[0]["reception"], episodes[-1]["reception"]
+    ticks = episodes[0]["ticks"]
+    assert clean == {"cameras": [], "consumes": [], "observations": ticks, "touched": []}
+    assert noisy["touched"] == [{"signal": "gps", "ticks": noisy["observations"], "first_tick": 0}]

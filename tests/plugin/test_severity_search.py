@@ -1,0 +1,77 @@
+"""`drive.largest` and margins as people use them."""
+
+from __future__ import annotations
+
+SEARCH = """
+from pytest_drive_robust import InferenceLatency
+from pytest_drive_robust.registry import default_registry
+
+def test_search(drive):
+    throttle = default_registry().perturbations()["throttle"]
+    found = drive.largest(throttle, metric="RD", limit=0.30, levels=[0.9, 0.7, 0.5, 0.3, 0.1])
+    print(found)
+    assert found.rule == "point"
+    assert found >= throttle(share=0.7)
+    assert found < throttle(share=0.3)
+    assert drive.largest(throttle, metric="SR", limit=0.9).comparison == ">="
+    assert drive.largest(InferenceLatency, limit=0.9).breaks is None
+    assert drive.largest(InferenceLatency) >= InferenceLatency(ms=1000)
+"""
+LADDER = """
+from typing import ClassVar
+Throttle.ladder = ("share", (0.9, 0.7, 0.5, 0.3, 0.1))
+"""
+
+
+def run(suite, *args):
+    return suite.runpytest_inprocess("--drive-robust", *args)
+
+
+def test_the_largest_severity_that_holds_is_a_bracket_that_compares(suite, driven):
+    result = run(suite(test=SEARCH, conftest=LADDER), "-s", "--drive-json", "run.json")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "RD <= 0.30 under throttle: holds at 0.*, breaks at 0.* (point rule on 3 routes, too few to show more)",
+            "E * assert RD <= 0.30 under latency: *",
+        ]
+    )
+    assert driven(), "episodes of the search are episodes of the run"
+
+
+def test_a_margin_that_is_not_met_says_how_far_the_agent_gets(suite):
+    suite_ = suite("throttle margin >= 0.9 (RD <= 0.30)", "throttle margin >= 0.1 (RD <= 0.30)", conftest=LADDER)
+    result = run(suite_, "--drive-verdict", "point")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "RD under throttle 0.1 = *",
+            "  RD <= 0.30 under throttle: holds at 0.*, breaks at 0.* (point rule on 3 routes*",
+        ]
+    )
+
+
+def test_episodes_that_the_run_has_are_not_driven_again(suite):
+    test = """
+def test_twice(drive):
+    from pytest_drive_robust.registry import default_registry
+    throttle = default_registry().perturbations()["throttle"]
+    assert str(drive.largest(throttle)) == str(drive.largest(throttle))
+    for probe in drive.largest(throttle).probes:
+        drive.rd(throttle(share=probe.level))
+"""
+    folder = suite(test=test, conftest=LADDER)
+    run(folder).assert_outcomes(passed=1)
+    once = (folder.path / "driven.log").read_text().splitlines()
+    assert len(once) == 3 * (1 + 3)  # clean and the three severities of the bisection
+
+
+def test_a_severity_that_changes_nothing_ends_the_search_as_an_error(suite):
+    test = """
+def test_blind(drive):
+    from pytest_drive_robust import PartialObservation
+    drive.largest(PartialObservation)
+"""
+    result = run(suite(test=test))
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["ERROR: not judged: the largest severity *", "*the agent has no camera*"])

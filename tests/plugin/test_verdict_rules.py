@@ -1,0 +1,160 @@
+"""Verdicts from evidence, through the front door: words, marks, early stops, exit codes."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.testing import fake_route
+
+HOLDS, BROKEN, CLOSE = "DS under clean >= 40", "DS under throttle 0 >= 60", "DS under clean >= 50"
+
+
+def thirty_routes(pytester: pytest.Pytester) -> None:
+    save_routes([fake_route(str(number), length_m=9.0) for number in range(1, 31)], pytester.path / "routes.xml")
+
+
+def mixed_routes(pytester: pytest.Pytester) -> None:
+    """Every other route is too long to be finished: a mean near 50, and no evidence on either side."""
+    routes = [fake_route(str(number), length_m=9.0 if number % 2 else 900.0) for number in range(1, 25)]
+    save_routes(routes, pytester.path / "routes.xml")
+
+
+def verdicts(pytester: pytest.Pytester) -> dict[str, dict[str, object]]:
+    document = json.loads((pytester.path / "run.json").read_text(encoding="utf-8"))
+    return {judged["requirement"]: judged for judged in document["requirements"]}
+
+
+def test_evidence_stops_when_the_verdict_is_in(suite, driven) -> None:
+    pytester = suite(HOLDS)
+    thirty_routes(pytester)
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-json", "run.json")
+    result.assert_outcomes(passed=1)
+    judged = verdicts(pytester)[HOLDS]
+    assert judged["verdict"] == "pass"
+    assert judged["rule"] == "evidence"
+    assert judged["planned"] == 30
+    assert 0 < judged["routes"] < 30
+    assert len(driven()) == judged["routes"]
+
+
+def test_a_broken_requirement_says_what_was_shown(suite) -> None:
+    pytester = suite(BROKEN)
+    thirty_routes(pytester)
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(
+        ["*of 30 routes x 1 seed)", "*shown: DS < 60.00 on routes like these, wrong at most 5%*"]
+    )
+
+
+@pytest.mark.parametrize(("mode", "code"), [("warn", 0), ("fail", 1), ("skip", 0)])
+def test_what_is_not_shown_is_left_open(suite, mode: str, code: int) -> None:
+    pytester = suite(CLOSE)
+    mixed_routes(pytester)
+    result = pytester.runpytest_subprocess(
+        "--drive-robust", "--drive-verdict", "evidence", "--drive-inconclusive", mode, "-rA", "-v"
+    )
+    assert result.ret == code
+    output = result.stdout.str()
+    if mode == "warn":
+        result.stdout.fnmatch_lines(["*INCONCLUSIVE*", f"~ {CLOSE}: * after 24 of 24 routes*", "*1 inconclusive*"])
+    else:
+        assert ("open: neither " in output) == (mode == "fail")
+
+
+def test_few_routes_are_judged_as_a_list_unless_evidence_was_asked_for(suite, driven) -> None:
+    pytester = suite(HOLDS)
+    pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "auto", "--drive-json", "run.json")
+    assert verdicts(pytester)[HOLDS]["rule"] == "list"
+    before = driven()
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence")
+    assert result.ret == 4
+    assert "3 routes cannot carry a verdict" in result.stderr.str() + result.stdout.str()
+    assert "--drive-verdict list" in result.stderr.str() + result.stdout.str()
+    assert driven() == before
+
+
+def test_a_margin_finer_than_the_routes_is_said_before_anything_is_driven(suite) -> None:
+    pytester = suite(HOLDS)
+    thirty_routes(pytester)
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence")
+    lines = result.stdout.str().splitlines()
+    said = next(k for k, line in enumerate(lines) if "30 routes can only catch violations larger than" in line)
+    assert said < next(k for k, line in enumerate(lines) if line.startswith("test_suite.py"))
+
+
+def test_a_list_verdict_is_exact_for_its_list(suite) -> None:
+    pytester = suite(HOLDS, BROKEN)
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "list", "--drive-json", "run.json")
+    result.assert_outcomes(passed=1, failed=1)
+    assert {name: judged["verdict"] for name, judged in verdicts(pytester).items()} == {HOLDS: "pass", BROKEN: "fail"}
+
+
+def test_a_marker_and_a_single_check_choose_their_own_rule(suite) -> None:
+    pytester = suite(
+        test=f'''
+import pytest
+from pytest_drive_robust import requirements
+
+(WANTED,) = requirements("{HOLDS}")
+
+@pytest.mark.drive_robust(verdict="list")
+def test_marked(drive):
+    assert drive.check(WANTED).ruling.kind == "list"
+
+def test_single(drive):
+    assert drive.check(WANTED, verdict="list", margin=0.2).ruling.margin == 0.2
+    assert drive.check(WANTED).ruling.kind == "point"
+'''
+    )
+    pytester.runpytest_subprocess("--drive-robust").assert_outcomes(passed=2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--drive-verdict", "evidance"), "Did you mean 'evidence'?"),
+        (("--drive-margin", "wide"), "expected a number between 0 and 1"),
+        (("--drive-margin", "1.5"), "expected a number between 0 and 1"),
+        (("--drive-alpha", "0.7"), "expected a number between 0 and 0.5"),
+        (("--drive-inconclusive", "ignore"), "warn"),
+    ],
+)
+def test_rules_that_do_not_exist_are_usage_errors(suite, driven, options, message: str) -> None:
+    result = suite(HOLDS).runpytest_subprocess("--drive-robust", *options)
+    assert result.ret == 4
+    assert message in result.stderr.str() + result.stdout.str()
+    assert driven() == []
+
+
+LAZY = """
+def lazy():
+    return ScriptedAgent([Control(throttle=1.0)] * 8 + [Control(brake=1.0)])
+
+AGENTS.append(lazy)
+"""
+
+
+def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite) -> None:
+    pytester = suite("RD under throttle 0.9 <= 0.90", conftest=LAZY)
+    save_routes([fake_route(str(number), length_m=60.0) for number in range(1, 31)], pytester.path / "routes.xml")
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-agent", "lazy")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(
+        ["~ RD under throttle 0.9*the clean driving score is*", "*floor of 30: RD says nothing yet*"]
+    )
+
+
+def test_workers_come_to_the_same_verdicts(suite) -> None:
+    pytester = suite(HOLDS, BROKEN)
+    thirty_routes(pytester)
+    found = []
+    for workers in ((), ("-n2",)):
+        pytester.runpytest_subprocess(
+            "--drive-robust", "--drive-verdict", "evidence", "--drive-json", "run.json", *workers
+        ).assert_outcomes(passed=1, failed=1)
+        found.append({name: (one["verdict"], one["routes"]) for name, one in verdicts(pytester).items()})
+    assert found[0] == found[1]

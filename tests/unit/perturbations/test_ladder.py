@@ -1,0 +1,83 @@
+"""The steps of severities, from mild to severe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import pytest
+
+from pytest_drive_robust.errors import PerturbationError
+from pytest_drive_robust.perturbations import BUILTIN, GpsNoise, InferenceLatency, Perturbation, SpeedNoise
+from pytest_drive_robust.perturbations.ladder import failure_word, ladder_of
+
+
+@dataclass
+class Dimmed(Perturbation):
+    gain: float = 0.5
+    noise: float = 0.0
+    phrase = "dimmed {gain}"
+    ladder: ClassVar[tuple[str, tuple[float, ...]]] = ("gain", (0.9, 0.5, 0.1))
+
+
+@dataclass
+class Blinking(Perturbation):
+    rate_hz: float = 2.0
+    phrase = "blinking {rate_hz}"
+
+
+@pytest.mark.parametrize("cls", BUILTIN.values())
+def test_every_shipped_failure_has_a_ladder_whose_severities_it_can_have(cls: type[Perturbation]) -> None:
+    ladder = ladder_of(cls, dt_s=0.05)
+    severities = [ladder.severity(level) for level in ladder.levels]
+    assert severities == sorted(set(severities))
+    assert [ladder.level_of(ladder.at(level)) for level in ladder.levels] == list(ladder.levels)
+
+
+def test_latency_steps_by_the_ticks_of_the_simulator() -> None:
+    assert ladder_of(InferenceLatency, dt_s=0.02).levels[:3] == (20.0, 40.0, 60.0)
+    assert ladder_of(InferenceLatency, dt_s=0.05).levels[-1] == 1000.0
+    ladder = ladder_of(InferenceLatency, dt_s=0.02)
+    assert ladder.severity(150.0) == ladder.severity(140.0) < ladder.severity(160.0)
+
+
+def test_an_object_keeps_its_other_severities() -> None:
+    ladder = ladder_of(InferenceLatency(ms=0, mode="hold"), dt_s=0.05)
+    assert str(ladder.at(100.0)) == "100 ms latency (mode=hold)"
+    with pytest.raises(PerturbationError, match=r"'100 ms latency' is not on the ladder of InferenceLatency\.ms"):
+        ladder.level_of(InferenceLatency(ms=100))
+    with pytest.raises(PerturbationError, match="is not on the ladder"):
+        ladder.level_of(GpsNoise())
+
+
+def test_a_factor_grows_more_severe_as_it_falls() -> None:
+    ladder = ladder_of(SpeedNoise, dt_s=0.05)
+    assert ladder.severity(0.2) > ladder.severity(0.5)
+
+
+def test_a_class_of_a_user_brings_its_own_steps() -> None:
+    ladder = ladder_of(Dimmed(noise=0.3), dt_s=0.05)
+    assert ladder.levels == (0.9, 0.5, 0.1)
+    assert ladder.at(0.1) == Dimmed(gain=0.1, noise=0.3)
+    assert ladder.label(0.9) == "0.9"
+
+
+def test_a_class_without_steps_is_told_how_to_declare_them() -> None:
+    with pytest.raises(PerturbationError, match=r"Blinking has no ladder .* ladder: ClassVar = \('rate_hz', \(mildest"):
+        ladder_of(Blinking, dt_s=0.05)
+
+
+@pytest.mark.parametrize("levels", [(), (1.0, 3.0, 2.0), (1.0, 1.0), (float("nan"),)])
+def test_levels_that_do_not_lead_one_way_are_refused(levels: tuple[float, ...]) -> None:
+    with pytest.raises(PerturbationError, match="expected at least one, from mild to severe"):
+        ladder_of(GpsNoise, dt_s=0.05, levels=levels)
+
+
+def test_levels_that_the_failure_cannot_have_are_refused_before_anything_is_driven() -> None:
+    with pytest.raises(PerturbationError, match=r"std_m is -1\.0"):
+        ladder_of(GpsNoise, dt_s=0.05, levels=(5.0, 3.0, -1.0))
+
+
+def test_failures_are_called_by_the_words_of_their_phrases() -> None:
+    words = {failure_word(cls) for cls in BUILTIN.values()}
+    assert {"latency", "GPS noise", "burst frame drop", "occlusion", "speed noise", "frame blend"} < words

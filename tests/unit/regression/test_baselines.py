@@ -1,0 +1,210 @@
+"""Blessed baselines: nothing is lost, one route a line, and who may bless."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from snapshot_factory import PRINT, cell, snapshot, with_versions
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.baselines import (
+    Baseline,
+    BlessedRoute,
+    Blessing,
+    baseline_file,
+    merge,
+    read_baseline,
+)
+from pytest_drive_robust.regression.blessing import Signature, bless, blessed_snapshot
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.snapshot import Cell, Snapshot
+
+SIGNATURE = Signature("first baseline", "2026-11-21", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
+
+places = st.tuples(
+    st.sampled_from(["embedded", "fake"]),
+    st.sampled_from(["clean", "200 ms latency"]),
+    st.text("0123456789-x", min_size=1, max_size=4),
+)
+fingerprints = st.builds(lambda number: with_versions(numpy=f"{number}.0"), st.integers(1, 3))
+blessings = st.builds(
+    Blessing,
+    date=st.sampled_from(["2026-11-20", "2026-11-21"]),
+    reason=st.text(min_size=1, max_size=8),
+    by=st.sampled_from(["", "kim"]),
+    run=st.just("before"),
+    commit=st.just(""),
+    fingerprint=fingerprints,
+)
+
+
+@st.composite
+def baselines(draw: st.DrawFn) -> Baseline:
+    known = draw(st.dictionaries(st.sampled_from(["2026-11-20", "2026-11-21", "2026-11-22"]), blessings, min_size=1))
+    route = st.builds(
+        BlessedRoute,
+        blessing=st.sampled_from(sorted(known)),
+        scenario=st.just("Kind"),
+        ds=st.integers(0, 100000).map(lambda number: number / 1000.0),
+        sr=st.sampled_from([0.0, 0.5, 1.0]),
+        seeds=st.just((0, 1)),
+        worst_seed=st.just(1),
+        outcome=st.text(max_size=5),
+        digest=st.sampled_from(["", "d0", "d1"]),
+    )
+    return Baseline("driver", known, draw(st.dictionaries(places, route, max_size=8)))
+
+
+def scores(baseline: Baseline) -> dict[object, object]:
+    """What must not be lost: each score with the whole of its blessing, whatever that is called."""
+    return {
+        place: (replace(route, blessing=""), baseline.blessings[route.blessing])
+        for place, route in baseline.routes.items()
+    }
+
+
+@given(baselines(), baselines())
+def test_a_blessing_replaces_what_it_drove_and_loses_nothing_else(old: Baseline, new: Baseline) -> None:
+    assert scores(merge(old, new)) == {**scores(old), **scores(new)}
+
+
+@given(baselines(), baselines(), baselines())
+def test_many_blessings_lose_nothing(first: Baseline, second: Baseline, third: Baseline) -> None:
+    merged = merge(merge(first, second), third)
+    assert scores(merged) == {**scores(first), **scores(second), **scores(third)}
+    assert set(merged.blessings) == {route.blessing for route in merged.routes.values()}
+
+
+@given(baselines())
+def test_blessing_the_same_again_changes_nothing(baseline: Baseline) -> None:
+    once = merge(Baseline("driver"), baseline)
+    assert merge(once, baseline).to_text() == once.to_text()
+
+
+def test_the_file_reads_back_to_the_last_digit(tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.mktemp("baselines") / "driver.json"
+
+    @given(baselines())
+    def check(baseline: Baseline) -> None:
+        path.write_text(baseline.to_text(), encoding="utf-8")
+        assert read_baseline(path) == baseline
+        shuffled = replace(baseline, routes=dict(reversed(baseline.routes.items())))
+        assert shuffled.to_text() == baseline.to_text()
+
+    check()
+
+
+def test_one_route_is_one_line_and_ids_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    run = snapshot(cell({"10": 100.0, "9": 36.123456, "x-2": 1.0}))
+    (blessed,) = bless(run, tmp_path, SIGNATURE, environ={})
+    lines = blessed.path.read_text().splitlines()
+    routes = [line.strip() for line in lines if '"ds"' in line]
+    assert [line.split(":")[0] for line in routes] == ['"9"', '"10"', '"x-2"']
+    assert '"ds": 36.123,' in routes[0]
+    assert json.loads(blessed.path.read_text())["agent"] == "driver"
+    assert sum("first baseline" in line for line in lines) == 1
+    before = blessed.path.read_text()
+    bless(snapshot(cell({"9": 40.0})), tmp_path, SIGNATURE, environ={})
+    changed = set(before.splitlines()) ^ set(blessed.path.read_text().splitlines())
+    assert len(changed) == 2, "the diff is the line of the route that changed"
+
+
+def test_a_partial_run_keeps_every_other_score(tmp_path: Path) -> None:
+    bless(snapshot(cell([100.0] * 3), cell([50.0] * 3, setting="occlusion 0.5")), tmp_path, SIGNATURE, environ={})
+    later = replace(SIGNATURE, reason="route 2 was fixed", date="2026-12-01")
+    (blessed,) = bless(snapshot(cell({"2": 90.0})), tmp_path, later, environ={})
+    assert (blessed.added, blessed.replaced, blessed.kept) == (0, 1, 5)
+    now = blessed_snapshot([read_baseline(blessed.path)], simulator="fake", label="baseline")
+    assert [score.ds for score in now.cells["driver", "clean"].routes.values()] == [100.0, 90.0, 100.0]
+    assert len(now.cells["driver", "occlusion 0.5"].routes) == 3
+    assert {item.reason for item in read_baseline(blessed.path).blessings.values()} == {
+        "first baseline",
+        "route 2 was fixed",
+    }
+
+
+def test_a_blessed_run_compares_with_itself_without_a_word(tmp_path: Path) -> None:
+    run = snapshot(cell([100.0, 36.123456, 60.0] * 20))
+    (blessed,) = bless(run, tmp_path, SIGNATURE, environ={})
+    before = blessed_snapshot([read_baseline(blessed.path)], simulator=None, label="baseline")
+    comparison = compare(before, run)
+    assert [item.verdict for item in comparison.cells] == ["pass"]
+    assert not comparison.mismatches
+
+
+def test_scores_of_another_simulator_live_beside(tmp_path: Path) -> None:
+    other = replace(PRINT, simulator="merge-v0")
+    bless(snapshot(cell([100.0])), tmp_path, SIGNATURE, environ={})
+    (blessed,) = bless(snapshot(cell([10.0], fingerprint=other)), tmp_path, SIGNATURE, environ={})
+    baseline = read_baseline(blessed.path)
+    for simulator, ds in (("fake", 100.0), ("merge-v0", 10.0)):
+        found = blessed_snapshot([baseline], simulator=simulator, label="baseline")
+        assert found.cells["driver", "clean"].routes["1"].ds == ds
+    with pytest.raises(UsageError, match="only for: fake, merge-v0"):
+        blessed_snapshot([baseline], simulator=None, label="baseline")
+
+
+@pytest.mark.parametrize(
+    ("run", "signature", "environ", "told"),
+    [
+        (snapshot(cell([1.0])), SIGNATURE, {"CI": "true"}, "CI never blesses"),
+        (snapshot(cell([1.0])), replace(SIGNATURE, reason=" "), {}, "needs a reason"),
+        (snapshot(cell([1.0], broken=("7, seed 0: no map",))), SIGNATURE, {}, "broke in the simulator"),
+        (snapshot(cell([])), SIGNATURE, {}, "holds no score"),
+    ],
+    ids=["ci", "no-reason", "infra-error", "empty"],
+)
+def test_what_must_not_be_blessed_writes_nothing(
+    tmp_path: Path, run: Snapshot, signature: Signature, environ: dict[str, str], told: str
+) -> None:
+    with pytest.raises(UsageError, match=told):
+        bless(run, tmp_path / "baselines", signature, environ=environ)
+    assert not (tmp_path / "baselines").exists()
+
+
+def test_a_route_that_became_another_is_replaced_on_request_only(tmp_path: Path) -> None:
+    bless(snapshot(cell([100.0])), tmp_path, SIGNATURE, environ={})
+    changed = snapshot(cell([50.0], digest="d1"))
+    with pytest.raises(UsageError, match="--replace-routes"):
+        bless(changed, tmp_path, SIGNATURE, environ={})
+    (blessed,) = bless(changed, tmp_path, SIGNATURE, environ={}, replace_routes=True)
+    assert blessed.replaced == 1
+
+
+def test_an_unknown_author_stays_unknown(tmp_path: Path) -> None:
+    (blessed,) = bless(snapshot(cell([100.0])), tmp_path, Signature("why", "2026-11-21"), environ={})
+    (told,) = json.loads(blessed.path.read_text())["blessings"].values()
+    assert (told["by"], told["commit"], told["run"]) == (None, None, None)
+
+
+def test_two_agents_have_a_file_each_and_no_two_names_share_one(tmp_path: Path) -> None:
+    run = snapshot(cell([1.0], agent="mine:Agent"), cell([2.0], agent="mine-Agent"))
+    written = bless(run, tmp_path, SIGNATURE, environ={})
+    assert len({item.path for item in written}) == 2
+    assert {read_baseline(item.path).agent for item in written} == {"mine:Agent", "mine-Agent"}
+    assert baseline_file(tmp_path, "classical").name == "classical.json"
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": 2}', '{"schema": 1, "agent": "a", "blessings": 1}'])
+def test_a_damaged_file_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "driver.json"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=r"driver\.json"):
+        read_baseline(path)
+
+
+def test_baselines_of_two_agents_do_not_merge() -> None:
+    with pytest.raises(UsageError, match="of agent 'a', expected 'b'"):
+        merge(Baseline("a"), Baseline("b"))
+
+
+def test_an_empty_cell_takes_nothing_away(tmp_path: Path) -> None:
+    bless(snapshot(cell([100.0])), tmp_path, SIGNATURE, environ={})
+    run = snapshot(Cell("driver", "clean", "", {}), cell([3.0], setting="occlusion 0.5"))
+    (blessed,) = bless(run, tmp_path, SIGNATURE, environ={})
+    assert (blessed.added, blessed.replaced, blessed.kept) == (1, 0, 1)

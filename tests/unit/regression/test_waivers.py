@@ -1,0 +1,138 @@
+"""Waivers: until the end of a day, and not one longer."""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.waivers import Waiver, Waivers, read_waivers
+from pytest_drive_robust.store.events import Judged
+
+LAST_DAY = date(2026, 12, 15)
+SENTENCE = "RD under 500 ms latency <= 0.30"
+NODEID = "suites/paper/test_paper.py::test_paper[rd-500ms-latency-le-0.30]"
+WAIVER = Waiver(SENTENCE, "kim", "new planner", LAST_DAY)
+
+
+def judged(verdict: str, *, agent: str = "driver", sentence: str = SENTENCE, nodeid: str = NODEID) -> Judged:
+    return Judged(nodeid, sentence, agent, "full", (0,), "RD", "500 ms latency", "<=", 0.3, verdict)
+
+
+def book(waiver: Waiver = WAIVER, *, today: date = LAST_DAY) -> Waivers:
+    return Waivers([waiver], today=lambda: today)
+
+
+@pytest.mark.parametrize(
+    ("days", "holds"), [(-365, True), (-1, True), (0, True), (1, False), (365, False)], ids=lambda value: str(value)
+)
+def test_a_waiver_holds_up_to_and_on_its_day(days: int, holds: bool) -> None:
+    assert book(today=LAST_DAY + timedelta(days=days)).holds(WAIVER) is holds
+
+
+@pytest.mark.parametrize(
+    ("requirement", "agent", "covered"),
+    [
+        (SENTENCE, "*", True),
+        ("rd-500ms-latency-le-0.30", "driver", True),
+        ("RD under * latency <= *", "dri*", True),
+        (NODEID, "*", True),
+        ("suites/paper/*", "*", True),
+        ("RD under 500 ms latency", "*", False),
+        ("rd-500ms-latency", "*", False),
+        (SENTENCE, "other", False),
+    ],
+)
+def test_a_waiver_covers_a_sentence_an_id_or_a_pattern(requirement: str, agent: str, covered: bool) -> None:
+    waiver = Waiver(requirement, "kim", "why", LAST_DAY, agent)
+    assert waiver.covers(SENTENCE, NODEID, agent="driver") is covered
+
+
+def test_of_several_waivers_the_longest_counts() -> None:
+    short, long = (Waiver("RD*", "kim", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
+    assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") is long
+    assert Waivers([long, short]).find(SENTENCE, NODEID, agent="driver") is long
+    assert Waivers().find(SENTENCE, NODEID, agent="driver") is None
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "days", "told"),
+    [
+        (["fail", "pass"], 0, "waived, 1 failing: "),
+        (["fail"], 1, "waiver expired, 1 failing: "),
+        (["pass"], 0, "waiver not needed any more, all of it passes: "),
+        (["pass"], 1, "waiver expired, nothing fails, remove it: "),
+    ],
+)
+def test_the_review_says_what_became_of_a_waiver(verdicts: list[str], days: int, told: str) -> None:
+    waivers = book(today=LAST_DAY + timedelta(days=days))
+    (line,) = waivers.review([judged(verdict) for verdict in verdicts], whole=True)
+    assert line.startswith(told)
+    assert "kim until 2026-12-15: new planner" in line
+
+
+def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -> None:
+    others = [judged("pass", sentence="DS under clean >= 60", nodeid="t.py::t[ds]")]
+    (line,) = book().review(others, whole=True)
+    assert line.startswith("warning: this waiver matches no requirement: ")
+    assert book().review(others, whole=False) == []
+
+
+def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing() -> None:
+    waiver = Waiver(SENTENCE, "kim", "why", LAST_DAY, "other")
+    assert book(waiver).review([judged("fail")], whole=True) == []
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "waivers.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_is_read_with_dates_and_comments(tmp_path: Path) -> None:
+    text = """
+    # reviewed in the weekly meeting
+    [[waiver]]
+    requirement = "RD under 500 ms latency <= 0.30"
+    owner = "kim"
+    reason = "new planner"
+    expires = 2026-12-15
+
+    [[waiver]]
+    requirement = "rd-*"
+    agent = "classical"
+    owner = "lee"
+    reason = "old"
+    expires = "2026-01-01"
+    """
+    first, second = read_waivers(write(tmp_path, text))
+    assert first == WAIVER
+    assert (second.agent, second.expires) == ("classical", date(2026, 1, 1))
+    assert read_waivers(write(tmp_path, "")) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("waiver = 1", "expected \\[\\[waiver\\]\\] before each"),
+        ("[[waivers]]", "Did you mean 'waiver'"),
+        ("[[waiver]]\nownr = 'k'", "Did you mean 'owner'"),
+        ("[[waiver]]\nrequirement = 'x'\nowner = 'k'\nreason = 'r'", "waiver 1 in .* has no 'expires'"),
+        (
+            "[[waiver]]\nrequirement = 'x'\nowner = ' '\nreason = 'r'\nexpires = 2026-12-15",
+            "owner = ' ', expected text",
+        ),
+        ("[[waiver]]\nrequirement = 'x'\nowner = 'k'\nreason = 'r'\nexpires = 'soon'", "expected a date"),
+        ("[[waiver]]\nrequirement = 'x'\nowner = 'k'\nreason = 'r'\nexpires = 5", "expected a date"),
+        (
+            "[[waiver]]\nrequirement = 'x'\nowner = 'k'\nreason = 'r'\nexpires = 2026-12-15T10:00:00",
+            "expected a date",
+        ),
+        ("[[waiver", "are no TOML"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_with_its_place(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        read_waivers(write(tmp_path, text))
