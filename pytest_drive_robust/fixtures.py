@@ -188,7 +188,7 @@ class Drive:
 
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
         """The smallest part of the requirement's setting that still breaks it, None when nothing is broken:
-        `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, failure`.
+        `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
         """
         __tracebackhide__ = True
         from pytest_drive_robust.runner.shrink import minimal_failure

@@ -35,8 +35,8 @@ class Quartet:
 
 
 def parse_kind(given: str, *, source: str) -> VerdictKind:
-    """The rule of that name. Raises `UnknownNameError`, naming `source`."""
-    known: dict[str, VerdictKind] = {kind: kind for kind in get_args(VerdictKind)}
+    """The rule of that name; `"auto"` is evidence here. Raises `UnknownNameError`, naming `source`."""
+    known: dict[str, VerdictKind] = {"auto": "evidence", **{kind: kind for kind in get_args(VerdictKind)}}
     if given not in known:
         raise UnknownNameError.of(f"rule for {source}", given, known)
     return known[given]

@@ -68,7 +68,7 @@ def minimal_failing(
     """Leaves out failures one at a time, mildest first, then makes the rest milder along their ladders.
 
     `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
-    result once more, on fresh seeds as a rule. `sentence` is the requirement that `fails` stands for, for the test case.
+    result once more, on fresh seeds as a rule. `sentence` is the requirement behind `fails`, for the test case.
 
     Raises `ComparisonError` when `setting` itself does not fail.
     """

@@ -23,8 +23,8 @@ def minimal_failure(
 ) -> MinimalFailure | None:
     """The smallest setting under which `requirement` fails, or None when it does not fail in the first place.
 
-    Evidence is asked for more strictly than for one verdict: alpha is shared by the calls that shrinking may take, about
-    two for each failure in the stack.
+    Evidence is asked for more strictly than for one verdict: alpha is shared by the calls that shrinking may take,
+    about two for each failure in the stack.
     """
     setting = requirement.setting
     if campaign.decide(requirement, scope, ruling).verdict.decision != "fail" or setting.is_clean:

@@ -10,7 +10,7 @@
     @given(setting=strategies.settings())
     def test_no_stack_of_failures_costs_more_than_half_of_the_score(drive, setting):
         failure = drive.minimal(requirement("RD", setting) <= 0.50)
-        assert failure is None, failure
+        assert failure is None, str(failure)
 
 What failed is kept in hypothesis's own example database (`.hypothesis/examples`) and tried first the next time: keep
 that folder between CI runs, or check in the test case that the failure prints. hypothesis must be installed.
@@ -50,7 +50,7 @@ def perturbations(kind: Kind, *, dt_s: float = _TICK_S) -> SearchStrategy[Pertur
 def settings(
     kinds: Iterable[Kind] = tuple(BUILTIN.values()), *, min_size: int = 1, max_size: int = 3, dt_s: float = _TICK_S
 ) -> SearchStrategy[Setting]:
-    """Stacks of `min_size` to `max_size` different failures in the order of `kinds`, shrinking to fewer and milder ones.
+    """Stacks of `min_size` to `max_size` different failures in the order of `kinds`, shrinking to fewer and milder.
 
     `min_size=0` gives the clean setting too. Raises `ValueError` for sizes that `kinds` cannot fill.
     """

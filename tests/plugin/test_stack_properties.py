@@ -16,7 +16,7 @@ kinds = [InferenceLatency, default_registry().perturbations()["throttle"]]
 @given(setting=strategies.settings(kinds, min_size=2, max_size=2))
 def test_stacks(drive, setting):
     failure = drive.minimal(requirement("RD", setting) <= 0.30)
-    assert failure is None, failure
+    assert failure is None, str(failure)
 """
 LADDER = """
 Throttle.ladder = ("share", (0.9, 0.7, 0.5, 0.3, 0.1))
@@ -33,6 +33,6 @@ def test_a_stack_that_fails_is_shrunk_to_a_test_case_to_keep(suite, workers):
         [
             "*smallest setting that fails: throttle 0.* (from * ms latency and throttle *, * verdicts)",
             "*def test_throttle_0_*(drive):",
-            '*drive.check(requirements("RD under throttle 0.* <= 0.30")*',
+            '*drive.check(requirements("RD under throttle 0.* <= 0.30")[[]0[]])*',
         ]
     )

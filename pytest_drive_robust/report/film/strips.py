@@ -159,9 +159,15 @@ class Strips:
                 cv2.fillConvexPoly(picture, corners, MARK, cv2.LINE_AA)
             else:
                 cv2.drawMarker(picture, (x, _FAILURE.y - 10), WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
-            end = marks[number + 1][0] - 12 if number + 1 < len(marks) else _RIGHT
-            if x + 12 + text_width(words, _MARK_SIZE) <= end:
-                text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
+            self._name(picture, words, x, colour, [mark[0] for mark in marks if mark[0] != x], first=number == 0)
+
+    def _name(self, picture: Pixels, words: str, x: int, colour: Colour, others: Sequence[int], *, first: bool) -> None:
+        """The words right of a mark, or left of the first one; nothing where another mark is in the way."""
+        need = text_width(words, _MARK_SIZE) + 24
+        if x + need <= min((other for other in others if other > x), default=_RIGHT + 12):
+            text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
+        elif first and x - need >= 0:
+            text(picture, words, (x - 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour, align="right")
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:
