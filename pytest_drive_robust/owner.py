@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from pytest_drive_robust.report.csv_file import write_csv
+from pytest_drive_robust.report.github import append_step_summary
 from pytest_drive_robust.report.json_file import write_json
 from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.runner.run_result import RunResult
@@ -80,6 +83,11 @@ class RunOwner:
         self._epilogue = epilogue
         self._run: RunResult | None = None
         self._problems: list[str] = []
+        self._notes: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        """Keep what every report shall say."""
+        self._notes.append(sentence)
 
     def finish(self, *, whole: bool = False) -> bool:
         """Close the books and write the files. True when the run must not be green for a reason of its own.
@@ -93,12 +101,21 @@ class RunOwner:
             return True
         if not self._run.episodes:
             self._problems.append(_NOTHING_DRIVEN)
-        if self._settings.json_path is not None:
-            try:
-                write_json(self._settings.json_path, self._run)
-            except Exception as error:
-                self._problems.append(f"ERROR: {os.fspath(self._settings.json_path)} was not written: {_reason(error)}")
+        self._write(self._settings.json_path, write_json, self._run)
+        self._write(self._settings.csv_path, write_csv, self._run)
+        try:
+            append_step_summary(self._run, os.environ)
+        except Exception as error:
+            self._problems.append(f"ERROR: the step summary was not written: {_reason(error)}")
         return self._conclude(self._run, whole=whole) or bool(self._problems)
+
+    def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
+        if path is None:
+            return
+        try:
+            write(path, run)
+        except Exception as error:
+            self._problems.append(f"ERROR: {os.fspath(path)} was not written: {_reason(error)}")
 
     def _conclude(self, run: RunResult, *, whole: bool) -> bool:
         if self._epilogue is None:
@@ -130,7 +147,8 @@ class RunOwner:
         from pytest_drive_robust import __version__
 
         versions = {"pytest-drive-robust": __version__, **self._versions}
-        return RunResult.of(self._settings, self._record.events(), self._record.find, versions=versions)
+        events, notes = self._record.events(), tuple(self._notes)
+        return RunResult.of(self._settings, events, self._record.find, versions=versions, notes=notes)
 
 
 def _reason(error: Exception) -> str:

@@ -52,6 +52,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
     group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
     group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
+    group.addoption("--drive-probe", action="store_true", help="drive one clean episode twice: does one seed suffice?")
     for option in (*OPTIONS, *REGRESSION_OPTIONS):
         default = f" (default: {option.default})" if option.default else ""
         bare = {"nargs": "?", "const": option.bare} if option.bare else {}
@@ -247,6 +248,10 @@ def _activate(config: pytest.Config) -> None:
     owner = RunOwner(settings, record, versions={"pytest": pytest.__version__}, epilogue=epilogue)
     header = " ".join((_header(settings, routes), *choices.in_words()))
     config.pluginmanager.register(ReportingPlugin(config, owner, header), "drive_robust_reporting")
+    if config.getoption("drive_probe"):
+        from pytest_drive_robust.probing import ProbePlugin
+
+        config.pluginmanager.register(ProbePlugin(config, settings, owner), "drive_robust_probing")
 
 
 def _drive_here(
@@ -262,7 +267,7 @@ def _drive_here(
     registry = default_registry()
     options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
     executor = InlineExecutor(registry, simulator=settings.simulator, options=options)
-    campaign = Campaign(store, executor, observer, metrics=settings.metrics, whole=bool(choices.save))
+    campaign = Campaign(store, executor, observer, metrics=settings.metrics, whole=choices.drives_all)
     driver = Driver(settings, Scopes(settings, registry, resolve_routes), campaign)
     config.stash[DRIVER] = driver
     config.pluginmanager.register(DrivingPlugin(driver), "drive_robust_driving")

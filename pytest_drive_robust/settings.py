@@ -71,6 +71,7 @@ OPTIONS = (
     ),
     Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
     Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
+    Option("--drive-csv", "drive_csv", "FILE", "", "write one line for each episode to FILE"),
 )
 """Every option but the switch `--drive-robust`."""
 _ROUTES = next(option for option in OPTIONS if option.ini == "drive_routes")
@@ -93,7 +94,7 @@ class Settings:
     """The choices of one run.
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
-    `json_path` is None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
+    `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
     `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     """
@@ -105,6 +106,7 @@ class Settings:
     metrics: str = "bench2drive"
     stuck_stop_s: float | None = None
     json_path: Path | None = None
+    csv_path: Path | None = None
     ruling: Ruling = field(default_factory=Ruling)
     inconclusive: str = "warn"
     routes_given: bool = field(default=False, compare=False)
@@ -120,7 +122,8 @@ class Settings:
             simulator=given["drive_sim"],
             metrics=_metric_mode(given["drive_metrics"]),
             stuck_stop_s=positive_seconds("--drive-stuck-stop", text) if (text := given["drive_stuck_stop"]) else None,
-            json_path=_writable_file(given["drive_json"]),
+            json_path=_writable_file("--drive-json", given["drive_json"]),
+            csv_path=_writable_file("--drive-csv", given["drive_csv"]),
             ruling=Ruling(
                 given["drive_verdict"],
                 margin=_share("--drive-margin", given["drive_margin"]),
@@ -212,18 +215,18 @@ def positive_seconds(option: str, given: str) -> float:
     return seconds
 
 
-def _writable_file(given: str) -> Path | None:
+def _writable_file(flag: str, given: str) -> Path | None:
     """The file to write at the end, refused now when it could not be written then."""
     if not given:
         return None
-    path = Path(given).absolute()
+    path, suffix = Path(given).absolute(), flag.replace("--drive-", ".")
     if path.is_dir():
-        raise UsageError(f"--drive-json is {given!r}, which is a directory; expected a file, as in {given}/run.json.")
+        raise UsageError(f"{flag} is {given!r}, which is a directory; expected a file, as in {given}/run{suffix}.")
     if not path.parent.is_dir():
         missing = str(path.parent)
-        raise UsageError(f"--drive-json is {given!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
+        raise UsageError(f"{flag} is {given!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
     if not os.access(path.parent, os.W_OK):
-        raise UsageError(f"--drive-json is {given!r}, but {str(path.parent)!r} cannot be written to.")
+        raise UsageError(f"{flag} is {given!r}, but {str(path.parent)!r} cannot be written to.")
     return path
 
 

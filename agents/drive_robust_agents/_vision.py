@@ -29,7 +29,7 @@ _HIGHEST_ROW = 12
 _SIGN_ROWS = 20
 _COLUMN_STEP = 2
 
-_DARK, _BLUE, _RED = 0.70, 1.35, 1.7
+_DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
 _DEAD = 3
 _LEARN = 0.12
 _LAMP_RED = 210
@@ -64,8 +64,10 @@ class Ground:
         red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
         bright = np.maximum(np.maximum(red, green), blue)
         dead = np.maximum(np.maximum(planes[0], planes[1]), planes[2]) <= _DEAD
-        foreign = (bright < _DARK) | (blue > _BLUE * red) | (red > _RED * green)
-        self._learn(planes, self._patch & (bright < 1.25) & (green > 0.8))
+        dirt = (red > _BROWN * blue) & (green > blue)
+        foreign = ((bright < _DARK) & ~dirt) | (blue > _BLUE * red) | (red > _RED * green)
+        grey = (bright < 1.25) & (green > 0.8) & (blue > _GREY * red)  # no dirt
+        self._learn(planes, self._patch & grey)
         solid = foreign[1:] & foreign[:-1]  # two pixels high at least
         upward = (solid | dead[1:])[::-1]
         lowest = len(upward) - np.argmax(upward, axis=0)  # row of `foreign` again

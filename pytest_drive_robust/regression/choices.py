@@ -81,6 +81,11 @@ class Choices:
             waivers=_waivers(given["drive_waivers"], home),
         )
 
+    @property
+    def drives_all(self) -> bool:
+        """True when every route is driven, also those that a verdict can do without: a comparison needs them."""
+        return bool(self.save or self.compare)
+
     def in_words(self) -> tuple[str, ...]:
         """What the header says about it."""
         told = (("save", self.save), ("compare", self.compare))

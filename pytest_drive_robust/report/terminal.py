@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.runner.run_result import RunResult, SettingRow
 
-__all__ = ["WIDTH", "run_summary"]
+__all__ = ["WIDTH", "footnotes", "numbers_of", "run_summary"]
 
 WIDTH = 100
 _MAX_ERRORS = 10
@@ -34,7 +34,7 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
         file=stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
     )
     console.print(_table(run, colour=colour))
-    for line in _footnotes(run):
+    for line in footnotes(run):
         console.print(line, soft_wrap=False)
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
 
@@ -55,13 +55,14 @@ def _table(run: RunResult, *, colour: bool) -> Table:
         table.add_row(
             row.agent + ("*" if row.privileged else ""),
             row.setting + (f" on {_short(row.routes_spec)}" if several_sets else ""),
-            *_numbers(row),
+            *numbers_of(row),
             Text(row.verdict, style=_STYLES.get(row.verdict, "")),
         )
     return table
 
 
-def _numbers(row: SettingRow) -> list[str]:
+def numbers_of(row: SettingRow) -> list[str]:
+    """DS, SR, RD, efficiency, comfort and the count of routes, as they are shown."""
     summary = row.summary
     routes = str(row.routes) + (f" x {len(row.seeds)}" if len(row.seeds) > 1 else "")
     if len(row.results) < row.needed:
@@ -78,7 +79,8 @@ def _numbers(row: SettingRow) -> list[str]:
     ]
 
 
-def _footnotes(run: RunResult) -> list[str]:
+def footnotes(run: RunResult) -> list[str]:
+    """What the table alone would not say, a sentence each."""
     lines = []
     if any(row.privileged for row in run.rows):
         lines.append("* privileged: this agent sees ground truth")

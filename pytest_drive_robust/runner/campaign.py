@@ -53,8 +53,8 @@ class Judgement:
 class Campaign:
     """Answers questions about episodes; drives those that nobody has driven yet, when they are asked for.
 
-    `whole`: episodes that a verdict can do without are driven too, because the run will be compared with others. One
-    that stopped where its scores happened to be high would be a flattering reference.
+    `whole`: episodes that a verdict can do without are driven too, because the run is compared with others: routes
+    that were driven until their scores happened to be high enough say nothing about two runs.
     """
 
     def __init__(

@@ -46,15 +46,16 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     """
     v, reach = ego.speed_mps, ego.speed_mps * _STEER_DELAY_S
     yaw = ego.yaw_rad + ego.yaw_rate_radps * _STEER_DELAY_S
-    x, y = ego.x_m + reach * math.cos(yaw), ego.y_m + reach * math.sin(yaw)
+    slip = math.atan(0.5 * _WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
+    moves = 0.5 * (ego.yaw_rad + yaw) + slip
+    x, y = ego.x_m + reach * math.cos(moves), ego.y_m + reach * math.sin(moves)
     at, right = project(line, row - 6, row + 14, x, y)
     k = int(np.clip(at, 3, len(line) - 4)) if len(line) > 7 else 0
     low, high = max(k - 2, 0), min(k + 3, len(line) - 1)
     bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
     heading = line[k, 2] + (at - k) * bend
-    slip = math.atan(0.5 * _WHEELBASE_M * bend)  # the middle of the vehicle moves a little aside of its nose
     length = max(_SETTLE_M, _SETTLE_S * v)
-    lean = math.remainder(yaw + slip - heading, math.tau)
+    lean = math.remainder(yaw + math.atan(0.5 * _WHEELBASE_M * bend) - heading, math.tau)
     curvature = bend - 2.0 * lean / length - right / length**2
     return float(np.clip(math.atan(_WHEELBASE_M * curvature) / _STEER_MAX_RAD, -1.0, 1.0))
 

@@ -19,6 +19,8 @@ __all__ = ["Moment", "SpeedChoice", "is_free"]
 
 Ints = NDArray[np.int64]
 
+_START_MARGINS = np.array([1.2, 0.7, 0.5])
+
 _ACCELERATIONS = np.array([4.5, 2.3, 1.2, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0, -8.0])
 _COMFORT_ACCEL_MPS2 = 2.3
 _HURRY_ACCEL_MPS2 = 4.0
@@ -74,7 +76,7 @@ def is_free(now: Moment, path: Floats, until_row: float, *, within_s: float = ma
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
     found, driven = rollouts(
         path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.sizes, nobody, plans, scene.limits,
-        np.zeros((0, 2)), now.stop_row, _MARGINS, _POLITE_MPS2, False,
+        np.zeros((0, 2)), now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _POLITE_MPS2, False,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
 

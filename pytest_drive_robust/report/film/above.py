@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["PATH", "ROUTE", "SPEED_POINT", "TARGET_POINT", "Ground", "View"]
+__all__ = ["PATH", "ROUTE", "SPEED_POINT", "TARGET_POINT", "Ground", "View", "is_misplaced"]
 
 ROUTE: Colour = (178, 160, 255)
 PATH: Colour = (255, 40, 40)
@@ -36,6 +36,7 @@ SPEED_POINT: Colour = (40, 220, 80)
 
 _MARGIN_M = 75.0
 _FINEST_TEXEL_M = 0.15
+_MISPLACED_M = 0.3
 _MOST_TEXELS = 20e6
 _OUTLINE: Colour = (20, 20, 20)
 _BITS = 4
@@ -57,6 +58,14 @@ _COLOURS: dict[ActorKind, Colour] = {
     ActorKind.DIRT: (126, 92, 58),
 }
 _VEHICLE: Colour = (222, 222, 226)
+
+
+def is_misplaced(moment: Moment) -> bool:
+    """True when the agent was told a place that is not the ego's."""
+    if moment.gps is None:
+        return False
+    ego = moment.frame.ego
+    return math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > _MISPLACED_M
 
 
 class Ground:
@@ -113,7 +122,7 @@ class View:
         if twin is not None:
             box = np.array((twin.x_m, twin.y_m, twin.yaw_rad, twin.length_m, twin.width_m))
             cv2.polylines(canvas, [_fixed(turn, _corners(box))], True, CLEAN, 2, cv2.LINE_AA, _BITS)
-        if moment.gps is not None and math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > 0.3:
+        if moment.gps is not None and is_misplaced(moment):
             _cross(canvas, turn, moment.gps)
         if moment.plan is not None:
             _plan(canvas, turn, moment.plan)

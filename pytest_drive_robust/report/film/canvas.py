@@ -112,7 +112,7 @@ def text(
 
 def text_width(words: str, size: float, *, bold: bool = False) -> int:
     """How many pixels wide a line is."""
-    return int(cv2.getTextSize(words, _FONT, size, 2 if bold else 1)[0][0])
+    return int(cv2.getTextSize(words, _FONT, size, 2 if bold else 1)[0][0]) if words else 0
 
 
 def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool = False) -> list[str]:

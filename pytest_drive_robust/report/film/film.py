@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from pytest_drive_robust.report.film.above import PATH, ROUTE, SPEED_POINT, TARGET_POINT, Ground
+from pytest_drive_robust.report.film.above import PATH, ROUTE, SPEED_POINT, TARGET_POINT, Ground, is_misplaced
 from pytest_drive_robust.report.film.canvas import (
     BACKGROUND,
     CLEAN,
@@ -125,6 +125,7 @@ def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
         ("target points", TARGET_POINT, any(plan.target_points for plan in plans)),
         ("speed points", SPEED_POINT, any(plan.speed_points for plan in plans)),
         ("clean twin", CLEAN, len(tapes) == 2),
+        ("told place", INK, any(is_misplaced(moment) for tape in tapes for moment in tape.moments)),
     ]
     x = WIDTH - 10
     for words, colour, there in reversed(entries):

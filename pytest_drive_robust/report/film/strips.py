@@ -110,7 +110,8 @@ class Strips:
             middle = strip.box.y + strip.box.height // 2
             cv2.line(picture, (_LEFT, middle), (_RIGHT - 1, middle), (70, 75, 84), 1)
         speed = self._strips[0]
-        for limit in range(20, round(0.85 * speed.high) + 1, 20):
+        step_kmh = 20 if speed.high < 70.0 else 40
+        for limit in range(step_kmh, round(0.85 * speed.high) + 1, step_kmh):
             y = self._row(speed, limit)
             cv2.line(picture, (_LEFT, y), (_RIGHT - 1, y), (58, 63, 72), 1)
             text(picture, str(limit), (_RIGHT - 4, y - 3), size=0.4, colour=DIM, align="right")

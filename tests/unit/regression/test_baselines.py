@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from snapshot_factory import PRINT, cell, snapshot, with_versions
 
@@ -68,11 +68,13 @@ def scores(baseline: Baseline) -> dict[object, object]:
     }
 
 
+@settings(max_examples=50)
 @given(baselines(), baselines())
 def test_a_blessing_replaces_what_it_drove_and_loses_nothing_else(old: Baseline, new: Baseline) -> None:
     assert scores(merge(old, new)) == {**scores(old), **scores(new)}
 
 
+@settings(max_examples=50)
 @given(baselines(), baselines(), baselines())
 def test_many_blessings_lose_nothing(first: Baseline, second: Baseline, third: Baseline) -> None:
     merged = merge(merge(first, second), third)

@@ -45,7 +45,7 @@ def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64]
     """
     _wipe(canvas)
     corners, seen, cut = np.empty((8, 3)), np.empty((8, 3)), np.empty((8, 3))
-    order, used = canvas.order, np.int64(1)  # a literal would be compiled for as a type of its own
+    order, used = canvas.order, int(np.int64(1))  # a literal would be compiled for as a type of its own
     for place in range(_near_to_far(canvas, rows, still, actors, view)):
         if order[place] < still:
             used = _draw_box(canvas, used, order[place], rows[order[place]], corners, seen, cut, view)
