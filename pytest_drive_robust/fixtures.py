@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -180,11 +181,14 @@ class Drive:
         """
         __tracebackhide__ = True
         from pytest_drive_robust.perturbations.ladder import ladder_of
-        from pytest_drive_robust.runner.severity import largest
+        from pytest_drive_robust.runner.severity import largest, searched
 
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
             ladder = ladder_of(perturbation, dt_s=self._driver.scopes.dt_s, levels=levels)
-            return largest(ladder, self._driver.campaign, scope=self._scope, metric=metric, limit=limit)
+            bracket = largest(ladder, self._driver.campaign, scope=self._scope, metric=metric, limit=limit)
+        self._driver.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
+        self._item.user_properties.append(("drive_largest", str(bracket)))
+        return bracket
 
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
         """The smallest part of the requirement's setting that still breaks it, None when nothing is broken:
@@ -221,17 +225,20 @@ class Drive:
             raise NotJudgedError(f"ERROR: not judged: {what}\n{error}", pytrace=False) from None
 
     def _record(self, judgement: Judgement) -> None:
-        """Plain Python numbers only: anything else cannot travel from a worker, nor into a JUnit file."""
+        """Plain finite Python numbers only: nothing else can travel from a worker and be read from a JUnit file."""
         verdict = judgement.verdict
+        numbers = {
+            "drive_value": float(verdict.value),
+            "drive_limit": float(verdict.requirement.limit),
+            "drive_low": float(verdict.low),
+            "drive_high": float(verdict.high),
+            "drive_episode_seconds": float(judgement.episode_s),
+        }
         self._item.user_properties += [
             ("drive_requirement", str(verdict.requirement)),
             ("drive_agent", verdict.agent),
             ("drive_verdict", verdict.decision),
-            ("drive_value", float(verdict.value)),
-            ("drive_limit", float(verdict.requirement.limit)),
-            ("drive_low", float(verdict.low)),
-            ("drive_high", float(verdict.high)),
-            ("drive_episode_seconds", float(judgement.episode_s)),
+            *((name, number) for name, number in numbers.items() if math.isfinite(number)),
         ]
 
     def _fail(self, judgement: Judgement) -> NoReturn:

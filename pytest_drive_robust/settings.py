@@ -94,8 +94,8 @@ class Settings:
     """The choices of one run.
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
-    `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry resolves.
-    `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test.
+    `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry
+    resolves. `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     """
 
@@ -106,9 +106,9 @@ class Settings:
     metrics: str = "bench2drive"
     stuck_stop_s: float | None = None
     json_path: Path | None = None
-    csv_path: Path | None = None
     ruling: Ruling = field(default_factory=Ruling)
     inconclusive: str = "warn"
+    csv_path: Path | None = None
     routes_given: bool = field(default=False, compare=False)
 
     @classmethod

@@ -121,6 +121,7 @@ def suite(
     monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)  # ours, when these tests run on GitHub
 
     def write(*sentences: str, test: str | None = None, conftest: str = "") -> pytest.Pytester:
         save_routes(

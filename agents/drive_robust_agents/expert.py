@@ -2,11 +2,11 @@
 
 It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each in a room of its own (`_planning`):
 
-1. forecast everybody else along the lanes (`traffic`, `forecast`);
+1. forecast everybody else along the lanes (`traffic`, `tracks`);
 2. choose where to drive: the lanes of the route (`lanes`), a way around what stands in them (`obstacles`); a new
    manoeuvre begins only when the forecast says that it can be driven to its end;
-3. choose how fast: the strongest acceleration that stays out of trouble (`speed`), given where lights, signs and
-   junctions make it wait (`junctions`).
+3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
+   signs and junctions make it wait (`junctions`).
 
 Nobody's intentions are known to it: where traffic goes at a fork it learns by watching.
 """
@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from drive_robust_agents._planning.control import Floats, pedals, steer_along
-from drive_robust_agents._planning.forecast import project, project_all
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lanes import LaneChanges, Siren
 from drive_robust_agents._planning.lateral import line_of
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
+from drive_robust_agents._planning.places import project, project_all
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.speed import Moment, SpeedChoice, is_free
 from drive_robust_agents._planning.traffic import Traffic

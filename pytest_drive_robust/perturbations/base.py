@@ -56,6 +56,9 @@ class Perturbation:
     `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
     for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
     differ from their defaults: `"200 ms latency (mode=hold)"`.
+
+    An optional `ladder = ("gain", (0.9, 0.5, 0.1))` names the severity that searches and strategies step through, and
+    its values from mild to severe (see `perturbations.ladder`).
     """
 
     phrase: ClassVar[str] = ""

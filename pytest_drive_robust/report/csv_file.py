@@ -1,4 +1,4 @@
-"""The episodes of a run as a table for spreadsheets and data frames: one line each, columns never change their order."""
+"""The episodes of a run for spreadsheets and data frames: one line each, in columns that never change their order."""
 
 from __future__ import annotations
 

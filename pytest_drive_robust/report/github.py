@@ -19,6 +19,8 @@ VARIABLE = "GITHUB_STEP_SUMMARY"
 """Where GitHub Actions says which file to append to."""
 
 _LOUD = ("fail", "error")
+_VERDICT_HEADS = ("requirement", "agent", "value", "interval", "routes", "verdict")
+_SETTING_HEADS = ("agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict")
 
 
 def append_step_summary(run: RunResult, environ: Mapping[str, str]) -> None:
@@ -36,13 +38,11 @@ def step_summary(run: RunResult) -> str:
         return ""
     parts = [f"## drive-robust: {_headline(run)}"]
     if run.judged:
-        heads = ("requirement", "agent", "value", "interval", "routes", "verdict")
-        parts.append(_table(heads, map(_verdict, run.judged)))
+        parts.append(_table(_VERDICT_HEADS, map(_verdict, run.judged)))
     reasons = [f"- {_cell(item.requirement)}: {_cell(item.message)}" for item in run.judged if item.message]
     parts += ["\n".join(reasons)] if reasons else []
     if run.rows:
-        heads = ("agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict")
-        table = _table(heads, map(_setting, run.rows))
+        table = _table(_SETTING_HEADS, map(_setting, run.rows))
         parts.append(f"<details><summary>settings</summary>\n\n{table}\n\n</details>")
     notes = [f"- {_cell(line)}" for line in footnotes(run)]
     parts += ["\n".join(notes)] if notes else []
@@ -81,8 +81,7 @@ def _setting(row: SettingRow) -> tuple[str, ...]:
     return (row.agent + ("*" if row.privileged else ""), row.setting, *numbers_of(row), row.verdict)
 
 
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    heads = tuple(heads)
+def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *([_cell(cell) for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 

@@ -42,6 +42,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "versions": dict(run.versions),
         "fingerprint": _fingerprint(run),
         "requirements": [asdict(judged) for judged in run.judged],
+        "searches": [asdict(searched) for searched in run.searched],
         "summaries": [_row(row) for row in run.rows],
         "episodes": [_episode(key, result) for key, result in run.episodes.items()],
         "notes": list(run.notes),

@@ -90,6 +90,7 @@ def footnotes(run: RunResult) -> list[str]:
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
     lines += _open(run)
+    lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")

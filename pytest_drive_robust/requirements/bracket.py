@@ -164,6 +164,6 @@ def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[Probe]) -> t
         if sign * (severe.value - mild.value) > notable:
             return (
                 f"not monotonic: {metric.name} {metric.format(mild.value)} at {ladder.label(mild.level)} but "
-                f"{metric.format(severe.value)} at {ladder.label(severe.level)}, so this is one crossing of several.",
+                f"{metric.format(severe.value)} at {ladder.label(severe.level)}: there may be more than one crossing.",
             )
     return ()

@@ -128,6 +128,10 @@ class Campaign:
         )
         return _judgement(verdict, (*clean, *perturbed))
 
+    def tell(self, event: Event) -> None:
+        """Put something into the record of the run that no episode tells."""
+        self._observer(event)
+
     def close(self) -> None:
         """Free simulators and agents."""
         self._executor.close()

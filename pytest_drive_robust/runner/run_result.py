@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned, Spared
+from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned, Searched, Spared
 
 __all__ = ["RunResult", "SettingRow"]
 
@@ -61,6 +61,7 @@ class RunResult:
     versions: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     identified: tuple[Identified, ...] = ()
+    searched: tuple[Searched, ...] = ()
 
     @classmethod
     def of(
@@ -87,6 +88,7 @@ class RunResult:
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
             notes=notes,
             identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
+            searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
         )
 
 

@@ -9,6 +9,7 @@ from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.bracket import Answer, Bracket, Probe, SearchRule, bisect, contradictions
 from pytest_drive_robust.requirements.known import known_metric
 from pytest_drive_robust.requirements.model import Requirement
+from pytest_drive_robust.store.events import Searched
 
 if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.ladder import Ladder
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.campaign import Campaign
     from pytest_drive_robust.runner.plan import Scope
 
-__all__ = ["ALPHA", "largest", "margin_verdict"]
+__all__ = ["ALPHA", "largest", "searched"]
 
 ALPHA = 0.1
 """Per severity and side. A bisection asks some five severities, and only those at the crossing are in doubt."""
@@ -57,14 +58,24 @@ def largest(
     return Bracket(ladder, metric, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
 
 
-def margin_verdict(bracket: Bracket, level: float) -> str:
-    """Does the requirement hold up to `level`? `"pass"`, `"fail"`, or `"inconclusive"` when it was not shown."""
-    severity = bracket.ladder.severity
-    if bracket.holds is not None and severity(bracket.holds) >= severity(level):
-        return "pass"
-    if bracket.breaks is not None and severity(bracket.breaks) <= severity(level):
-        return "fail"
-    return "inconclusive"
+def searched(bracket: Bracket, scope: Scope, nodeid: str) -> Searched:
+    """The bracket for the record of the run."""
+    return Searched(
+        nodeid=nodeid,
+        sentence=str(bracket),
+        agent=scope.agent,
+        routes_spec=scope.routes_spec,
+        seeds=scope.seeds,
+        failure=bracket.ladder.word,
+        unit=bracket.ladder.unit,
+        metric=bracket.metric,
+        comparison=bracket.comparison,
+        limit=bracket.limit,
+        rule=bracket.rule,
+        holds=bracket.holds,
+        breaks=bracket.breaks,
+        undecided=bracket.undecided,
+    )
 
 
 def _probe(level: float, verdict: Verdict) -> Probe:

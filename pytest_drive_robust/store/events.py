@@ -16,6 +16,7 @@ __all__ = [
     "Identified",
     "Judged",
     "Planned",
+    "Searched",
     "Spared",
     "Started",
     "event_from_json",
@@ -112,10 +113,33 @@ class Judged:
     rule: str = ""
 
 
-Event = Planned | Identified | Asked | Spared | Started | Finished | Judged
+@dataclass(frozen=True, slots=True)
+class Searched:
+    """A test asked for the largest severity that holds (see `requirements.bracket`); `sentence` is the whole answer.
+
+    `holds` and `breaks` are severities of `failure` in `unit`, None where none was found; `rule`: what they rest on.
+    """
+
+    nodeid: str
+    sentence: str
+    agent: str
+    routes_spec: str
+    seeds: tuple[int, ...]
+    failure: str
+    unit: str
+    metric: str
+    comparison: str
+    limit: float
+    rule: str
+    holds: float | None
+    breaks: float | None
+    undecided: tuple[float, ...] = ()
+
+
+Event = Planned | Identified | Asked | Spared | Started | Finished | Judged | Searched
 
 _KINDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (Planned, Identified, Asked, Spared, Started, Finished, Judged)
+    kind.__name__: kind for kind in (Planned, Identified, Asked, Spared, Started, Finished, Judged, Searched)
 }
 
 

@@ -39,6 +39,9 @@ def test_the_file_holds_settings_verdicts_summaries_and_episodes(mixed):
         "simulator": "fake",
         "metrics": "bench2drive",
         "stuck_stop_s": None,
+        "verdict": "point",
+        "margin": 0.10,
+        "alpha": 0.05,
     }
     assert {"python", "pytest", "pytest-drive-robust", "fake"} <= set(document["versions"])
     verdicts = {item["requirement"]: item["verdict"] for item in document["requirements"]}

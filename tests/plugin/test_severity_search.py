@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import json
+
+import jsonschema
+
+from pytest_drive_robust.report.schema import run_schema
+
 SEARCH = """
 from pytest_drive_robust import InferenceLatency
 from pytest_drive_robust.registry import default_registry
@@ -28,7 +34,8 @@ def run(suite, *args):
 
 
 def test_the_largest_severity_that_holds_is_a_bracket_that_compares(suite, driven):
-    result = run(suite(test=SEARCH, conftest=LADDER), "-s", "--drive-json", "run.json")
+    folder = suite(test=SEARCH, conftest=LADDER)
+    result = run(folder, "-s", "--drive-json", "run.json")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         [
@@ -37,6 +44,12 @@ def test_the_largest_severity_that_holds_is_a_bracket_that_compares(suite, drive
         ]
     )
     assert driven(), "episodes of the search are episodes of the run"
+    document = json.loads((folder.path / "run.json").read_text())
+    jsonschema.validate(document, run_schema())
+    first = document["searches"][0]
+    assert (first["failure"], first["metric"], first["rule"], first["holds"]) == ("throttle", "RD", "point", 0.7)
+    assert first["breaks"] == 0.5
+    result.stdout.fnmatch_lines(["steady: RD <= 0.30 under throttle: holds at 0.7, breaks at 0.5 *"])
 
 
 def test_a_margin_that_is_not_met_says_how_far_the_agent_gets(suite):
@@ -75,3 +88,14 @@ def test_blind(drive):
     result = run(suite(test=test))
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["ERROR: not judged: the largest severity *", "*the agent has no camera*"])
+
+
+def test_two_workers_find_the_same_bracket(suite):
+    folder = suite(test=SEARCH, conftest=LADDER)
+    found = []
+    for workers in ((), ("-n2",)):
+        run(folder, "--drive-json", "run.json", *workers)
+        found.append(json.loads((folder.path / "run.json").read_text())["searches"])
+    alone, shared = found
+    assert alone
+    assert sorted(shared, key=str) == sorted(alone, key=str)

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from pytest_drive_robust.domain.ruling import Ruling
@@ -35,10 +33,11 @@ def test_the_command_line_wins_over_the_ini_file():
 
 
 def test_every_option_is_read(tmp_path):
-    values = (*("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "12.5"), str(tmp_path / "run.json"))
+    files = tmp_path / "run.json", tmp_path / "run.csv"
+    values = *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "12.5"), *map(str, files)
     config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
     assert Settings.from_pytest_config(config) == Settings(
-        "a", "r.xml", (3, 1), "s", "fixed", 12.5, Path(tmp_path / "run.json"), Ruling("list", 0.2, 0.01), "skip"
+        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], Ruling("list", 0.2, 0.01), "skip", files[1]
     )
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.forecast import project
+from drive_robust_agents._planning.places import project
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import EgoState
 

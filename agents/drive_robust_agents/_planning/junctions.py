@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.forecast import crossed_boxes
+from drive_robust_agents._planning.places import crossed_boxes
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import Frame, LightState

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.forecast import project_all
 from drive_robust_agents._planning.lateral import blend
+from drive_robust_agents._planning.places import project_all
 from drive_robust_agents._planning.scene import Change, Scene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind, Frame, LaneKind

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats, speed_profile
-from drive_robust_agents._planning.forecast import lane_under
+from drive_robust_agents._planning.tracks import lane_under
 from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
 
 __all__ = ["Change", "LaneGraph", "Scene"]
@@ -25,7 +25,7 @@ _BEYOND_M = 60
 
 
 class LaneGraph:
-    """All lanes that vehicles use, as the kernels want them: see `forecast.tracks`.
+    """All lanes that vehicles use, as the kernels want them: see `tracks.tracks`.
 
     `after` is the lane that traffic is expected to take behind each lane: the straightest one, until somebody was seen
     on another.

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.forecast import leaders, rollouts
+from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lateral import path_of
+from drive_robust_agents._planning.places import leaders
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.traffic import Traffic
 
@@ -135,7 +136,12 @@ class _Trial:
         self.yields_mps2 = _YIELD_MPS2 if self.hurry or pushy else _POLITE_MPS2
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _MARGINS
-        self.tiers = ((first, True), (first, False), (_TIGHT_MARGINS, True), (_TIGHT_MARGINS, False))
+        self.tiers: tuple[tuple[Floats, bool], ...] = (
+            (first, True),
+            (first, False),
+            (_TIGHT_MARGINS, True),
+            (_TIGHT_MARGINS, False),
+        )
         if pushy:
             self.tiers += ((_LEAST_MARGINS, False),)
 

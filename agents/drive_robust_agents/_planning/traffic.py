@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.forecast import STEP_S, tracks
 from drive_robust_agents._planning.scene import LaneGraph
+from drive_robust_agents._planning.tracks import STEP_S, tracks
 from pytest_drive_robust.domain.truth import ActorKind, Frame
 
 __all__ = ["HORIZON_S", "Traffic"]

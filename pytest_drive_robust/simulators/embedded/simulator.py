@@ -38,7 +38,7 @@ class EmbeddedSimulator:
     """
 
     name = "embedded"
-    version = "1"
+    version = "2"
     dt_s = DT_S
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from privileged_scene import LANE_M, actor, observation, street
 
-from drive_robust_agents._planning.forecast import leaders, project, rollouts, tracks
+from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.lanes import LaneChanges
 from drive_robust_agents._planning.lateral import path_of, shift_length_m
 from drive_robust_agents._planning.obstacles import nearest_obstacle, ways_around
+from drive_robust_agents._planning.places import leaders, project
 from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.tracks import tracks
 from drive_robust_agents._planning.traffic import Traffic
 from drive_robust_agents.expert import Expert
 from pytest_drive_robust import Control, GlobalPlan
@@ -196,10 +198,12 @@ def test_it_brakes_for_who_is_about_to_walk_into_the_lane() -> None:
 
 def test_it_waits_behind_an_obstacle_while_somebody_comes_and_goes_when_nobody_does() -> None:
     coming = actor(55.0, -LANE_M, speed_mps=10.0, yaw_rad=math.pi)
-    assert act(street(actor(34.0, 1.0), coming, x_m=22.0)).throttle == 0.0
-    going = act(street(actor(34.0, 1.0), x_m=22.0))
-    assert going.throttle > 0.0
-    assert going.steer < 0.0
+    waiting = act(street(actor(34.0, 1.0), coming, x_m=22.2))
+    going = act(street(actor(34.0, 1.0), x_m=22.2))
+    assert waiting.steer == 0.0
+    assert waiting.throttle < 0.2
+    assert going.steer < -0.1
+    assert going.throttle > 0.5
 
 
 def test_it_leaves_a_parking_space_only_into_a_gap() -> None:

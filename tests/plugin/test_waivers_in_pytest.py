@@ -1,0 +1,118 @@
+"""Waivers in a run: xfail up to the day, red after it."""
+
+from __future__ import annotations
+
+from datetime import date
+
+import pytest
+
+from pytest_drive_robust.regression import clock
+
+RED = "RD under throttle 0.3 <= 0.30"
+GREEN = "DS under clean >= 1"
+WAIVER = """
+[[waiver]]
+requirement = "{requirement}"
+agent = "{agent}"
+owner = "kim"
+reason = "new planner"
+expires = {expires}
+"""
+
+processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
+
+
+@pytest.fixture
+def waived(suite):
+    def write(*sentences, requirement=RED, agent="steady", expires="2999-01-01"):
+        folder = suite(*sentences)
+        (folder.path / "suites").mkdir()
+        text = WAIVER.format(requirement=requirement, agent=agent, expires=expires)
+        (folder.path / "suites" / "waivers.toml").write_text(text)
+        return folder
+
+    return write
+
+
+def run(folder, *args):
+    return folder.runpytest_inprocess("--drive-robust", "-rx", *args)
+
+
+@processes
+def test_a_waived_requirement_that_fails_is_an_xfail_with_owner_and_date(waived, workers):
+    result = run(waived(RED, GREEN), *workers)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1, xfailed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "waived, 1 failing: RD under throttle 0.3 <= 0.30 of steady (kim until 2999-01-01: new planner)",
+            "XFAIL *rd-throttle-0.3-le-0.30* - waived by kim until 2999-01-01: new planner",
+        ]
+    )
+
+
+@processes
+def test_after_its_date_it_is_red_and_says_that_the_waiver_has_expired(waived, workers):
+    result = run(waived(RED, expires="2001-01-01"), *workers)
+    assert result.ret == 1
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        [
+            "RD under throttle 0.3 = *limit <= 0.30*",
+            "  the waiver has expired: waived by kim until 2001-01-01: new planner",
+            "waiver expired, 1 failing: *",
+        ]
+    )
+
+
+@pytest.mark.parametrize(("today", "code"), [("2026-12-14", 0), ("2026-12-15", 0), ("2026-12-16", 1)])
+def test_the_last_day_belongs_to_the_waiver(waived, monkeypatch, today, code):
+    monkeypatch.setattr(clock, "today", lambda: date.fromisoformat(today))
+    assert run(waived(RED, expires="2026-12-15")).ret == code
+
+
+def test_an_id_and_a_pattern_waive_too(waived):
+    assert run(waived(RED, requirement="rd-throttle-*", agent="st*")).ret == 0
+
+
+def test_another_agent_is_not_waived(waived):
+    assert run(waived(RED, agent="seer")).ret == 1
+
+
+def test_a_waived_requirement_that_passes_says_so(waived):
+    result = run(waived(GREEN, requirement=GREEN))
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["waiver not needed any more, all of it passes: DS under clean >= 1 of steady *"])
+
+
+@processes
+def test_a_waiver_that_matches_nothing_is_a_warning_unless_tests_were_left_out(waived, workers):
+    folder = waived(GREEN, RED, requirement="RD under throttle 0.4 <= 0.30")
+    result = run(folder, *workers)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["warning: this waiver matches no requirement: RD under throttle 0.4 <= 0.30 *"])
+    selected = run(folder, "-k", "ds-clean", *workers)
+    assert selected.ret == 0
+    selected.stdout.no_fnmatch_line("*matches no requirement*")
+
+
+def test_an_error_is_not_waived(waived):
+    result = run(waived(RED), "--drive-sim", "broken")
+    assert result.ret == 1
+    result.assert_outcomes(errors=1)
+
+
+def test_the_failure_is_a_skip_with_its_reason_in_junit(waived):
+    folder = waived(RED)
+    run(folder, "--junitxml", "junit.xml")
+    text = (folder.path / "junit.xml").read_text()
+    assert 'failures="0"' in text
+    assert "waived by kim until 2999-01-01: new planner" in text
+
+
+def test_a_waiver_that_cannot_be_read_is_refused_before_anything_was_driven(waived, driven):
+    result = run(waived(RED, expires="'soon'"))
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*waiver 1 in *waivers.toml* has expires = 'soon', expected a date*"])
+    assert driven() == []

@@ -1,0 +1,52 @@
+"""The step summary as Markdown: nothing that people write breaks its tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pytest_drive_robust.report.github import VARIABLE, append_step_summary, step_summary
+from pytest_drive_robust.runner.run_result import RunResult
+from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.store.events import Judged
+
+WILD = Judged(
+    nodeid="test_x.py::test",
+    requirement="RD under wild | failure <b>",
+    agent="star*",
+    routes_spec="r.xml",
+    seeds=(0,),
+    metric="RD",
+    setting="wild",
+    comparison="<=",
+    limit=0.3,
+    verdict="inconclusive",
+    value=0.34,
+    low=0.2,
+    high=0.5,
+    routes=14,
+    planned=220,
+    message="neither\nthe one | nor the other",
+)
+
+
+def run_of(*judged: Judged) -> RunResult:
+    return RunResult(Settings(), (), judged, {})
+
+
+def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:
+    lines = step_summary(run_of(WILD)).splitlines()
+    assert lines[0] == "## drive-robust: 0 of 1 requirements hold, 1 open"
+    row = r"| RD under wild \| failure &lt;b&gt; | star\* | 0.34 | 0.20 to 0.50 | 14 of 220 | inconclusive |"
+    assert row in lines
+    assert r"- RD under wild \| failure &lt;b&gt;: neither the one \| nor the other" in lines
+
+
+def test_a_run_that_asked_for_nothing_writes_nothing(tmp_path: Path) -> None:
+    append_step_summary(run_of(), {VARIABLE: str(tmp_path / "summary.md")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_written_where_nobody_asks(tmp_path: Path) -> None:
+    append_step_summary(run_of(WILD), {})
+    append_step_summary(run_of(WILD), {VARIABLE: ""})
+    assert list(tmp_path.iterdir()) == []
