@@ -97,7 +97,8 @@ def _table(comparison: Comparison, *, colour: bool) -> Table:
 def _stories(comparison: Comparison) -> Iterator[str]:
     """What is behind each verdict that is not a pass, and behind each flip."""
     for cell in comparison.cells:
-        broken = [finding for finding in cell.findings if finding.verdict != "pass"]
+        telling = ("fail", "error", "inconclusive") if cell.changed else ("fail", "error")
+        broken = [finding for finding in cell.findings if finding.verdict in telling]
         if not broken and not cell.flips:
             continue
         yield f"{cell.agent} under {cell.setting}: {cell.changed} of {_count(cell.routes, 'route')} changed"

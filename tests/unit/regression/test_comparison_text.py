@@ -1,0 +1,58 @@
+"""What people read about a comparison."""
+
+from __future__ import annotations
+
+from snapshot_factory import cell, snapshot, with_versions
+
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.report.comparison import comparison_text, conclusion
+
+GOOD = [100.0] * 40
+
+
+def test_an_unchanged_run_on_too_few_routes_is_one_row_and_no_story() -> None:
+    few = snapshot(cell([100.0, 50.0]), label="few")
+    lines = comparison_text(compare(few, few), colour=False).splitlines()
+    assert lines[0] == "few -> few"
+    assert lines[2].split()[-1] == "inconclusive"
+    assert lines[3:] == ["no regression shown in 1 setting against few, 1 inconclusive"]
+
+
+def test_an_open_verdict_on_changed_scores_says_what_was_seen() -> None:
+    text = comparison_text(compare(snapshot(cell([100.0, 50.0])), snapshot(cell([80.0, 50.0]))), colour=False)
+    assert "driver under clean: 1 of 2 routes changed" in text
+    assert "neither shown nor ruled out: DS drops by 5 % at most; 75.00 -> 65.00 (-13.3 %) on 2 routes" in text
+
+
+def test_many_flips_are_cut_and_the_others_named() -> None:
+    text = comparison_text(compare(snapshot(cell(GOOD)), snapshot(cell([10.0] * 40))), colour=False)
+    assert text.count("newly failing: ") == 6
+    assert text.count("replay:  ") == 5
+    assert "  and 35 more newly failing: " in text
+    assert text.splitlines()[-1] == "REGRESSION: 1 of 1 setting against run: driver under clean"
+
+
+def test_every_line_but_a_replay_fits_into_100_columns() -> None:
+    setting = "occlusion 0.5 and 3 s burst frame drop and GPS noise 15 m and speed noise 0.2 and 200 ms latency"
+    before = snapshot(cell(GOOD, agent="an_agent_with_a_long_name", setting=setting))
+    after = snapshot(cell([10.0] * 40, agent="an_agent_with_a_long_name", setting=setting))
+    table = comparison_text(compare(before, after), colour=False).split("an_agent_with_a_long_name under")[0]
+    assert all(len(line) <= 100 for line in table.splitlines())
+
+
+def test_a_refused_comparison_shows_no_verdict() -> None:
+    after = snapshot(cell(GOOD, fingerprint=with_versions(fake="2", numpy="3.0")), label="new")
+    comparison = compare(snapshot(cell(GOOD), label="old"), after)
+    assert comparison_text(comparison, colour=False).splitlines() == [
+        "old -> new",
+        "refused: the simulator was fake (1) and is fake (2)",
+        "warning: numpy was 2.0 and is 3.0",
+        conclusion(comparison),
+    ]
+    assert conclusion(comparison).startswith("NOT COMPARED with old: the simulator was fake (1) and is fake (2). ")
+
+
+def test_colours_come_on_request_only() -> None:
+    comparison = compare(snapshot(cell(GOOD)), snapshot(cell(GOOD)))
+    assert "\x1b[" in comparison_text(comparison, colour=True)
+    assert "\x1b[" not in comparison_text(comparison, colour=False)
