@@ -56,7 +56,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     for option in (*OPTIONS, *REGRESSION_OPTIONS):
         default = f" (default: {option.default})" if option.default else ""
         bare = {"nargs": "?", "const": option.bare} if option.bare else {}
-        group.addoption(option.flag, metavar=option.metavar, default=None, help=f"{option.help}{default}", **bare)
+        text = f"{option.help}{default}".replace("%", "%%")  # argparse formats it
+        group.addoption(option.flag, metavar=option.metavar, default=None, help=text, **bare)
         parser.addini(option.ini, f"as {option.flag}: {option.help}", default="")
 
 

@@ -25,7 +25,17 @@ def test_it(drive, requirement):
 def digests(folder: Path, *args: str) -> dict[str, str]:
     target = folder / "run.json"
     command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", str(folder)]
-    command += ["--drive-routes", "801,2501,4001", "--drive-stuck-stop", "20", "--drive-json", str(target), *args]
+    command += [
+        "--drive-routes",
+        "801,2501,4001",
+        "--drive-stuck-stop",
+        "20",
+        "--drive-verdict",
+        "point",
+        "--drive-json",
+        str(target),
+        *args,
+    ]
     subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
     episodes = json.loads(target.read_text(encoding="utf-8"))["episodes"]
     return {f"{e['route_id']} {e['setting']}": e["trace_digest"] for e in episodes}

@@ -47,7 +47,7 @@ def test_your_own_perturbation_runs_from_an_empty_folder(tmp_path: Path) -> None
     for name in ("conftest.py", "test_dimmed.py"):
         (tmp_path / name).write_text(block(name), encoding="utf-8")
     # an agent with a camera, or nothing would be dimmed
-    options = "--drive-agent classical --drive-routes 801,2501 --drive-json run.json"
+    options = "--drive-agent classical --drive-routes 801,2501 --drive-verdict point --drive-json run.json"
     driven = shell(f"pytest --drive-robust test_dimmed.py {options}", tmp_path)
     assert driven.returncode == 0, driven.stdout + driven.stderr
     episodes = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["episodes"]

@@ -114,9 +114,7 @@ def test_the_ego_can_start_beside_the_route_and_rolling(staged) -> None:
 
 
 def test_a_flow_beside_its_lane_stays_beside_it(staged) -> None:
-    world = staged(
-        STREET, lambda stage: stage.flow(stage.oncoming(), speed_mps=8.0, gap_m=(10.0, 15.0), right_m=-0.3)
-    )
+    world = staged(STREET, lambda stage: stage.flow(stage.oncoming(), speed_mps=8.0, gap_m=(10.0, 15.0), right_m=-0.3))
     drive(world, BRAKE, 400)
     active = world.state.actors[world.state.actor_ints[:, c.I_ACTIVE] == 1]
     assert len(active) > 4
