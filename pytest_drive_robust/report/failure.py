@@ -118,7 +118,7 @@ def _worst(verdict: Verdict) -> list[str]:
         if not compared:
             lines += [head, _story(under, item.perturbed_score, item.perturbed_outcome)]
             continue
-        parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s"
+        parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s {item.diverged_by}"
         lines += [
             _cut(head, WIDTH - len(parted)) + parted,
             _story("clean", item.clean_score, item.clean_outcome),

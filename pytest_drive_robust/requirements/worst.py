@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.requirements.describe import describe_outcome
-from pytest_drive_robust.requirements.divergence import first_divergence_s
+from pytest_drive_robust.requirements.divergence import first_divergence
 
 __all__ = ["WorstRoute", "worst_routes"]
 
@@ -20,7 +20,7 @@ class WorstRoute:
     """One episode under the setting beside its clean twin. Scores are driving scores, 0..100.
 
     `clean_score` is None and `clean_outcome` `"not driven"` when there is no clean twin; `diverged_s` is the second at
-    which the two began to differ, None when they never did or there is no twin.
+    which the two began to differ, None when they never did or there is no twin; `diverged_by` says in what.
     """
 
     route_id: str
@@ -31,6 +31,7 @@ class WorstRoute:
     clean_outcome: str
     perturbed_outcome: str
     diverged_s: float | None
+    diverged_by: str = ""
 
 
 def worst_routes(
@@ -58,6 +59,7 @@ def worst_routes(
 
 
 def _explain(result: EpisodeResult, twin: EpisodeResult | None) -> WorstRoute:
+    parted = None if twin is None else first_divergence(twin, result)
     return WorstRoute(
         route_id=result.episode.route_id,
         scenario=result.scenario,
@@ -66,5 +68,6 @@ def _explain(result: EpisodeResult, twin: EpisodeResult | None) -> WorstRoute:
         perturbed_score=driving_score(result),
         clean_outcome=_NOT_DRIVEN if twin is None else describe_outcome(twin),
         perturbed_outcome=describe_outcome(result),
-        diverged_s=None if twin is None else first_divergence_s(twin, result),
+        diverged_s=None if parted is None else parted.second,
+        diverged_by="" if parted is None else parted.signal,
     )

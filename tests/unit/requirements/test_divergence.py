@@ -7,7 +7,7 @@ import pytest
 from result_factory import make_result, trace_of
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.requirements.divergence import first_divergence_s
+from pytest_drive_robust.requirements.divergence import first_divergence, first_divergence_s
 
 
 def drive(ticks: int = 100, **columns: object) -> EpisodeResult:
@@ -45,3 +45,12 @@ def test_only_common_ticks_are_compared() -> None:
     assert first_divergence_s(drive(), drive(50)) is None
     assert first_divergence_s(drive(20), drive(x_m=from_tick(30, 5.0))) is None
     assert first_divergence_s(drive(), drive(0)) is None
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "signal"),
+    [("x_m", 0.6, "in distance"), ("y_m", 0.6, "sideways"), ("speed_mps", 1.2, "in speed")],
+)
+def test_what_left_its_tolerance_first_is_named(column: str, change: float, signal: str) -> None:
+    found = first_divergence(drive(), drive(**{column: from_tick(30, change)}))
+    assert found == (pytest.approx(31 * 0.05), signal)

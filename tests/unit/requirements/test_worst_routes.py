@@ -61,5 +61,6 @@ def test_each_route_tells_both_outcomes_and_when_they_diverged() -> None:
             clean_outcome="completed",
             perturbed_outcome="collision with vehicle at 11.3 s, blocked at 61.0 s",
             diverged_s=pytest.approx(5.0),
+            diverged_by="in speed",
         ),
     )
