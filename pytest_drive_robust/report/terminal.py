@@ -89,6 +89,8 @@ def footnotes(run: RunResult) -> list[str]:
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
+    if any(judged.routes < judged.planned for judged in run.judged):
+        lines.append("early verdicts rest on fewer routes: between rows compare RD (paired by route), not DS")
     lines += _open(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 from result_factory import crashed_simulation, make_result, scored
 
 from pytest_drive_robust.domain.outcome import End
@@ -90,3 +92,11 @@ def test_an_interrupted_setting_says_how_much_is_there():
 
 def test_a_run_that_asked_for_nothing_has_no_table():
     assert run_summary(run_of(), colour=False) == ""
+
+
+def test_rows_of_early_verdicts_are_not_compared_by_score():
+    early = replace(verdict("clean", "pass"), routes=1, planned=9)
+    lines = run_summary(run_of(("clean", [scored("1", 100.0)]), judged=[early]), colour=False).splitlines()
+    assert any("early verdicts rest on fewer routes" in line for line in lines)
+    late = replace(early, routes=9)
+    assert "early verdicts" not in run_summary(run_of(("clean", [scored("1", 100.0)]), judged=[late]), colour=False)
