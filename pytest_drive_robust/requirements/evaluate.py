@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.ruling import Ruling
@@ -90,7 +90,7 @@ def judge(
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     routes = len({result.episode.route_id for result in perturbed})
     if decision is None or ruling is None:
-        ruling = Ruling("point") if ruling is None else ruling
+        ruling = replace(ruling or Ruling(), kind="point")  # nothing was read route by route, so nothing is promised
         decision = "pass" if requirement.is_met_by(value) else "fail"
     elif ruling.kind == "evidence":
         low, high = _honest(metric, clean, perturbed, mode, ruling, ended=planned is None or routes >= planned)

@@ -7,6 +7,7 @@ import pytest
 from result_factory import crashed_simulation, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.requirements.evaluate import judge, measure
@@ -141,3 +142,10 @@ def test_a_users_metric_without_a_finite_value_is_an_error(nothing: float | None
 
     with pytest.raises(ComparisonError, match="nothing"):
         measure(metric, clean=[], perturbed=[make_result()])
+
+
+def test_a_value_that_nobody_read_route_by_route_promises_nothing():
+    clean = [scored("1", 100.0), scored("2", 100.0)]
+    wanted = parse_requirement("DS under clean >= 60")
+    verdict = judge(wanted, agent="driver", clean=[], perturbed=clean, ruling=Ruling())
+    assert (verdict.ruling.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
