@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 
-from pytest_drive_robust import cli_regression, cli_replay, cli_routes
+from pytest_drive_robust import cli_regression, cli_replay, cli_routes, cli_score, cli_store
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
 
 __all__ = ["main"]
@@ -38,6 +38,7 @@ def _parser() -> argparse.ArgumentParser:
     listing.set_defaults(command=_list)
     cli_routes.add_commands(commands)
     cli_regression.add_commands(commands)
+    cli_score.add_commands(commands)
 
     check = commands.add_parser("check-agent", help="does an agent keep the contract?")
     check.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
@@ -46,6 +47,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
     check.add_argument("--routes", metavar="SET", help="a set (full, dev10), a file, or FILE:id,id")
     cli_replay.add_command(commands)
+    cli_store.add_command(commands)
     return parser
 
 

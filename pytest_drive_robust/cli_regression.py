@@ -34,7 +34,10 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="what may get worse, and by how much, as in ds:-3%%, sr:-0.05, rd:+0.05; repeatable; default: ds:-5%%",
     )
     compare.add_argument(
-        "--verdict", default="evidence", metavar="KIND", help="evidence (default), list, or point: as --drive-verdict"
+        "--verdict",
+        default="auto",
+        metavar="RULE",
+        help="evidence, list, point or auto (default: evidence, but the list below 20 routes of the same seeds)",
     )
     compare.add_argument(
         "--on-mismatch",

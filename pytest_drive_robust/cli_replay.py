@@ -33,7 +33,7 @@ was given, the view from above with its plan, speed and controls, infractions, t
 def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add `replay` to the commands of a parser."""
     replay = commands.add_parser("replay", help="drive one route again and film it", description=_DESCRIPTION)
-    replay.add_argument("route", metavar="ROUTE", help="the id of a route, or the .npz file of a stored episode")
+    replay.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
     replay.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
     replay.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
     replay.add_argument("--seed", type=int, help="default: 0")
@@ -97,7 +97,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
     """Options that are given win over what a stored episode says."""
     from pytest_drive_robust.perturbations.setting import Setting
 
-    stored = read_episode_file(options.route) if options.route.endswith(".npz") else None
+    stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
         raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
@@ -186,7 +186,7 @@ def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | 
     all_same = True
     for tape in tapes if before is not None else ():
         assert before is not None
-        told = before.verdict(tape.result, route=route, setting=wanted.setting)
+        told = before.verdict(tape.result, route=route)
         if told is not None:
             same, clause = told
             print(f"{tape.result.episode.setting}: {clause}")

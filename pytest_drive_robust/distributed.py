@@ -15,14 +15,26 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from pytest_drive_robust.keeping import open_store
+
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.progress import Progress
+    from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.store.base import EpisodeStore
     from pytest_drive_robust.store.events import Event
     from pytest_drive_robust.store.journal import JournalWriter
 
-__all__ = ["ControllerPlugin", "ProblemCourier", "is_controller", "is_worker", "join_run", "sentences", "start_run"]
+__all__ = [
+    "ControllerPlugin",
+    "ProblemCourier",
+    "is_controller",
+    "is_worker",
+    "join_run",
+    "send_advice",
+    "sentences",
+    "start_run",
+]
 
 _INPUT = "drive_robust_folder"
 _OUTPUT = "drive_robust_problems"
@@ -39,28 +51,37 @@ def is_controller(config: pytest.Config) -> bool:
     return config.getoption("dist", "no") != "no" and not is_worker(config)
 
 
-def start_run(config: pytest.Config) -> FolderRecord:
+def start_run(config: pytest.Config, settings: Settings) -> FolderRecord:
     """On the controller: make the run's folder and follow what the workers do. The folder goes with the session."""
     from pytest_drive_robust.screen import progress_for
 
     folder = Path(tempfile.mkdtemp(prefix="drive-robust-"))
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-    record = FolderRecord(folder)
+    record = FolderRecord(folder, open_store(settings, config.rootpath, run=folder.name, own=folder / "store"))
     config.pluginmanager.register(ControllerPlugin(folder, record, progress_for(config)), "drive_robust_controller")
     return record
 
 
-def join_run(config: pytest.Config, drive_here: Callable[[EpisodeStore, WorkerObserver], None]) -> None:
-    """In a worker: drive with the run's shared folder."""
-    from pytest_drive_robust.store.folder import FolderStore
+def join_run(
+    config: pytest.Config, settings: Settings, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
+) -> None:
+    """In a worker: drive with the store of the run and tell the controller through the run's folder."""
     from pytest_drive_robust.store.journal import JournalWriter
 
     workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
-    folder, name = Path(workerinput[_INPUT]), workerinput["workerid"]
-    number, count = int(name.removeprefix("gw")), int(workerinput["workercount"])
-    journal = JournalWriter(folder, name=name)
+    folder = Path(workerinput[_INPUT])
+    journal = JournalWriter(folder, name=workerinput["workerid"])
     config.add_cleanup(journal.close)
-    drive_here(FolderStore(folder, offset=number % count / count), WorkerObserver(journal))
+    store = open_store(settings, config.rootpath, run=folder.name, own=folder / "store")
+    drive_here(store, WorkerObserver(journal))
+
+
+def send_advice(config: pytest.Config, tell: Callable[[Event], None], sentences: tuple[str, ...]) -> None:
+    """In a worker: what its collection found goes to the controller, which shows it (see `ControllerPlugin`)."""
+    from pytest_drive_robust.store.events import Advised
+
+    if is_worker(config) and sentences:
+        tell(Advised(sentences))
 
 
 class WorkerObserver:
@@ -83,12 +104,11 @@ class WorkerObserver:
 class FolderRecord:
     """What the workers of a run did, read from the run's folder."""
 
-    def __init__(self, folder: Path) -> None:
-        from pytest_drive_robust.store.folder import FolderStore
+    def __init__(self, folder: Path, store: EpisodeStore) -> None:
         from pytest_drive_robust.store.journal import JournalReader
 
         self._reader = JournalReader(folder)
-        self._store = FolderStore(folder)
+        self._store = store
         self._events: list[Event] = []
         self._lock = threading.Lock()
 
@@ -121,11 +141,31 @@ class ControllerPlugin:
         self._progress = progress
         self._stop = threading.Event()
         self._writing = threading.RLock()
+        self._advised: set[str] = set()
         self._thread = threading.Thread(target=self._follow, name="drive-robust progress", daemon=True)
 
     def pytest_configure_node(self, node: Any) -> None:
         """Tell a worker where the run's folder is (a hook of pytest-xdist)."""
         node.workerinput[_INPUT] = str(self._folder)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_node_collection_finished(self, node: Any) -> None:
+        """A worker knows its tests and has not begun (a hook of pytest-xdist): show what it advised, once."""
+        from pytest_drive_robust.store.events import Advised
+
+        reporter = node.config.pluginmanager.get_plugin("terminalreporter")
+        with self._writing:
+            news = self._record.fresh()
+            for event in news:
+                self._progress.see(event)
+            advised = (text for event in news if isinstance(event, Advised) for text in event.sentences)
+            fresh = [text for text in dict.fromkeys(advised) if text not in self._advised]
+            self._advised.update(fresh)
+            if fresh and reporter is not None:
+                self._progress.pause()
+                reporter.ensure_newline()
+                for text in fresh:
+                    reporter.write_line(f"drive-robust: {text}")
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:

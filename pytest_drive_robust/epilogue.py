@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.runner.run_result import RunResult
     from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.store.events import Judged
 
 __all__ = ["Epilogue"]
 
@@ -47,9 +48,9 @@ class Epilogue:
         if not run.episodes:
             return False  # the owner of the run says so
         document = run_as_json(run)
-        red = False
+        red = any(not self._waived(judged) for judged in run.late)  # their tests were over before they failed
         if self._choices.save:
-            red = self._store(document)
+            red = self._store(document) or red
         if self._before is not None:
             red = self._compare(self._before, document) or red
         return red
@@ -63,6 +64,10 @@ class Epilogue:
         if self._lines:
             told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
         return told
+
+    def _waived(self, judged: Judged) -> bool:
+        waiver = self._waivers.find(judged.requirement, judged.nodeid, agent=judged.agent)
+        return waiver is not None and self._waivers.holds(waiver)
 
     def _load(self, simulator: str) -> Snapshot:
         before = self._references.load(self._choices.compare, simulator=simulator)
@@ -79,7 +84,8 @@ class Epilogue:
             self._lines.append(f"ERROR: the run was not stored: {error}")
             return True
         self._lines.append(
-            f"stored as {path.stem}: drive-robust compare {path.stem} latest, drive-robust bless {path.stem}"
+            f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
+            f'drive-robust bless {path.stem} --reason "..."'
         )
         return False
 

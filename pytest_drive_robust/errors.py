@@ -10,6 +10,7 @@
     │   ├── RouteError            a route file that we do not understand
     │   └── PluginError           a third-party distribution that does not load
     ├── ComparisonError           two sets of episodes that must not be compared (an error, never a score)
+    ├── BudgetSpentError          the time that the run was given is over (an error, never a score)
     ├── AgentError                the agent broke its contract during an episode (outcome `agent_error`)
     └── SimulationError           the simulator broke during an episode (outcome `infra_error`)
 """
@@ -20,6 +21,7 @@ from collections.abc import Iterable
 
 __all__ = [
     "AgentError",
+    "BudgetSpentError",
     "ComparisonError",
     "DriveRobustError",
     "PerturbationError",
@@ -75,6 +77,10 @@ class RouteError(UsageError):
 
 class PluginError(UsageError):
     """A third-party entry point that does not load. The message names its distribution and version."""
+
+
+class BudgetSpentError(DriveRobustError):
+    """`--drive-budget` is used up before the episodes that a verdict needs were driven."""
 
 
 class ComparisonError(DriveRobustError):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NoReturn
 
 import pytest
 
-from pytest_drive_robust.errors import ComparisonError, UsageError
+from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.report.numbers import interval_text
 
@@ -49,11 +49,15 @@ INCONCLUSIVE = "drive_inconclusive"
 
 @dataclass(frozen=True)
 class Driver:
-    """What a process needs in order to drive; in `config.stash` only where `--drive-robust` was given."""
+    """What a process needs in order to drive; in `config.stash` only where `--drive-robust` was given.
+
+    `family` is among how many requirements a fail must stand; 1 without a correction.
+    """
 
     settings: Settings
     scopes: Scopes
     campaign: Campaign
+    family: int = 1
 
 
 DRIVER = pytest.StashKey[Driver]()
@@ -220,7 +224,7 @@ class Drive:
         __tracebackhide__ = True
         try:
             yield
-        except (ComparisonError, UsageError) as error:
+        except (BudgetSpentError, ComparisonError, UsageError) as error:
             self._item.user_properties.append(("drive_verdict", "error"))
             raise NotJudgedError(f"ERROR: not judged: {what}\n{error}", pytrace=False) from None
 
@@ -279,7 +283,7 @@ class Drive:
 def drive(request: pytest.FixtureRequest) -> Drive:
     """Judge requirements on closed-loop episodes: `drive.check(requirement)`, `drive.rd(setting) <= 0.30`."""
     driver = _driver(request)
-    ruling = _marker(request).ruling(driver.settings.ruling)
+    ruling = replace(_marker(request).ruling(driver.settings.ruling), family=driver.family)
     return Drive(driver, _scope(driver, request), ruling, request.node)
 
 

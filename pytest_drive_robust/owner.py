@@ -12,13 +12,13 @@ from pytest_drive_robust.report.github import append_step_summary
 from pytest_drive_robust.report.json_file import write_json
 from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.runner.run_result import RunResult
-from pytest_drive_robust.store.base import MemoryStore
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.epilogue import Epilogue
     from pytest_drive_robust.runner.progress import Progress
     from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.store.base import EpisodeStore
     from pytest_drive_robust.store.events import Event
 
 __all__ = ["LocalRecord", "Record", "RunOwner"]
@@ -44,8 +44,8 @@ class Record(Protocol):
 class LocalRecord:
     """The record of a run in one process; as its observer, it also moves the progress display."""
 
-    def __init__(self, progress: Progress) -> None:
-        self.store = MemoryStore()
+    def __init__(self, progress: Progress, store: EpisodeStore) -> None:
+        self.store = store
         self._progress = progress
         self._events: list[Event] = []
 

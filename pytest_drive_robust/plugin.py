@@ -9,12 +9,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from pytest_drive_robust import distributed, errors
+from pytest_drive_robust.execution import EXECUTION_OPTIONS, Execution
 from pytest_drive_robust.fixtures import (
     DRIVER,
     INCONCLUSIVE,
@@ -25,7 +27,9 @@ from pytest_drive_robust.fixtures import (
     drive,
     drive_agent,
 )
+from pytest_drive_robust.keeping import new_run_name, open_store
 from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
+from pytest_drive_robust.planning import PlanPlugin, check_plan_alone
 from pytest_drive_robust.regression.choices import REGRESSION_OPTIONS, Choices
 from pytest_drive_robust.selection import everything_ran
 from pytest_drive_robust.settings import DEFAULT_SIMULATOR, OPTIONS, Settings
@@ -44,6 +48,7 @@ _FIXTURES = frozenset({"drive", "drive_agent"})
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 """Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
 
+_PLANNING = "drive_robust_planning"
 _ADVICE = pytest.StashKey["dict[str, None]"]()
 """What the routes of the selected tests cannot show, each sentence once."""
 
@@ -53,7 +58,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
     group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
     group.addoption("--drive-probe", action="store_true", help="drive one clean episode twice: does one seed suffice?")
-    for option in (*OPTIONS, *REGRESSION_OPTIONS):
+    group.addoption("--drive-fresh", action="store_true", help="drive again what earlier runs left in the store")
+    group.addoption("--drive-plan", action="store_true", help="show which episodes are needed and stored; drive nothing")
+    for option in (*OPTIONS, *EXECUTION_OPTIONS, *REGRESSION_OPTIONS):
         default = f" (default: {option.default})" if option.default else ""
         bare = {"nargs": "?", "const": option.bare} if option.bare else {}
         text = f"{option.help}{default}".replace("%", "%%")  # argparse formats it
@@ -190,7 +197,7 @@ class ReportingPlugin:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
         """Tests are about to run; --fixtures, --markers and the like never come here."""
-        only_looking = ("collectonly", "setupplan", "setuponly")
+        only_looking = ("collectonly", "setupplan", "setuponly", "drive_plan")
         self._ran = not any(self._config.getoption(name, False) for name in only_looking)
 
     @pytest.hookimpl(tryfirst=True)
@@ -232,20 +239,23 @@ def _activate(config: pytest.Config) -> None:
     from pytest_drive_robust.waiving import WaivingPlugin
 
     settings = Settings.from_pytest_config(config)
+    execution = Execution.from_pytest_config(config)
     choices = Choices.from_pytest_config(config, config.rootpath)
     waivers = Waivers.of(choices.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     if distributed.is_worker(config):
-        distributed.join_run(config, partial(_drive_here, config, settings, choices))
+        distributed.join_run(config, settings, partial(_drive_here, config, settings, execution, choices, shared=True))
         return
+    if config.getoption("drive_plan"):
+        check_plan_alone(config)
     epilogue = Epilogue(choices, settings, waivers)  # before anything is driven: its reference may not be there
     routes = _routes_in_words(settings)
     record: Record
     if distributed.is_controller(config):
-        record = distributed.start_run(config)
+        record = distributed.start_run(config, settings)
     else:
-        record = local = LocalRecord(progress_for(config))
-        _drive_here(config, settings, choices, local.store, local)
+        record = local = LocalRecord(progress_for(config), open_store(settings, config.rootpath, run=new_run_name()))
+        _drive_here(config, settings, execution, choices, local.store, local, shared=False)
     owner = RunOwner(settings, record, versions={"pytest": pytest.__version__}, epilogue=epilogue)
     header = " ".join((_header(settings, routes), *choices.in_words()))
     config.pluginmanager.register(ReportingPlugin(config, owner, header), "drive_robust_reporting")
@@ -256,34 +266,48 @@ def _activate(config: pytest.Config) -> None:
 
 
 def _drive_here(
-    config: pytest.Config, settings: Settings, choices: Choices, store: EpisodeStore, observer: Observer
+    config: pytest.Config,
+    settings: Settings,
+    execution: Execution,
+    choices: Choices,
+    store: EpisodeStore,
+    observer: Observer,
+    *,
+    shared: bool,
 ) -> None:
+    from pytest_drive_robust.executing import executor_of
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.campaign import Campaign
-    from pytest_drive_robust.runner.executors import InlineExecutor
     from pytest_drive_robust.runner.routes import resolve_routes
     from pytest_drive_robust.runner.scopes import Scopes
-    from pytest_drive_robust.simulators.base import SimulatorOptions
 
-    registry = default_registry()
-    options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
-    executor = InlineExecutor(registry, simulator=settings.simulator, options=options)
-    campaign = Campaign(store, executor, observer, metrics=settings.metrics, whole=choices.drives_all)
-    driver = Driver(settings, Scopes(settings, registry, resolve_routes), campaign)
+    scopes = Scopes(settings, default_registry(), resolve_routes)
+    executor = executor_of(
+        config, settings, execution, shared=shared, agents=lambda: scopes.agents, ticked=observer.ticked
+    )
+    campaign = Campaign(
+        store, executor, observer, metrics=settings.metrics, whole=choices.drives_all, budget_s=execution.budget_s
+    )
+    driver = Driver(settings, scopes, campaign)
     config.stash[DRIVER] = driver
     config.pluginmanager.register(DrivingPlugin(driver), "drive_robust_driving")
+    if config.getoption("drive_plan"):
+        config.pluginmanager.register(PlanPlugin(config, store, slots=executor.slots), _PLANNING)
 
 
 def _plan(driver: Driver, session: pytest.Session) -> None:
     """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
     from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.requirements.ruling import by_evidence
 
     _check(session.config, "", driver.scopes.check)
     tasks: dict[str, Any] = {}
     advice = session.config.stash[_ADVICE]
     scopes: dict[tuple[str, str], Scope] = {}
+    judged = 0
 
     def add(item: pytest.Item) -> None:
+        nonlocal judged
         scope = driver.scopes.of(_marker_of(item))
         scopes.setdefault((scope.agent, scope.routes_spec), scope)
         callspec = getattr(item, "callspec", None)
@@ -293,10 +317,18 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
             driver.scopes.check_setting(requirement.setting)
             advice.update(dict.fromkeys(_advice(driver, item, requirement, len(scope.routes))))
         tasks.update(scope.plan(wanted))
+        ruling = _marker_of(item).ruling(driver.settings.ruling).for_routes(len(scope.routes))
+        judged += by_evidence(wanted, ruling)
 
     for item in _driving(session.items):
         _check(session.config, item.nodeid, partial(add, item))
-    driver.campaign.planned(tasks)
+    if driver.settings.correction != "none":
+        session.config.stash[DRIVER] = replace(driver, family=max(1, judged))
+    driver.campaign.planned(tasks, ahead=not distributed.is_worker(session.config))
+    planning: PlanPlugin | None = session.config.pluginmanager.get_plugin(_PLANNING)
+    if planning is not None:
+        planning.see(tasks)
+    distributed.send_advice(session.config, driver.campaign.tell, tuple(advice))
     _check(session.config, "", lambda: driver.campaign.identified(map(driver.scopes.identify, scopes.values())))
 
 
@@ -352,9 +384,10 @@ def _routes_in_words(settings: Settings) -> str:
 
 def _header(settings: Settings, routes: str) -> str:
     seeds = ",".join(map(str, settings.seeds))
+    correction = "" if settings.correction == "none" else f" correction={settings.correction}"
     return (
         f"drive-robust: agent={settings.agent} sim={settings.simulator} routes={routes} "
-        f"seeds={seeds} metrics={settings.metrics}"
+        f"seeds={seeds} metrics={settings.metrics}{correction}"
     )
 
 

@@ -16,6 +16,7 @@ __all__ = [
     "DEFAULT_AGENT",
     "DEFAULT_ROUTES",
     "DEFAULT_SIMULATOR",
+    "DEFAULT_STORE",
     "METRIC_MODES",
     "OPTIONS",
     "Option",
@@ -28,7 +29,9 @@ __all__ = [
 DEFAULT_AGENT = "classical"
 DEFAULT_ROUTES = "one-per-scenario"
 DEFAULT_SIMULATOR = "embedded"
+DEFAULT_STORE = ".drive-robust"
 METRIC_MODES = ("bench2drive", "fixed")
+CORRECTIONS = ("none", "holm")
 INCONCLUSIVE_MODES = ("warn", "fail", "skip")
 
 
@@ -69,7 +72,21 @@ OPTIONS = (
         "warn",
         "what an inconclusive verdict does to its test: warn, fail or skip",
     ),
+    Option(
+        "--drive-correction",
+        "drive_correction",
+        "NAME",
+        "none",
+        "none: each verdict from evidence is wrong at most alpha of the time; holm: any fail of the whole run is",
+    ),
     Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
+    Option(
+        "--drive-store",
+        "drive_store",
+        "FOLDER",
+        DEFAULT_STORE,
+        "where finished episodes are kept for every later run; off: only until this run ends",
+    ),
     Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
     Option("--drive-csv", "drive_csv", "FILE", "", "write one line for each episode to FILE"),
 )
@@ -95,7 +112,9 @@ class Settings:
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
     `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry
-    resolves. `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test.
+    resolves. `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test,
+    `correction` whether fails must stand among all requirements of the run. `store` is the folder of finished
+    episodes or `"off"`; with `fresh` what other runs left there is not used.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     """
 
@@ -109,6 +128,9 @@ class Settings:
     ruling: Ruling = field(default_factory=Ruling)
     inconclusive: str = "warn"
     csv_path: Path | None = None
+    correction: str = "none"
+    store: str = DEFAULT_STORE
+    fresh: bool = False
     routes_given: bool = field(default=False, compare=False)
 
     @classmethod
@@ -130,6 +152,9 @@ class Settings:
                 alpha=_share("--drive-alpha", given["drive_alpha"]),
             ),
             inconclusive=_inconclusive_mode(given["drive_inconclusive"]),
+            correction=_correction(given["drive_correction"]),
+            store=_store_folder(given["drive_store"]),
+            fresh=bool(config.getoption("drive_fresh")),
             routes_given=bool(_given(config, _ROUTES)),
         )
 
@@ -145,6 +170,7 @@ class Settings:
             "verdict": self.ruling.kind,
             "margin": self.ruling.margin,
             "alpha": self.ruling.alpha,
+            "correction": self.correction,
         }
 
 
@@ -197,6 +223,12 @@ def _inconclusive_mode(given: str) -> str:
     return given
 
 
+def _correction(given: str) -> str:
+    if given not in CORRECTIONS:
+        raise UnknownNameError.of("correction", given, CORRECTIONS, hint="Set it with --drive-correction.")
+    return given
+
+
 def _share(option: str, given: str) -> float:
     try:
         return float(given)
@@ -228,6 +260,12 @@ def _writable_file(flag: str, given: str) -> Path | None:
     if not os.access(path.parent, os.W_OK):
         raise UsageError(f"{flag} is {given!r}, but {str(path.parent)!r} cannot be written to.")
     return path
+
+
+def _store_folder(given: str) -> str:
+    if Path(given).is_file():
+        raise UsageError(f"--drive-store is {given!r}, which is a file; expected a folder, or off.")
+    return given
 
 
 def _similar(folder: Path) -> str:

@@ -101,6 +101,7 @@ drive_sim = fake
 drive_agent = steady
 drive_routes = routes.xml
 drive_verdict = point
+drive_executor = inline
 addopts = {plugin}
 filterwarnings = ignore:Module already imported
 """

@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Corridor", "oncoming"]
+__all__ = ["Corridor", "beside", "oncoming"]
 
 Floats = NDArray[np.float64]
 
 _RANGE_M = 34.0
 _LEFT_M, _RIGHT_M = 1.3, 1.5
-_BODY_M = 1.2
-_ASIDE_MOST_M = 1.2
+_BODY_M, _NARROW_M = 1.2, 1.15
+_ASIDE_MOST_M, _SQUEEZE_M = 1.2, 0.15
 _ASIDE_RATE_MPS = 0.9
 _DEPTH_M = 2.5
 _BESIDE_M = 7.0
@@ -23,7 +23,7 @@ _STEADY_S = 0.4
 _DRIFT_MPS = -0.7
 _POST_M = 0.4
 _POST_ROOM_M = 0.8
-_ONCOMING_M = (4.5, 21.0)
+_ONCOMING_M = (4.5, 34.0)
 _DT_S = 0.05
 
 
@@ -42,17 +42,23 @@ class Corridor:
         self._edge_m, self._drift_mps, self._edge_s = math.inf, 0.0, 0.0
         self._aside_for_m, self._aside_wanted_m = 0.0, 0.0
 
-    def update(self, bases: Floats, path: Floats, travelled_m: float, *, may_dodge: bool) -> None:
-        """Compare foreign points (k, 2) with the path (n, 2), a point a metre, both in the vehicle's frame."""
-        along, right = _beside(bases, path)
+    def update(
+        self, bases: Floats, path: Floats, travelled_m: float, *, may_dodge: bool, no_posts: bool = False, narrow: bool = False
+    ) -> None:
+        """Compare foreign points (k, 2) with the path (n, 2), a point a metre, both in the vehicle's frame.
+
+        `no_posts` takes no notice of thin things, `narrow` keeps no room beside the vehicle.
+        """
+        along, right = beside(bases, path)
         near = (along > 1.0) & (along < _RANGE_M)
         along, right = along[near], right[near]
         self.tight = bool(np.any((right > 0.0) & (right < 2.4) & (along < 22.0)))
         self._follow_edge(along, right, travelled_m, may_dodge)
-        blocking = (right > -_LEFT_M + min(self.aside_m, 0.0)) & (right < _RIGHT_M)
+        left_m, right_m = (_NARROW_M, _NARROW_M) if narrow else (_LEFT_M, _RIGHT_M)
+        blocking = (right > -left_m + min(self.aside_m, 0.0)) & (right < right_m)
         if self._passable():
             blocking &= right < self._aside_wanted_m + _BODY_M
-        if not may_dodge and blocking.any():
+        if no_posts and blocking.any():
             blocking &= ~_posts(along, right)
         self._remember(np.sort(along[blocking]), travelled_m)
 
@@ -79,7 +85,7 @@ class Corridor:
         self.aside_m += min(max(wanted - self.aside_m, -most), most)
 
     def _passable(self) -> bool:
-        room = self._edge_m - _BODY_M > -_ASIDE_MOST_M
+        room = self._edge_m - _BODY_M > _SQUEEZE_M - _ASIDE_MOST_M
         return room and self._edge_s > _STEADY_S and self._drift_mps > _DRIFT_MPS
 
     def _remember(self, blocked_m: Floats, travelled_m: float) -> None:
@@ -110,7 +116,7 @@ def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
     return thin
 
 
-def _beside(bases: Floats, path: Floats) -> tuple[Floats, Floats]:
+def beside(bases: Floats, path: Floats) -> tuple[Floats, Floats]:
     """(metres along the path, metres to its right) of points (k, 2)."""
     dx = bases[:, 0, None] - path[:, 0]
     dy = bases[:, 1, None] - path[:, 1]

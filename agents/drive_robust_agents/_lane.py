@@ -11,7 +11,6 @@ __all__ = ["LaneTracker"]
 
 Floats = NDArray[np.float64]
 
-_FORWARD_M = np.arange(5.0, 19.0, 0.6)
 _RIGHT_STEP_M = 0.12
 _RIGHT_M = np.arange(-5.4, 5.41, _RIGHT_STEP_M)
 _FLANK = 3
@@ -25,10 +24,13 @@ _WIDTH_M = (3.1, 4.0)
 class LaneTracker:
     """The middle of the lane is `y = c0 + c1 x + c2 x^2 / 2`, metres forward (x) and to the right (y)."""
 
+    FORWARD_M: Floats = np.arange(5.0, 19.0, 0.6)
+    """Metres ahead of the vehicle's middle at which markings are looked for."""
+
     def __init__(self) -> None:
-        grid = np.meshgrid(_FORWARD_M, _RIGHT_M, indexing="ij")
+        grid = np.meshgrid(self.FORWARD_M, _RIGHT_M, indexing="ij")
         self._rows, self._columns = ground_pixels(*grid)
-        self._basis = np.column_stack((np.ones_like(_FORWARD_M), _FORWARD_M, 0.5 * _FORWARD_M**2))
+        self._basis = np.column_stack((np.ones_like(self.FORWARD_M), self.FORWARD_M, 0.5 * self.FORWARD_M**2))
         self.forget(0.0, 0.0)
 
     def forget(self, offset_m: float, slope: float) -> None:
@@ -48,8 +50,11 @@ class LaneTracker:
         offset, slope, bend = self._state
         self._state = np.array([offset + slope * travelled_m, slope + bend * travelled_m - turned_rad, bend])
 
-    def see(self, pixels: NDArray[np.uint8], asphalt: float) -> None:
-        """Correct the lane by the markings of one image; `asphalt` is the brightness of the road (green, 0..255)."""
+    def see(self, pixels: NDArray[np.uint8], asphalt: Floats) -> None:
+        """Correct the lane by the markings of one image.
+
+        `asphalt` is the brightness of the road (green, 0..255) at `LaneTracker.FORWARD_M`.
+        """
         green = pixels[self._rows, self._columns, 1].astype(np.float32)
         inner = green[:, _FLANK:-_FLANK]
         ridge = inner - np.maximum(green[:, : -2 * _FLANK], green[:, 2 * _FLANK :])
@@ -78,14 +83,14 @@ class LaneTracker:
         self.quality += 0.1 * (seen - self.quality)
 
 
-def _peaks(ridge: NDArray[np.float32], expected_m: Floats, least: float) -> tuple[Floats, Floats]:
+def _peaks(ridge: NDArray[np.float32], expected_m: Floats, least: Floats) -> tuple[Floats, Floats]:
     """(places, weights) of the strongest ridge near the expected place of each row; weight 0 where there is none."""
     reach = int(_GATE_M / _RIGHT_STEP_M)
     first = np.round((expected_m - _RIGHT_M[_FLANK]) / _RIGHT_STEP_M).astype(np.int64) - reach
     inside = (first >= 0) & (first + 2 * reach < ridge.shape[1])
     window = np.clip(first, 0, ridge.shape[1] - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
     near = np.take_along_axis(ridge, window, axis=1)
-    peak = np.argmax(near - 0.3 * least * np.abs(np.arange(-reach, reach + 1)) / reach, axis=1)
+    peak = np.argmax(near - 0.3 * least[:, None] * np.abs(np.arange(-reach, reach + 1)) / reach, axis=1)
     rows = np.arange(len(ridge))
     strong = ((near[rows, peak] > least) & inside).astype(np.float64)
     return _RIGHT_M[_FLANK + window[rows, peak]], strong

@@ -14,12 +14,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._light import Dusk, lamp_light
 from pytest_drive_robust import CameraSpec
 
 __all__ = ["CAMERA", "Ground", "Signals", "ground_pixels", "signals"]
 
 Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
 
 CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
 _FOCAL_PX = CAMERA.width_px / 2.0 / math.tan(math.radians(CAMERA.fov_deg) / 2.0)
@@ -30,26 +33,45 @@ _SIGN_ROWS = 20
 _COLUMN_STEP = 2
 
 _DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
+_DARK_BY_NIGHT, _SHINING = 0.55, 200
+_MOONLIGHT = 0.12
+"""What lights the road by night, as a share of the headlamps."""
+_LIT, _DIM = 0.2, 0.5
+_ASPHALT_RANGE = (65.0, 125.0)
+_ENOUGH = 40
 _DEAD = 3
 _LEARN = 0.12
 _LAMP_RED = 210
 
 
 class Ground:
-    """Where each image column first meets something that is not ground, by a model of the asphalt per row."""
+    """Where each image column first meets something that is not ground, by a model of what asphalt looks like there.
+
+    By day the model is the colour of each row; by night it is the light of the vehicle's own headlamps, which fades
+    to the sides, and only what they light is judged: street lamps make the road brighter, never darker.
+    """
 
     def __init__(self) -> None:
-        rows = np.arange(_FIRST_ROW, CAMERA.height_px)
-        columns = np.arange(0, CAMERA.width_px, _COLUMN_STEP)
+        rows = np.arange(_FIRST_ROW, CAMERA.height_px, dtype=np.float64)
+        columns = np.arange(0, CAMERA.width_px, _COLUMN_STEP, dtype=np.float64)
         self._depth_m = _FOCAL_PX * CAMERA.z_m / (rows + 0.5 - CAMERA.height_px / 2.0)
         self._slope = (columns + 0.5 - CAMERA.width_px / 2.0) / _FOCAL_PX
-        self._patch = np.abs(self._depth_m[:, None] * self._slope) < np.maximum(1.1, 0.06 * self._depth_m)[:, None]
+        right_m = self._depth_m[:, None] * self._slope
+        self._patch = np.abs(right_m) < np.maximum(1.1, 0.06 * self._depth_m)[:, None]
+        lit = lamp_light(self._depth_m[:, None] + CAMERA.x_m, right_m)
+        self._light = (lit + _MOONLIGHT).astype(np.float32)
+        self._lit, self._dim = lit > _LIT, lit < _DIM
         self._asphalt: NDArray[np.float32] | None = None
+        self._paint = np.full(3, 98.0, dtype=np.float32)
+        self._dusk = Dusk()
+        self._night = False
 
-    @property
-    def level(self) -> float:
-        """Brightness (green, 0..255) of the asphalt nearest to the vehicle."""
-        return 98.0 if self._asphalt is None else float(self._asphalt[-20:, 1].mean())
+    def brightness(self, forward_m: Floats) -> Floats:
+        """Brightness (green, 0..255) of the asphalt straight ahead, so many metres from the vehicle's middle."""
+        if self._night:
+            lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
+            return lit
+        return np.full_like(forward_m, 98.0 if self._asphalt is None else self._asphalt[-20:, 1].mean())
 
     def bases(self, pixels: Bytes) -> Floats:
         """(k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
@@ -58,16 +80,10 @@ class Ground:
         out.
         """
         image = np.ascontiguousarray(pixels[_FIRST_ROW:, ::_COLUMN_STEP])
-        if self._asphalt is None:
-            self._asphalt = _first_asphalt(image, self._patch)
+        self._night = self._dusk.see(pixels)
         planes = [plane.astype(np.float32) for plane in cv2.split(image)]
-        red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
-        bright = np.maximum(np.maximum(red, green), blue)
         dead = np.maximum(np.maximum(planes[0], planes[1]), planes[2]) <= _DEAD
-        dirt = (red > _BROWN * blue) & (green > blue)
-        foreign = ((bright < _DARK) & ~dirt) | (blue > _BLUE * red) | (red > _RED * green)
-        grey = (bright < 1.25) & (green > 0.8) & (blue > _GREY * red)  # no dirt
-        self._learn(planes, self._patch & grey)
+        foreign = self._by_night(planes, dead) if self._night else self._by_day(image, planes)
         solid = foreign[1:] & foreign[:-1]  # two pixels high at least
         upward = (solid | dead[1:])[::-1]
         lowest = len(upward) - np.argmax(upward, axis=0)  # row of `foreign` again
@@ -79,7 +95,21 @@ class Ground:
         forward = self._depth_m[rows]
         return np.column_stack((forward + CAMERA.x_m, forward * self._slope[columns]))
 
-    def _learn(self, planes: list[NDArray[np.float32]], like: NDArray[np.bool_]) -> None:
+    # --- day ---
+
+    def _by_day(self, image: Bytes, planes: list[Floats32]) -> Mask:
+        """Which pixels are not ground, against the asphalt of their row."""
+        if self._asphalt is None:
+            self._asphalt = _first_asphalt(image, self._patch)
+        red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
+        bright = np.maximum(np.maximum(red, green), blue)
+        dirt = (red > _BROWN * blue) & (green > blue)
+        foreign: Mask = ((bright < _DARK) & ~dirt) | (blue > _BLUE * red) | (red > _RED * green)
+        grey = (bright < 1.25) & (green > 0.8) & (blue > _GREY * red)  # no dirt
+        self._learn(planes, self._patch & grey & ~foreign)
+        return foreign
+
+    def _learn(self, planes: list[Floats32], like: Mask) -> None:
         """Follow the colour of what looks like asphalt in the lane ahead, row by row."""
         assert self._asphalt is not None
         ones = np.ones(like.shape[1], dtype=np.float32)
@@ -90,13 +120,41 @@ class Ground:
         mean = total[known] / count[known, None]
         self._asphalt[known] += np.float32(_LEARN) * (mean - self._asphalt[known])
 
+    # --- night ---
 
-def _first_asphalt(image: Bytes, patch: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def _by_night(self, planes: list[Floats32], dead: Mask) -> Mask:
+        """Which pixels are not ground, against asphalt in the headlamps; what shines beside their cone is a lamp."""
+        self._follow_paint(planes, dead)
+        red, green, blue = (plane / (self._paint[k] * self._light) for k, plane in enumerate(planes))
+        bright = np.maximum(np.maximum(red, green), blue)
+        dirt = (red > _BROWN * blue) & (green > blue)
+        foreign = ((bright < _DARK_BY_NIGHT) & ~dirt) | ((blue > _BLUE * red) & ~self._dim) | (red > _RED * green)
+        lamp = np.minimum(np.minimum(planes[0], planes[1]), planes[2]) > _SHINING
+        found: Mask = (foreign & self._lit) | (lamp & self._dim)
+        return found
+
+    def _follow_paint(self, planes: list[Floats32], dead: Mask) -> None:
+        """Follow the colour of asphalt in full light, by the darker part of the lane: lamps and markings add to it."""
+        patch = (self._patch & self._lit & ~dead)[::3, ::2]
+        shades = [plane[::3, ::2][patch] / self._light[::3, ::2][patch] for plane in planes]
+        if len(shades[1]) < _ENOUGH:
+            return
+        darker = np.partition(shades[1], len(shades[1]) // 4)[len(shades[1]) // 4]
+        like = np.abs(shades[1] - darker) < 0.15 * darker
+        for k, shade in enumerate(shades):
+            self._paint[k] += _LEARN * (float(shade[like].mean()) - self._paint[k])
+        np.clip(self._paint, *_ASPHALT_RANGE, out=self._paint)
+
+
+def _first_asphalt(image: Bytes, patch: Mask) -> Floats32:
     """The median colour of each row's patch; going up it may change only as slowly as haze does."""
     medians = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))], dtype=np.float32)
     medians = np.maximum(medians, 8.0)
     medians[-10:] = np.median(medians[-10:], axis=0)
     for row in range(len(medians) - 11, -1, -1):
+        tint = (medians[row, 2] / medians[row, 0]) / (medians[row + 1, 2] / medians[row + 1, 0])
+        if not 0.9 < tint < 1.1:  # something coloured stands there
+            medians[row] = medians[row + 1]
         medians[row] = np.clip(medians[row], 0.985 * medians[row + 1], 1.05 * medians[row + 1])
     return medians
 

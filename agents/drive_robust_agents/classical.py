@@ -14,9 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._corridor import Corridor
+from drive_robust_agents._corridor import Corridor, beside
+from drive_robust_agents._gap import Gap
 from drive_robust_agents._junction import FRONT_M, JunctionRules
 from drive_robust_agents._lane import LaneTracker
+from drive_robust_agents._overtake import Overtake
 from drive_robust_agents._route import Junction, PlanPath
 from drive_robust_agents._vision import CAMERA, Ground
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
@@ -27,10 +29,13 @@ Floats = NDArray[np.float64]
 
 _DT_S = 0.05
 _WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
-_CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 10.5, 5.0, 7.0
+_CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 14.0, 6.5, 8.5
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
 _LANE_SHARE = 0.85
-_OFF_LANE_M = 0.6
+_OFF_LANE_M, _IN_LANE_M = 0.6, 0.8
+_PULL_OUT_MPS = 3.5
+_ROOM_TO_PULL_OUT_M = 3.5
+_ROAD_TO_PASS_M = 30.0
 _AHEAD_POINTS = 44
 
 
@@ -51,9 +56,10 @@ class Classical:
         self._plan = route
         self._path: PlanPath | None = None
         self._ground, self._lane, self._corridor = Ground(), LaneTracker(), Corridor()
-        self._rules = JunctionRules()
+        self._rules, self._overtake, self._gap = JunctionRules(), Overtake(), Gap()
         self._yaw_rad = 0.0
-        self._on_road = False
+        self._on_road, self._entered, self._go = False, False, False
+        self._may_pass, self._shift_m = False, 0.0
         self._integral = 0.0
         self._way: Floats = np.zeros((1, 2))
 
@@ -72,10 +78,16 @@ class Classical:
         at = self._path.locate(observation.gps.x_m, observation.gps.y_m)
         junction = self._path.next_junction(at)
         course = self._path.ahead(observation.gps.x_m, observation.gps.y_m, yaw, _AHEAD_POINTS)
-        self._way = self._correct(course, pixels, self._path.to_lane_end(at), travelled, turned)
+        self._entered |= abs(float(course[0, 1])) < _IN_LANE_M
+        to_lane_end = self._path.to_lane_end(at)
+        self._way = self._correct(course, pixels, to_lane_end, travelled, turned)
         inside = junction is not None and at > junction.entry_m - 3.0
         bases = self._ground.bases(pixels)
-        self._corridor.update(bases, self._way, travelled, may_dodge=not inside)
+        self._may_pass = self._entered and to_lane_end > _ROAD_TO_PASS_M
+        passing = self._pass(pixels, bases, speed, travelled)
+        self._corridor.update(
+            bases, self._way, travelled, may_dodge=not inside and not passing, no_posts=inside, narrow=passing
+        )
         rules = self._rules.speed(pixels, bases, junction, at, speed)
         target = min(self._road_speed(at, junction), self._obstacle_speed(), rules)
         return self._control(target, speed)
@@ -84,32 +96,51 @@ class Classical:
         self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
     ) -> Floats:
         """The plan's course moved towards the middle of the lane that the camera sees, as far as the path keeps it."""
-        on_road = to_lane_end > -1.0
+        on_road = to_lane_end > -1.0 and self._entered
         if on_road and not self._on_road:
-            self._lane.forget(*_line(course))
+            self._lane.forget(*_line(course, _OFF_LANE_M))
         self._on_road = on_road
         way: Floats = course.copy()
-        if on_road:
+        if self._overtake.offset_m < 0.0:  # the markings are those of another lane: what was learnt before holds
+            way[:, 1] += self._shift_m
+            self._lane.forget(*_line(way, math.inf))
+        elif on_road:
             self._lane.move(travelled, turned)
-            self._lane.see(pixels, self._ground.level)
+            self._lane.see(pixels, self._ground.brightness(LaneTracker.FORWARD_M))
             share = _LANE_SHARE * min(self._lane.quality / 0.3, 1.0)
             shift = share * (self._lane.middle(course[:, 0]) - course[:, 1])
             beyond = np.maximum(np.arange(len(course)) - to_lane_end, 0.0)
             way[:, 1] += np.clip(shift, -4.0, 4.0) * np.maximum(0.0, 1.0 - beyond / 8.0)
+            self._shift_m = float(way[6, 1] - course[6, 1])
         return way
+
+    def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, travelled: float) -> bool:
+        """Move the way to the left of what stands in the lane; true while it is moved."""
+        along, right = beside(bases, self._way)
+        if not self._entered and not self._go:
+            self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels)
+        self._overtake.update(pixels, along, right, speed_mps=speed, travelled_m=travelled, allowed=self._may_pass)
+        self._way[:, 1] += self._overtake.offsets(len(self._way))
+        return self._overtake.offset_m < 0.0
 
     # --- speed ---
 
     def _road_speed(self, at: float, junction: Junction | None) -> float:
         """Cruising speed, lower for a turn ahead and beside things at the edge."""
         target = _CAREFUL_MPS if self._corridor.tight or self._corridor.aside_m < -0.2 else _CRUISE_MPS
+        if self._overtake.offset_m < 0.0 or not self._entered:
+            slanted = abs(float(self._way[4, 1])) > 0.6
+            target = _PULL_OUT_MPS if slanted else _CAREFUL_MPS
+        if not self._entered and not self._go:
+            target = 0.0
         if junction is not None:
             turn = _TURN_MPS if junction.command is not RoadOption.STRAIGHT else _CAREFUL_MPS
             target = min(target, math.sqrt(turn**2 + 2.0 * 1.8 * max(junction.entry_m - at, 0.0)))
         return target
 
     def _obstacle_speed(self) -> float:
-        gap = self._corridor.free_m - FRONT_M - _STANDOFF_M
+        far = _ROOM_TO_PULL_OUT_M if self._may_pass and not self._overtake.passing else 0.0
+        gap = self._corridor.free_m - FRONT_M - _STANDOFF_M - far
         return math.sqrt(2.0 * _BRAKE_MPS2 * gap) if gap > 0.0 else 0.0
 
     # --- control ---
@@ -129,9 +160,9 @@ class Classical:
         return Control(throttle=throttle, steer=min(max(steer, -1.0), 1.0), brake=brake)
 
 
-def _line(course: Floats) -> tuple[float, float]:
-    """(offset, slope) of a line through the first ten metres of a course, no farther off than a lane allows."""
+def _line(course: Floats, most_m: float) -> tuple[float, float]:
+    """(offset, slope) of a line through the first ten metres of a course, no farther off than so many metres."""
     dx, dy = course[10] - course[0]
     slope = float(dy) / max(float(dx), 1.0)
     offset = float(course[0, 1]) - slope * float(course[0, 0])
-    return min(max(offset, -_OFF_LANE_M), _OFF_LANE_M), slope
+    return min(max(offset, -most_m), most_m), slope

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = ["SIGNALS", "Agent", "PlannedPath", "consumed_signals", "is_privileged"]
+__all__ = ["SIGNALS", "Agent", "PlannedPath", "consumed_signals", "is_privileged", "offers_lockstep"]
 
 SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
 """Every signal that an agent can declare in `consumes`."""
@@ -25,7 +25,16 @@ class Agent(Protocol):
     * `plan() -> PlannedPath`: the waypoints behind the last control, for overlays;
     * `consumes: frozenset[str]`: which of `SIGNALS` reach the policy (all of them when not said);
     * `privileged: bool`: True asks for `Observation.truth`; the report says so;
-    * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint.
+    * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint;
+    * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
+      how it drives and are not in its source, such as what it read from the environment;
+    * `num_cpus` and `num_gpus`, of the class or factory: what an episode takes of a cluster (1 and 0 when not said);
+    * `act_batch(agents: Sequence[Self], observations: Sequence[Observation]) -> Sequence[Control]`, a `staticmethod` or
+      `classmethod`: `act` for many agent objects at once, each of them in an episode of its own. What an episode
+      remembers belongs to its agent object, only weights are shared. The number of agents is the same in every call.
+      A control must depend on its own agent and observation only, to the last bit: this is checked before it is relied
+      on, and an agent that fails is driven one episode at a time. An exception in the place of a control is the fault
+      of that episode alone; one that is raised costs the others a new start.
 
     One agent object drives many episodes, one after the other: `reset` must forget everything about the last one.
     """
@@ -60,3 +69,8 @@ def is_privileged(agent: Agent) -> bool:
 def consumed_signals(agent: Agent) -> frozenset[str]:
     """The signals that reach the policy: `consumes`, or all of `SIGNALS` when the agent does not say."""
     return frozenset(getattr(agent, "consumes", SIGNALS))
+
+
+def offers_lockstep(agent: Agent) -> bool:
+    """True when the agent has an `act_batch`. Whether it keeps its promise is another question."""
+    return callable(getattr(agent, "act_batch", None))

@@ -31,6 +31,8 @@ class End(str, Enum):
     STUCK = "Failed - Stuck (early stop)"
     ENVIRONMENT = "Failed - Environment ended the episode"
     AGENT_CRASHED = "Failed - Agent crashed"
+    AGENT_CRASHED_HARD = "Failed - Agent crashed the process"
+    AGENT_TIMED_OUT = "Failed - Agent timed out"
     SIMULATION_CRASHED = "Failed - Simulation crashed"
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["EpisodeResult", "Injection", "Trace"]
+__all__ = ["EpisodeResult", "Given", "Injection", "Trace"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,25 @@ class Trace:
         return hashlib.blake2b(self.rows.tobytes(), digest_size=16).hexdigest()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """What the agent was told, one row for each observation that it got: `rows` is (observations, 5 + cameras) float32.
+
+    The first columns are `COLUMNS`: the tick, GPS in metres, the compass in radians clockwise from north, the speed in
+    m/s, all as perturbed. Then, for each camera of `Reception.cameras`, the tick at which its image was captured (NaN
+    when there was none).
+    """
+
+    rows: NDArray[np.float32]
+
+    COLUMNS = ("tick", "gps_x_m", "gps_y_m", "heading_rad", "speed_mps")
+
+    def column(self, name: str) -> NDArray[np.float32]:
+        """One of the first columns by its name."""
+        values: NDArray[np.float32] = self.rows[:, self.COLUMNS.index(name)]
+        return values
+
+
 @dataclass(frozen=True, slots=True)
 class Injection:
     """One stretch of the injected schedule: `perturbation` touched `signal` in ticks `first_tick..last_tick`."""
@@ -71,7 +90,7 @@ class EpisodeResult:
     twentieth of the route (`bench2drive.md` 1.5; empty when the ego never got that far). `end_detail` says in one
     sentence why the episode ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall
     times of `act`, one per call, kept only when the setting's latency is measured. `reception` tells what the setting
-    changed of what the agent got; None when nobody looked.
+    changed of what the agent got, `given` what it got, tick by tick; both are None when nobody looked.
     """
 
     episode: Episode
@@ -93,6 +112,7 @@ class EpisodeResult:
     junction_passed: bool = False
     versions: Mapping[str, str] = field(default_factory=dict)
     reception: Reception | None = None
+    given: Given | None = field(default=None, compare=False)  # an array has no single truth
 
     @property
     def game_s(self) -> float:

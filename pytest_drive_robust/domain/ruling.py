@@ -23,7 +23,8 @@ class Ruling:
     The first two read routes in planned order and stop once the verdict is in; `"auto"` is evidence where there are 20
     routes or more, which is what it needs, and the list otherwise. `margin` is how far beyond the limit
     "pass" may reach, as a share of the metric's range (0.10 is 0.10 RD or SR, 10 points of DS). Below `clean_floor`
-    (mean clean driving score, 0..100) an RD says nothing and is inconclusive.
+    (mean clean driving score, 0..100) an RD says nothing and is inconclusive. `family` is among how many requirements a
+    fail by evidence must stand: the alpha of a fail is divided by it, that of a pass is not.
 
     Raises `UsageError` for values that cannot be used.
     """
@@ -32,6 +33,7 @@ class Ruling:
     margin: float = 0.10
     alpha: float = 0.05
     clean_floor: float = 30.0
+    family: int = 1
 
     def __post_init__(self) -> None:
         if self.kind not in VERDICT_KINDS:
@@ -42,6 +44,13 @@ class Ruling:
                 raise UsageError(f"the verdict's {name} is {value!r}, expected a number between {low:g} and {high:g}.")
         if not 0.0 <= self.clean_floor <= _TOP_SCORE:
             raise UsageError(f"the floor of the clean driving score is {self.clean_floor!r}, expected 0..100.")
+        if self.family < 1:
+            raise UsageError(f"the verdict's family is {self.family!r}, expected a whole number of 1 or more.")
+
+    @property
+    def fail_alpha(self) -> float:
+        """How often a fail by evidence may be wrong."""
+        return self.alpha / self.family
 
     def for_routes(self, count: int) -> Ruling:
         """The same with `"auto"` resolved for so many routes."""

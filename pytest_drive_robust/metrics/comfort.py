@@ -2,18 +2,19 @@
 
 Source: Bench2Drive `tools/efficiency_smoothness_benchmark.py`; the bounds are nuPlan's. Two modes:
 
-==================== ============================= =====================================
-point                bench2drive (bug-compatible)  fixed
-==================== ============================= =====================================
-yaw rate             degrees per second, compared  radians per second
-                     with a bound in radians
-phase unwrap         applied to the yaw rate       none: a rate is no angle
-yaw acceleration     the yaw rate once more        derivative of the yaw rate
-time step of jerk    0.1 s, whatever the data      the true one
-standing car         comfortable                   left out (below 0.1 m/s all segment)
-short episodes       filter window shrinks to the  no data below one filter window (7)
-                     data, no data below 3 samples
-==================== ============================= =====================================
+==================== ================ ============================= =====================================
+point                quirk            bench2drive (bug-compatible)  fixed
+==================== ================ ============================= =====================================
+yaw rate             `degrees`        degrees per second, compared  radians per second
+                                      with a bound in radians
+phase unwrap         `unwrap`         applied to the yaw rate       none: a rate is no angle
+yaw acceleration     `rate-twice`     the yaw rate once more        derivative of the yaw rate
+time step of jerk    `half-jerk`      0.1 s, whatever the data      the true one
+segments             `20-samples`     20 samples, whatever the rate 1 s
+standing car         `standing`       comfortable                   left out (below 0.1 m/s all segment)
+short episodes       `short-window`   filter window shrinks to the  no data below one filter window (7)
+                                      data, no data below 3 samples
+==================== ================ ============================= =====================================
 
 A car that turns at 1 degree per second is thus uncomfortable in the official numbers, and one that never moves is
 perfectly comfortable.
@@ -21,6 +22,8 @@ perfectly comfortable.
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["comfort"]
+__all__ = ["COMFORT_QUIRKS", "Motion", "comfort", "comfort_of"]
 
 FORWARD_MPS2 = (-4.05, 2.40)
 LATERAL_MPS2 = (-4.89, 4.89)
@@ -41,11 +44,29 @@ FORWARD_JERK_MPS3 = (-4.13, 4.13)
 YAW_ACCELERATION_RADPS2 = (-1.93, 1.93)
 YAW_RATE_RADPS = (-0.95, 0.95)
 
+COMFORT_QUIRKS = ("degrees", "unwrap", "rate-twice", "half-jerk", "20-samples", "standing", "short-window")
+"""The points of the table above in which the official tool is odd: all of them are `bench2drive`, none is `fixed`."""
+
 _SEGMENT_SAMPLES = 20
 _WINDOW_SAMPLES = 7
 _POLYNOMIAL_ORDER = 2
 _OFFICIAL_DT_S = 0.1
 _STANDING_MPS = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """The planar motion of a vehicle, one sample a tick: each array is (samples,) float64.
+
+    `magnitude_mps2` is the length of the acceleration: that of `forward` and `right` unless the vehicle is tilted.
+    """
+
+    forward_mps2: Floats
+    right_mps2: Floats
+    magnitude_mps2: Floats
+    yaw_rate_radps: Floats
+    speed_mps: Floats
+    dt_s: float
 
 
 def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None:
@@ -55,48 +76,66 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
     of at most one segment counts as one. A segment is comfortable when every signal is strictly within its bounds at
     every sample. Raises `UnknownNameError` for another mode and `ComparisonError` for an `infra_error`.
     """
-    require_mode(mode)
-    require_scorable([result])
-    rows = result.trace.rows
-    fixed = mode == "fixed"
-    if len(rows) < (_WINDOW_SAMPLES if fixed else _POLYNOMIAL_ORDER + 1):
-        return None
-    samples = max(round(1.0 / result.dt_s), _WINDOW_SAMPLES) if fixed else _SEGMENT_SAMPLES
-    verdicts = []
-    for first in range(0, max(len(rows) - samples, 0) + 1, samples):
-        part = slice(first, first + samples)
-        if fixed and bool((abs(result.trace.column("speed_mps")[part]) < _STANDING_MPS).all()):
-            continue
-        verdicts.append(_is_comfortable(_signals(result, part, fixed=fixed)))
-    return 100.0 * sum(verdicts) / len(verdicts) if verdicts else None
-
-
-def _signals(result: EpisodeResult, part: slice, *, fixed: bool) -> list[tuple[tuple[float, float], Floats]]:
-    """The six signals of a segment, each with its bounds."""
     import numpy as np
 
-    forward = _smooth(result.trace.column("forward_mps2")[part])
-    right = result.trace.column("right_mps2")[part]
-    magnitude = _smooth(np.hypot(result.trace.column("forward_mps2")[part], right))
-    raw_yaw_rate = result.trace.column("yaw_rate_radps")[part]
-    step_s = result.dt_s if fixed else _OFFICIAL_DT_S
-    if fixed:
-        yaw_rate = _smooth(raw_yaw_rate)
-        yaw_acceleration = _slope(yaw_rate, result.dt_s)
-    else:
-        yaw_rate = yaw_acceleration = _smooth(_unwrapped(np.degrees(raw_yaw_rate)))
-    return [
+    require_mode(mode)
+    require_scorable([result])
+    forward, right = result.trace.column("forward_mps2"), result.trace.column("right_mps2")
+    motion = Motion(
+        forward_mps2=forward,
+        right_mps2=right,
+        magnitude_mps2=np.hypot(forward, right),
+        yaw_rate_radps=result.trace.column("yaw_rate_radps"),
+        speed_mps=result.trace.column("speed_mps"),
+        dt_s=result.dt_s,
+    )
+    return comfort_of(motion, COMFORT_QUIRKS if mode == "bench2drive" else ())
+
+
+def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> float | None:
+    """As `comfort`, of a recorded motion and with some of `COMFORT_QUIRKS`: what each of them does to the number."""
+    count = len(motion.forward_mps2)
+    if count < (_POLYNOMIAL_ORDER + 1 if "short-window" in quirks else _WINDOW_SAMPLES):
+        return None
+    samples = _SEGMENT_SAMPLES if "20-samples" in quirks else max(round(1.0 / motion.dt_s), _WINDOW_SAMPLES)
+    samples = min(samples, count)
+    parts = {name: _cut(getattr(motion, name), samples) for name in motion.__slots__ if name != "dt_s"}
+    comfortable = _comfortable(parts, motion.dt_s, quirks)
+    if "standing" not in quirks:
+        comfortable = comfortable[(abs(parts["speed_mps"]) >= _STANDING_MPS).any(axis=-1)]
+    return 100.0 * float(comfortable.sum()) / len(comfortable) if len(comfortable) else None
+
+
+def _cut(values: Floats, samples: int) -> Floats:
+    """The whole segments, one in each row."""
+    segments = len(values) // samples
+    return values[: segments * samples].reshape(segments, samples)
+
+
+def _comfortable(
+    parts: dict[str, Floats], dt_s: float, quirks: AbstractSet[str] | tuple[str, ...]
+) -> NDArray[np.bool_]:
+    """For each segment whether all six signals are within their bounds at every sample."""
+    import numpy as np
+
+    step_s = _OFFICIAL_DT_S if "half-jerk" in quirks else dt_s
+    forward, magnitude = _smooth(parts["forward_mps2"]), _smooth(parts["magnitude_mps2"])
+    yaw_rate = parts["yaw_rate_radps"]
+    if "degrees" in quirks:
+        yaw_rate = np.degrees(yaw_rate)
+    yaw_rate = _smooth(_unwrapped(yaw_rate) if "unwrap" in quirks else yaw_rate)
+    signals = (
         (FORWARD_MPS2, forward),
-        (LATERAL_MPS2, _smooth(right)),
+        (LATERAL_MPS2, _smooth(parts["right_mps2"])),
         (JERK_MPS3, _slope(magnitude, step_s)),
         (FORWARD_JERK_MPS3, _slope(forward, step_s)),
-        (YAW_ACCELERATION_RADPS2, yaw_acceleration),
+        (YAW_ACCELERATION_RADPS2, yaw_rate if "rate-twice" in quirks else _slope(yaw_rate, dt_s)),
         (YAW_RATE_RADPS, yaw_rate),
-    ]
-
-
-def _is_comfortable(signals: list[tuple[tuple[float, float], Floats]]) -> bool:
-    return all(bool(((low < values) & (values < high)).all()) for (low, high), values in signals)
+    )
+    within: NDArray[np.bool_] = np.all(
+        [((low < values) & (values < high)).all(axis=-1) for (low, high), values in signals], axis=0
+    )
+    return within
 
 
 def _smooth(values: Floats) -> Floats:
@@ -110,8 +149,8 @@ def _slope(values: Floats, step_s: float) -> Floats:
 def _savitzky_golay(values: Floats, *, derivative: int, step_s: float) -> Floats:
     from scipy.signal import savgol_filter
 
-    window = min(_WINDOW_SAMPLES, len(values))
-    filtered: Floats = savgol_filter(values, window, _POLYNOMIAL_ORDER, deriv=derivative, delta=step_s)
+    window = min(_WINDOW_SAMPLES, values.shape[-1])
+    filtered: Floats = savgol_filter(values, window, _POLYNOMIAL_ORDER, deriv=derivative, delta=step_s, axis=-1)
     return filtered
 
 
@@ -119,6 +158,7 @@ def _unwrapped(rates: Floats) -> Floats:
     """Steps of more than half of 2 pi between samples taken out: meant for angles, applied to a rate by the tool."""
     import numpy as np
 
-    turns = np.concatenate(([0.0], np.cumsum(np.round(np.diff(rates) / (2.0 * np.pi)))))
+    turns = np.zeros_like(rates)
+    turns[..., 1:] = np.cumsum(np.round(np.diff(rates, axis=-1) / (2.0 * np.pi)), axis=-1)
     corrected: Floats = rates - 2.0 * np.pi * turns
     return corrected

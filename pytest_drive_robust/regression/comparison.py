@@ -11,7 +11,9 @@ from pytest_drive_robust.regression.clean import clean_sentence
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
-from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise
+from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
+from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
+from pytest_drive_robust.stats.judges import VerdictKind
 from pytest_drive_robust.stats.order import planned_order
 
 __all__ = ["compare"]
@@ -42,6 +44,7 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
     notes += [f"not in {after.label}: {agent} under {setting}" for agent, setting in before.cells.keys() - driven]
     if not cells:
         raise UsageError(_nothing_in_common(before, after))
+    notes += _about_rules(cells)
     first = next(score for cell in after.cells.values() for score in cell.routes.values())
     return Comparison(
         before, after, terms, tuple(cells), tuple(dict.fromkeys(found)), first.fingerprint, tuple(sorted(notes))
@@ -58,11 +61,32 @@ def _renamed(before: Snapshot, after: Snapshot) -> Mapping[str, str]:
 def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
     def told(snapshot: Snapshot) -> str:
         cells = list(snapshot.cells.values())
-        shown = ", ".join(f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes)" for cell in cells[:4])
+        shown = ", ".join(
+            f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes{_broken(cell)})" for cell in cells[:4]
+        )
         more = f" and {len(cells) - 4} more" if len(cells) > 4 else ""
         return f"{snapshot.label} holds {shown or 'nothing'}{more}"
 
     return f"there is nothing to compare: {told(before)}; {told(after)}. Expected a setting with common routes."
+
+
+def _about_rules(cells: Sequence[CellComparison]) -> Iterable[str]:
+    """What few routes mean, in words."""
+    lists = sorted({cell.routes for cell in cells if cell.rule == "list" and cell.changed})
+    if lists:
+        yield f"verdicts on {_listed(lists)} routes by the rule list: they speak of exactly these routes and seeds"
+    few = sorted({cell.routes for cell in cells if cell.rule == "evidence" and cell.routes < FEWEST_FOR_T})
+    if few:
+        seeds = "" if all(cell.same_seeds for cell in cells) else " with other seeds"
+        yield f"{_listed(few)} routes{seeds} show little: drive {FEWEST_FOR_T} or more, or the same routes and seeds"
+
+
+def _listed(numbers: Iterable[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def _broken(cell: Cell) -> str:
+    return f", {len(cell.broken)} not scored: {cell.broken[0]}" if cell.broken else ""
 
 
 def _pairs(old: Cell, new: Cell) -> list[Pair]:
@@ -77,6 +101,9 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
     old, new = cells
     pairs = _pairs(old, new)
     quartets = _quartets(before, after, cells, pairs)
+    same_seeds = all(was.seeds == now.seeds for was, now in pairs)
+    changed = sum(was.ds != now.ds for was, now in pairs)
+    kind = kind_for(terms.kind, len(pairs), same_seeds=same_seeds, changed=changed)
     return CellComparison(
         agent=new.agent,
         setting=new.setting,
@@ -85,9 +112,11 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
         after=_numbers([pair[1] for pair in pairs], [(item.clean_after, item.after) for item in quartets]),
         routes=len(pairs),
         missing=len(old.routes) - len(pairs),
-        changed=sum(pair[0].ds != pair[1].ds for pair in pairs),
-        findings=tuple(_findings(new, pairs, quartets, terms)),
+        changed=changed,
+        findings=tuple(_findings(new, pairs, quartets, terms.allowances, kind)),
         flips=_flips(pairs),
+        rule=kind,
+        same_seeds=same_seeds,
     )
 
 
@@ -113,22 +142,28 @@ def _quartets(
     )
 
 
-def _findings(new: Cell, pairs: Sequence[Pair], quartets: Sequence[Quartet], terms: Terms) -> Iterable[Finding]:
-    for allowance in terms.allowances:
+def _findings(
+    new: Cell,
+    pairs: Sequence[Pair],
+    quartets: Sequence[Quartet],
+    allowances: Sequence[Allowance],
+    kind: VerdictKind,
+) -> Iterable[Finding]:
+    for allowance in allowances:
         if new.broken:
             more = f" and {len(new.broken) - 1} more" if len(new.broken) > 1 else ""
             yield Finding(allowance, "error", f"not scored: {new.broken[0]}{more}")
         elif allowance.metric == "RD":
-            yield _rise(new, quartets, allowance, terms)
+            yield _rise(new, quartets, allowance, kind)
         else:
             ds = allowance.metric == "DS"
             scores = [(was.ds, now.ds) if ds else (was.sr, now.sr) for was, now in pairs]
-            yield Finding(allowance, judge_drop(scores, allowance, kind=terms.kind))
+            yield Finding(allowance, judge_drop(scores, allowance, kind=kind))
 
 
-def _rise(new: Cell, quartets: Sequence[Quartet], allowance: Allowance, terms: Terms) -> Finding:
+def _rise(new: Cell, quartets: Sequence[Quartet], allowance: Allowance, kind: VerdictKind) -> Finding:
     if quartets:
-        return Finding(allowance, judge_rise(quartets, allowance, kind=terms.kind))
+        return Finding(allowance, judge_rise(quartets, allowance, kind=kind))
     if clean_sentence(new.setting) == new.setting:
         return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
     return Finding(allowance, "error", "RD needs clean episodes of the same routes in both runs")

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy
 from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
-from pytest_drive_robust.stats.judges import VerdictKind
 
 __all__ = ["CellComparison", "Comparison", "Finding", "Flip", "Numbers", "Terms"]
 
@@ -16,10 +15,13 @@ _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match."""
+    """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match.
+
+    `kind` is `"evidence"`, `"list"`, `"point"`, or `"auto"`: by the routes and seeds that both runs hold.
+    """
 
     allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
-    kind: VerdictKind = "evidence"
+    kind: str = "auto"
     policy: MismatchPolicy = "default"
 
 
@@ -54,7 +56,8 @@ class Finding:
 class CellComparison:
     """One agent under one setting in both runs. `agent` is its name in the new run.
 
-    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score.
+    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score. `rule` is what
+    judged them, `same_seeds` says whether both runs drove them with the same seeds.
     """
 
     agent: str
@@ -67,6 +70,8 @@ class CellComparison:
     changed: int
     findings: tuple[Finding, ...]
     flips: tuple[Flip, ...]
+    rule: str
+    same_seeds: bool
 
     @property
     def verdict(self) -> str:

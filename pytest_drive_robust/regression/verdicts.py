@@ -10,15 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import get_args
+from typing import cast
 
+from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T, Decision, mean_below_zero_p
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by
 from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
 
-__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise", "parse_kind"]
+__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
 
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
@@ -34,12 +35,24 @@ class Quartet:
     after: float
 
 
-def parse_kind(given: str, *, source: str) -> VerdictKind:
-    """The rule of that name; `"auto"` is evidence here. Raises `UnknownNameError`, naming `source`."""
-    known: dict[str, VerdictKind] = {"auto": "evidence", **{kind: kind for kind in get_args(VerdictKind)}}
-    if given not in known:
-        raise UnknownNameError.of(f"rule for {source}", given, known)
-    return known[given]
+def parse_kind(given: str, *, source: str) -> str:
+    """The rule of that name, or `"auto"`. Raises `UnknownNameError`, naming `source`."""
+    if given not in VERDICT_KINDS:
+        raise UnknownNameError.of(f"rule for {source}", given, VERDICT_KINDS)
+    return given
+
+
+def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> VerdictKind:
+    """The rule for so many common routes: `"auto"` is evidence from 20 routes on and the list below, as in a run.
+
+    Other seeds are another list: nothing about the old one follows from them, so they are evidence in any number. The
+    same seeds without one changed score are a list in any number: that nothing changed there needs no evidence.
+    """
+    if kind == "auto" and not same_seeds:
+        return "evidence"
+    if kind == "auto" and not changed:
+        return "list"
+    return cast("VerdictKind", Ruling(kind).for_routes(routes).kind)
 
 
 def judge_drop(

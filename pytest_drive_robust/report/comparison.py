@@ -56,6 +56,8 @@ def conclusion(comparison: Comparison) -> str:
         what = f"{first.agent} under {first.setting}"
         more = f" and {len(comparison.regressions) - 1} more" if len(comparison.regressions) > 1 else ""
         return f"REGRESSION: {len(comparison.regressions)} of {count} against {label}: {what}{more}"
+    if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
+        return f"no regression: not one score changed in {count} against {label}"
     return f"no regression shown in {count} against {label}" + (f", {unsure} inconclusive" if unsure else "")
 
 

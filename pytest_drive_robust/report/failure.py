@@ -85,10 +85,21 @@ def _promise(verdict: Verdict) -> list[str]:
     lenient = limit + verdict.margin if above else limit - verdict.margin
     broken = f"{metric} {'>' if above else '<'} {shown(metric, limit)}"
     held = f"{metric} {'<' if above else '>'} {shown(metric, lenient)}"
+    ruling = verdict.ruling
+    if verdict.decision == "inconclusive" and ruling.family > 1 and (verdict.p_value or 1.0) <= ruling.alpha:
+        return [
+            f"  open: {broken} is shown on its own (p = {verdict.p_value:.2g}) but not among {ruling.family} "
+            "requirements yet",
+            "  Holm's procedure decides when all of them are judged: see the end of the run",
+        ]
     if verdict.decision == "inconclusive":
         return [f"  open: neither {broken} nor {held} is shown by {_count(verdict.routes, 'route')}"]
     claim = broken if verdict.decision == "fail" else held
-    return [f"  shown: {claim} on routes like these, wrong at most {verdict.ruling.alpha:.0%} of the time"]
+    line = f"  shown: {claim} on routes like these, wrong at most {ruling.alpha:.0%} of the time"
+    if verdict.decision == "fail" and ruling.family > 1:
+        rarely = f"any wrong fail among {ruling.family}: at most {ruling.alpha:.0%}"
+        line = f"  shown: {claim} on routes like these; {rarely}"
+    return [line]
 
 
 def _summaries(verdict: Verdict) -> list[str]:

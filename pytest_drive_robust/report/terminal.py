@@ -91,12 +91,51 @@ def footnotes(run: RunResult) -> list[str]:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
     if any(judged.routes < judged.planned for judged in run.judged):
         lines.append("early verdicts rest on fewer routes: between rows compare RD (paired by route), not DS")
+    lines += _late(run)
     lines += _open(run)
+    lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)
+
+
+def _late(run: RunResult) -> list[str]:
+    """What failed after its test was over."""
+    return [f"NOT GREEN: {item.requirement}: {shown(item.metric, item.value)}, {item.message}" for item in run.late]
+
+
+def _several(run: RunResult) -> list[str]:
+    """How often the verdicts of this run, taken together, are wrong."""
+    shared = [item for item in run.judged if item.p_value is not None]
+    if len(shared) < 2:
+        return []
+    from pytest_drive_robust.stats.several import any_wrong
+
+    alpha, count = run.settings.ruling.alpha, len(shared)
+    others = len(run.judged) - count
+    lines = [
+        f"{count} verdicts from evidence: when all pass, 'all hold' is wrong at most {alpha:.0%} of the time, "
+        "however many there are;"
+    ]
+    if run.settings.correction == "none":
+        often = f"{any_wrong(alpha, count):.0%}"
+        lines.append(
+            f"  'any fails' is wrong up to {often} of the time, if every limit lies exactly at the agent's value, and "
+            f"hardly ever with 0.05 of the range to spare (--drive-correction=holm: at most {alpha:.0%})"
+        )
+    else:
+        planned = max(item.family for item in shared)
+        lines.append(f"  'any fails' is wrong at most {alpha:.0%} of the time (Holm over {max(count, planned)})")
+        if count > planned:
+            lines.append(
+                f"  but only {planned} were counted when the tests were collected, so fails shown before the end stand "
+                f"among {planned}: give requirements to tests as parameters"
+            )
+    if others:
+        lines.append(f"  {others} more by the rules list and point, which speak of these routes only, or not judged")
+    return lines
 
 
 def _open(run: RunResult) -> list[str]:

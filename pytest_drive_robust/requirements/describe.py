@@ -17,8 +17,11 @@ _ENDS: Mapping[End, str] = {
     End.STUCK: "stuck",
     End.ENVIRONMENT: "ended by the environment",
     End.AGENT_CRASHED: "agent error",
+    End.AGENT_CRASHED_HARD: "agent crashed the process",
+    End.AGENT_TIMED_OUT: "agent timed out",
     End.SIMULATION_CRASHED: "simulation crashed",
 }
+_BROKEN = frozenset({End.AGENT_CRASHED, End.AGENT_CRASHED_HARD, End.AGENT_TIMED_OUT, End.SIMULATION_CRASHED})
 _EVENTS: Mapping[InfractionKind, str] = {
     InfractionKind.COLLISION_PEDESTRIAN: "collision with pedestrian",
     InfractionKind.COLLISION_VEHICLE: "collision with vehicle",
@@ -43,7 +46,7 @@ def describe_outcome(result: EpisodeResult) -> str:
     if result.end is End.COMPLETED:
         return f"{end}, {first}" if first else end
     end = f"{end} at {result.game_s:.1f} s"
-    if result.end in (End.AGENT_CRASHED, End.SIMULATION_CRASHED):
+    if result.end in _BROKEN:
         end += f" ({result.end_detail})"
     return f"{first}, {end}" if first else end
 

@@ -18,7 +18,7 @@ from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.requirements.divergence import first_divergence_s
 from pytest_drive_robust.requirements.known import known_metric
 from pytest_drive_robust.requirements.model import Requirement
-from pytest_drive_robust.requirements.ruling import margin_of
+from pytest_drive_robust.requirements.ruling import margin_of, rule_of
 from pytest_drive_robust.requirements.touched import require_touched
 from pytest_drive_robust.requirements.worst import WorstRoute, worst_routes
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
@@ -30,11 +30,12 @@ __all__ = ["Verdict", "WorstRoute", "first_divergence_s", "judge", "measure"]
 class Verdict:
     """Whether `agent` meets `requirement`, and why.
 
-    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by the rule of `ruling`; `margin` is its margin in the unit of
-    the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the `routes`
-    of `planned` that were driven; `low..high` is its interval over routes like these (95 %, or alpha a side of the
-    ruling where evidence was read and may have stopped early), infinite where one route or an unsure clean score says
-    nothing. `clean` is None when no clean episode was given. `worst` are at most three routes, for people.
+    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by the rule of `ruling`; `margin` is its margin in the unit
+    of the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the
+    `routes` of `planned` that were driven; `low..high` is its interval over routes like these (95 %, or alpha a side
+    of the ruling where evidence was read and may have stopped early), infinite where one route or an unsure clean
+    score says nothing. `p_value` is that against "it holds", where evidence was read. `clean` is None when no clean
+    episode was given. `worst` are at most three routes, for people.
     """
 
     requirement: Requirement
@@ -52,6 +53,7 @@ class Verdict:
     clean: Summary | None
     perturbed: Summary
     worst: tuple[WorstRoute, ...]
+    p_value: float | None = None
 
     @property
     def passed(self) -> bool:
@@ -89,11 +91,14 @@ def judge(
         _require_episodes_of(agent, [baseline] if metric.needs_clean else [baseline, str(Setting.CLEAN)], clean)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     routes = len({result.episode.route_id for result in perturbed})
+    p_value = None
     if decision is None or ruling is None:
         ruling = replace(ruling or Ruling(), kind="point")  # nothing was read route by route, so nothing is promised
         decision = "pass" if requirement.is_met_by(value) else "fail"
     elif ruling.kind == "evidence":
-        low, high = _honest(metric, clean, perturbed, mode, ruling, ended=planned is None or routes >= planned)
+        ended = planned is None or routes >= planned
+        low, high = _honest(metric, clean, perturbed, mode, ruling, ended=ended)
+        p_value = _p_value(requirement, clean, perturbed, mode, ruling, ended=ended)
     reason = _clean_floor(metric, clean, ruling)
     return Verdict(
         requirement=requirement,
@@ -111,6 +116,7 @@ def judge(
         clean=summarize(clean, mode=mode) if clean else None,
         perturbed=summarize(perturbed, mode=mode),
         worst=worst_routes(clean, perturbed, relative=metric.needs_clean),
+        p_value=p_value,
     )
 
 
@@ -132,6 +138,28 @@ def _honest(
     assert of_episode is not None  # a user's function is never read route by route
     values = list(values_by_route(perturbed, lambda result: of_episode(result, mode)).values())
     return mean_evidence_interval(values, ruling.alpha, low=metric.low, high=metric.high, ended=ended)
+
+
+def _p_value(
+    requirement: Requirement,
+    clean: Sequence[EpisodeResult],
+    perturbed: Sequence[EpisodeResult],
+    mode: str,
+    ruling: Ruling,
+    *,
+    ended: bool,
+) -> float:
+    """Of the episodes in the order in which they were read."""
+    from pytest_drive_robust.stats.several import fail_p_value
+
+    metric, rule = known_metric(requirement.metric), rule_of(requirement, ruling)
+    if metric.needs_clean:
+        references, scores = paired_driving_scores(clean, perturbed)
+        return fail_p_value(rule, scores, references, ended=ended)
+    of_episode = metric.of_episode
+    assert of_episode is not None  # a user's function is never read route by route
+    values = values_by_route(perturbed, lambda result: of_episode(result, mode))
+    return fail_p_value(rule, list(values.values()), ended=ended)
 
 
 def _clean_floor(metric: Metric, clean: Sequence[EpisodeResult], ruling: Ruling) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.ruling import Ruling
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.stats.planning import Advice
     from pytest_drive_robust.stats.rules import Rule
 
-__all__ = ["advice_on", "margin_of", "reads_routes", "rule_of"]
+__all__ = ["advice_on", "by_evidence", "margin_of", "reads_routes", "rule_of"]
 
 _SCORE_RANGE = 100.0
 
@@ -21,6 +22,13 @@ _SCORE_RANGE = 100.0
 def reads_routes(requirement: Requirement, ruling: Ruling) -> bool:
     """Whether the verdict is read route by route; a user's function over all episodes cannot be."""
     return ruling.kind != "point" and known_metric(requirement.metric).function is None
+
+
+def by_evidence(requirements: Sequence[Requirement], ruling: Ruling) -> int:
+    """How many verdicts from evidence a test will give: those of its `requirements`, one when they are not known."""
+    if ruling.kind != "evidence":
+        return 0
+    return sum(reads_routes(requirement, ruling) for requirement in requirements) if requirements else 1
 
 
 def margin_of(requirement: Requirement, ruling: Ruling) -> float:

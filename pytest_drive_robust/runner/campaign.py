@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from contextlib import closing
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import DriveRobustError
-from pytest_drive_robust.store.events import Asked, Event, Finished, Identified, Judged, Planned, Spared, Started
+from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.store.events import (
+    Asked,
+    Event,
+    Finished,
+    Identified,
+    Judged,
+    Planned,
+    Reused,
+    Spared,
+    Started,
+    Troubled,
+    Used,
+)
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.ruling import Ruling
@@ -18,6 +31,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import Need, Scope, Task
+    from pytest_drive_robust.runner.reading import Drive, RouteTasks
     from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["Campaign", "Judgement", "Observer"]
@@ -51,24 +65,41 @@ class Judgement:
 
 
 class Campaign:
-    """Answers questions about episodes; drives those that nobody has driven yet, when they are asked for.
+    """Answers questions about episodes; has those driven that nobody has driven yet.
 
+    While one question waits for its episodes, free slots of the executor already drive what it will ask for next, then
+    what later tests need. Answers do not depend on that: episodes are read in planned order, whoever ended first.
+
+    `budget_s`: so many seconds after the first question no new episode is begun.
     `whole`: episodes that a verdict can do without are driven too, because the run is compared with others: routes
     that were driven until their scores happened to be high enough say nothing about two runs.
     """
 
     def __init__(
-        self, store: EpisodeStore, executor: Executor, observer: Observer, *, metrics: str, whole: bool = False
+        self,
+        store: EpisodeStore,
+        executor: Executor,
+        observer: Observer,
+        *,
+        metrics: str,
+        whole: bool = False,
+        budget_s: float | None = None,
     ) -> None:
         self._store = store
-        self._executor = executor
+        self._told: set[str] = set()
         self._observer = observer
         self._metrics = metrics
         self._whole = whole
+        self._scheduler = Scheduler(store, executor, self, budget_s=budget_s)
 
-    def planned(self, tasks: Mapping[str, Task]) -> None:
-        """Tell the observer what will be needed, so that it can say how much is left."""
+    def planned(self, tasks: Mapping[str, Task], *, ahead: bool = True) -> None:
+        """What the selected tests are known to need, so that the observer can say how much is left.
+
+        `ahead`: idle slots may begin with it, in this order.
+        """
         self._observer(Planned(tuple(tasks)))
+        if ahead:
+            self._scheduler.plan(tasks.values())
 
     def identified(self, facts: Iterable[Identified]) -> None:
         """Tell the record what agents and routes are made of."""
@@ -94,7 +125,7 @@ class Campaign:
         return judgement
 
     def decide(self, requirement: Requirement, scope: Scope, ruling: Ruling) -> Judgement:
-        """Drive route by route until the ruling decides; all of them where it compares values. No verdict recorded."""
+        """Read route by route until the ruling decides; all of them where it compares values. No verdict recorded."""
         from pytest_drive_robust.requirements.evaluate import judge
         from pytest_drive_robust.requirements.ruling import reads_routes
         from pytest_drive_robust.runner.reading import read_until_decided, routes_in_order
@@ -104,14 +135,17 @@ class Campaign:
         need = scope.need(requirement.setting, clean=requirement.needs_clean)
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
-        decision, count = read_until_decided(requirement, ruling, routes, self._driven, mode=self._metrics)
-        read, spared = routes[:count], routes[count:]
-        if self._whole:
-            self._drive_missing(tuple(task for route in spared for task in route.tasks))
-        elif spared:
-            self._observer(Spared(tuple(task.key for route in spared for task in route.tasks)))
-        clean = self._finished(tuple(task for route in read for task in route.clean))
-        perturbed = self._finished(tuple(task for route in read for task in route.perturbed))
+        with self._driving():
+            decision, count = read_until_decided(requirement, ruling, routes, self._reader(routes), mode=self._metrics)
+            read, rest = routes[:count], tuple(task for route in routes[count:] for task in route.tasks)
+            if self._whole:
+                self._ensure(rest)
+                self._observer(Used(tuple(task.key for task in rest)))
+            elif rest:
+                self._scheduler.spare(rest)
+                self._observer(Spared(tuple(task.key for task in rest)))
+        clean = self._use(tuple(task for route in read for task in route.clean))
+        perturbed = self._use(tuple(task for route in read for task in route.perturbed))
         verdict = judge(
             requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics, ruling=ruling,
             decision=decision, planned=len(routes),
@@ -133,34 +167,42 @@ class Campaign:
         self._observer(event)
 
     def close(self) -> None:
-        """Free simulators and agents."""
-        self._executor.close()
+        """Cut off what is still under way and free simulators, agents and processes."""
+        self._scheduler.close()
 
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
         """The clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
-        self._drive_missing(need.tasks)
-        return self._finished(need.clean), self._finished(need.perturbed)
+        with self._driving():
+            self._ensure(need.tasks)
+        return self._use(need.clean), self._use(need.perturbed)
 
     def _tell_asked(self, scope: Scope, need: Need) -> None:
         for asked in _asked(scope, need):
             self._observer(asked)
 
-    def _driven(self, tasks: tuple[Task, ...]) -> Results:
-        """The results of these tasks, driven where missing."""
-        self._drive_missing(tasks)
-        return self._finished(tasks)
+    def _reader(self, routes: Sequence[RouteTasks]) -> Drive:
+        """What gives the results of one route after the other, while free slots drive the routes behind it."""
+        order = [task for route in routes for task in route.tasks]
+        place = {task.key: number for number, task in enumerate(order)}
 
-    def _drive_missing(self, tasks: tuple[Task, ...]) -> None:
-        by_key = {task.key: task for task in tasks}
-        try:
-            # Closed at once, not when a traceback lets go of it: an exception must give back the claimed episode.
-            with closing(self._store.missing(tuple(by_key))) as missing:
-                for task, result in self._executor.drive((by_key[key] for key in missing), self):
-                    self._store.put(task.key, result)
-                    self._observer(Finished(task.key, result.wall_s))
-        finally:
-            self._observer.idle()
+        def read(tasks: tuple[Task, ...]) -> Results:
+            if tasks:
+                behind = range(place[tasks[-1].key] + 1, len(order))
+                self._ensure(tasks, (order[number] for number in behind))
+            return self._finished(tasks)
+
+        return read
+
+    def _ensure(self, tasks: Sequence[Task], ahead: Iterable[Task] = ()) -> None:
+        unique = tuple({task.key: task for task in tasks}.values())
+        self._scheduler.ensure(unique, ahead)
+
+    def _use(self, tasks: tuple[Task, ...]) -> Results:
+        """The results of these tasks, which the run now rests on."""
+        if tasks:
+            self._observer(Used(tuple(task.key for task in tasks)))
+        return self._finished(tasks)
 
     def _finished(self, tasks: tuple[Task, ...]) -> Results:
         results = {task.key: self._store.get(task.key) for task in tasks}
@@ -169,12 +211,32 @@ class Campaign:
             raise DriveRobustError(f"{len(lost)} episodes were driven but are not in the store, first {lost[0]}.")
         return tuple(result for task in tasks if (result := results[task.key]) is not None)
 
+    @contextmanager
+    def _driving(self) -> Iterator[None]:
+        """Around everything that waits for episodes: afterwards the display is gone, whatever happened."""
+        try:
+            yield
+        finally:
+            self._observer.idle()
+            for problem in self._store.problems():
+                if problem not in self._told:
+                    self._told.add(problem)
+                    self._observer(Troubled(problem))
+
     def started(self, task: Task) -> None:
-        """An episode begins (see `runner.executors.Listener`)."""
+        """An episode begins (see `runner.scheduler.Listener`)."""
         self._observer(Started(task.key, task.episode.agent, task.episode.setting, task.route.label))
 
+    def finished(self, task: Task, result: EpisodeResult) -> None:
+        """An episode is in the store (see `runner.scheduler.Listener`)."""
+        self._observer(Finished(task.key, result.wall_s))
+
+    def reused(self, task: Task) -> None:
+        """An episode was in the store already (see `runner.scheduler.Listener`)."""
+        self._observer(Reused(task.key))
+
     def ticked(self) -> None:
-        """An episode is still under way (see `runner.executors.Listener`)."""
+        """An episode is still under way (see `runner.scheduler.Listener`)."""
         self._observer.ticked()
 
 
@@ -214,6 +276,8 @@ def _judged(
         message=message or ("" if verdict is None else verdict.reason),
         planned=0 if verdict is None else verdict.planned,
         rule="" if verdict is None else verdict.ruling.kind,
+        p_value=None if verdict is None else verdict.p_value,
+        family=1 if verdict is None else verdict.ruling.family,
     )
 
 

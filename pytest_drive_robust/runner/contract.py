@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = ["agent_act", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
+__all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
 
 _LARGEST_SIDE_PX = 4096
 _CALLERS = (
+    "pytest_drive_robust.engine.",
     "pytest_drive_robust.runner.",
     "pytest_drive_robust.testing.",
     "pytest_drive_robust.perturbations.running",
@@ -70,20 +71,49 @@ def agent_act(agent: Agent, observation: Observation) -> Control:
         control: object = agent.act(observation)
     except (Exception, SystemExit) as error:
         raise AgentError(blame("act", error)) from error
+    return _checked(control, "act")
+
+
+def agent_act_batch(agents: Sequence[Agent], observations: Sequence[Observation]) -> list[Control | AgentError]:
+    """One answer for each agent: its control in plain floats, or what is wrong with it.
+
+    Raises `AgentError` where no agent can be blamed alone: there is no `act_batch`, it raised, or gave no such list.
+    """
+    act_batch = getattr(agents[0], "act_batch", None)
+    if not callable(act_batch):
+        raise AgentError(f"{type(agents[0]).__name__} has no act_batch")
+    with _blamed("act_batch"):
+        answers: object = act_batch(agents, observations)
+    if not isinstance(answers, Sequence) or len(answers) != len(agents):
+        given = f"{len(answers)} answers" if isinstance(answers, Sequence) else repr(answers)
+        raise AgentError(f"act_batch returned {given} for {len(agents)} agents, expected one Control for each")
+    return [_judged(answer) for answer in answers]
+
+
+def _judged(answer: object) -> Control | AgentError:
+    if isinstance(answer, Exception):
+        return AgentError(blame("act_batch", answer, "returned"))
+    try:
+        return _checked(answer, "act_batch")
+    except AgentError as error:
+        return error
+
+
+def _checked(control: object, call: str) -> Control:
     if not isinstance(control, Control):
-        raise AgentError(f"act returned {control!r} of type {type(control).__name__}, expected a Control")
+        raise AgentError(f"{call} returned {control!r} of type {type(control).__name__}, expected a Control")
     problem = control.problem()
     if problem is not None:
-        raise AgentError(f"act returned {control!r}: {problem}")
+        raise AgentError(f"{call} returned {control!r}: {problem}")
     if type(control.throttle) is type(control.steer) is type(control.brake) is float:
         return control
     return Control(float(control.throttle), float(control.steer), float(control.brake))
 
 
-def blame(call: str, error: BaseException) -> str:
+def blame(call: str, error: BaseException, verb: str = "raised") -> str:
     """`"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
     last_line = traceback.format_exception_only(type(error), error)[-1].strip()
-    return f"{call} raised {last_line}{_place(error)}"
+    return f"{call} {verb} {last_line}{_place(error)}"
 
 
 @contextmanager

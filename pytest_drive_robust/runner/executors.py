@@ -1,76 +1,86 @@
-"""Who turns tasks into finished episodes. For now: this process, one episode after the other."""
+"""Who turns tasks into finished episodes: the protocol, and the simplest one, which is this process."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.runner.plan import Task
     from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["Executor", "InlineExecutor", "Listener"]
-
-
-class Listener(Protocol):
-    """Who wants to know what an executor is doing."""
-
-    def started(self, task: Task) -> None:
-        """An episode begins."""
-        ...
-
-    def ticked(self) -> None:
-        """An episode is still under way. Called often: return at once."""
-        ...
+__all__ = ["Executor", "InlineExecutor"]
 
 
 class Executor(Protocol):
-    """Drives episodes."""
+    """Drives episodes, at most `slots` at a time.
 
-    def drive(self, tasks: Iterable[Task], listener: Listener) -> Iterator[tuple[Task, EpisodeResult]]:
-        """Every task with its result, in any order. `tasks` is read lazily: what is not asked for is not driven.
+    An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of a future are
+    `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
+    """
 
-        An episode that breaks is a result too (`agent_error`, `infra_error`). Raises `UsageError` when the agent or
-        the simulator cannot be made at all.
-        """
+    @property
+    def slots(self) -> int:
+        """How many episodes it can drive at this moment."""
         ...
 
-    def close(self) -> None:
-        """Free simulators and agents. Calling it twice does no harm."""
+    def submit(self, task: Task) -> Future[EpisodeResult]:
+        """Begin an episode. The caller keeps to `slots`."""
+        ...
+
+    def close(self, *, cancel: bool = False) -> None:
+        """Free simulators, agents and processes. With `cancel`, what is under way is cut off and has no result.
+
+        Calling it twice does no harm.
+        """
         ...
 
 
 class InlineExecutor:
-    """Drives in this process. One simulator and one agent object per name serve all episodes."""
+    """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
-    def __init__(self, registry: Registry, *, simulator: str, options: SimulatorOptions) -> None:
+    One simulator and one agent object per name serve all episodes. `ticked` is called after every tick.
+    """
+
+    slots = 1
+
+    def __init__(
+        self, registry: Registry, *, simulator: str, options: SimulatorOptions, ticked: Callable[[], object]
+    ) -> None:
         self._registry = registry
         self._simulator_name = simulator
         self._options = options
+        self._ticked = ticked
         self._simulator: Simulator | None = None
         self._agents: dict[str, Agent] = {}
 
-    def drive(self, tasks: Iterable[Task], listener: Listener) -> Iterator[tuple[Task, EpisodeResult]]:
-        """Every task with its result, in the order of `tasks`."""
-        for task in tasks:
-            listener.started(task)
-            result = self._drive(task, listener)
-            self._forget_broken(task, result)
-            yield task, result
+    def submit(self, task: Task) -> Future[EpisodeResult]:
+        """The episode, driven to its end before this returns."""
+        future: Future[EpisodeResult] = Future()
+        try:
+            result = self._drive(task)
+        except UsageError as error:
+            future.set_exception(error)
+            return future
+        self._forget_broken(task, result)
+        future.set_result(result)
+        return future
 
-    def close(self) -> None:
-        """Close the simulator and drop the agents."""
+    def close(self, *, cancel: bool = False) -> None:
+        """Close the simulator and drop the agents. Nothing is under way between two calls."""
         self._agents.clear()
         if self._simulator is not None:
             self._simulator.close()
             self._simulator = None
 
-    def _drive(self, task: Task, listener: Listener) -> EpisodeResult:
+    def _drive(self, task: Task) -> EpisodeResult:
         from pytest_drive_robust.runner.loop import drive_episode
 
         episode = task.episode
@@ -85,7 +95,7 @@ class InlineExecutor:
             setting=task.setting,
             seed=episode.seed,
             agent_name=episode.agent,
-            on_tick=lambda *_: listener.ticked(),
+            on_tick=lambda *_: self._ticked(),
         )
 
     def _forget_broken(self, task: Task, result: EpisodeResult) -> None:

@@ -1,24 +1,46 @@
-"""What an agent and a set of routes are made of, as digests: told once per scope, compared by `fingerprint`."""
+"""What an agent, a simulator and a set of routes are made of, as digests.
+
+`identify` is told once per scope and compared by people and `fingerprint`; `identity_of` is a part of every key of the
+store: what is not in it may change without an episode being driven again.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import inspect
 import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.entries import Entry, definition_of
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.canonical import canonical, digest_of
+from pytest_drive_robust.runner.code import code_of
+from pytest_drive_robust.runner.sources import file_of, files_of, hex_of, module_digest, source_digest
 from pytest_drive_robust.store.events import Identified
+from pytest_drive_robust.store.record import FORMAT_VERSION
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.registry import Registry
     from pytest_drive_robust.runner.plan import Scope
+    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["identify", "route_digest", "source_digest", "weights_digest"]
+__all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_DECIDING = (
+    "domain",
+    "perturbations",
+    "runner/loop.py",
+    "runner/contract.py",
+    "runner/recorder.py",
+    "runner/witness.py",
+    "simulators/base.py",
+)
+"""What of ours decides the numbers of every episode; the folder of the simulator comes with it."""
+_LOCKSTEP = ("runner/lockstep.py", "runner/batch.py")
 
 _BLOCK_BYTES = 1 << 20
 
@@ -36,30 +58,49 @@ def identify(scope: Scope, registry: Registry) -> Identified:
     )
 
 
+def identity_of(
+    agent: str, registry: Registry, *, simulator: str, world: Simulator, options: SimulatorOptions, mode: str = "single"
+) -> str:
+    """32 hex digits of everything but route, setting and seed that decides how an episode ends.
+
+    `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
+    gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
+    """
+    driving = files_of(_PACKAGE / part for part in _LOCKSTEP) if mode == "lockstep" else ""
+    world_digest = simulator_identity(simulator, registry, world, options)
+    return digest_of(agent_identity(agent, registry), world_digest, mode, driving)
+
+
+def agent_identity(agent: str, registry: Registry) -> str:
+    """32 hex digits of an agent: name, distribution, code, weights, and the optional `configuration` of its factory."""
+    entry = registry.entry("agents", agent)
+    factory = entry.load()
+    given = getattr(factory, "configuration", None)
+    try:
+        configuration = canonical(given)
+    except TypeError as error:
+        raise UsageError(
+            f"the configuration of the agent {agent!r} is {given!r}, expected plain values that can be compared with "
+            f"those of an earlier run (numbers, text, lists, mappings, dataclasses): {error}."
+        ) from None
+    weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
+    return digest_of(agent, _distribution(entry, factory), code_of(factory), weights, configuration)
+
+
+def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
+    """32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
+
+    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment.
+    """
+    factory = registry.entry("simulators", name).load()
+    others = [_module_code(module) for module in getattr(world, "sources", ())]
+    facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
+    return digest_of(facts, sys.version_info[:2], _own_code(factory), others)
+
+
 def route_digest(route: Route) -> str:
     """12 hex digits of everything that the route says."""
-    return _hex(repr(route).encode())
-
-
-def source_digest(factory: object) -> str:
-    """12 hex digits of the code behind an agent's factory; empty when its file is not known.
-
-    That is every Python file of the top-level package that defines it, or the one file where there is no package.
-    """
-    try:
-        file = Path(inspect.getfile(inspect.unwrap(factory))).resolve()  # type: ignore[arg-type]
-    except (OSError, TypeError):
-        return ""
-    package = sys.modules.get(str(getattr(factory, "__module__", "")).partition(".")[0])
-    folders = [Path(folder).resolve() for folder in getattr(package, "__path__", ())]
-    folder = next((folder for folder in folders if file.is_relative_to(folder)), None)
-    files = [file] if folder is None else sorted(folder.rglob("*.py"))
-    digest = hashlib.blake2b(digest_size=6)
-    for path in files:
-        if path.is_file():
-            name = path.name if folder is None else path.relative_to(folder).as_posix()
-            digest.update(name.encode() + b"\0" + _hex(path.read_bytes()).encode())
-    return digest.hexdigest()
+    return hex_of(repr(route).encode())
 
 
 def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *, agent: str) -> str:
@@ -82,5 +123,22 @@ def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[st
     return digest.hexdigest() if found else ""
 
 
-def _hex(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=6).hexdigest()
+def _distribution(entry: Entry, factory: object) -> str:
+    """Empty for what a hook registered: its place is no part of what it does."""
+    return "" if entry.origin == definition_of(factory) else entry.origin
+
+
+def _own_code(factory: object) -> object:
+    """The code of our part of the loop with that of the simulator."""
+    package, *rest = str(getattr(factory, "__module__", "")).split(".")
+    own = package == _PACKAGE.name and rest[:1] == ["simulators"]
+    # Every other world may use the sensors and criteria of `embedded`.
+    folder = "simulators/embedded" if own and rest[1:2] == ["embedded"] else "simulators"
+    return [files_of(_PACKAGE / part for part in (*_DECIDING, folder)), "" if own else code_of(factory)]
+
+
+def _module_code(name: str) -> str:
+    import importlib
+
+    module = importlib.import_module(name)
+    return module_digest(file_of(module), name)

@@ -1,11 +1,15 @@
-"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`."""
+"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`.
+
+`Drive` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
+(`runner.lockstep`).
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from pytest_drive_robust.domain.agent import is_privileged
 from pytest_drive_robust.domain.control import Control
@@ -21,7 +25,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import Injection
-    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import Frame, GroundTruth
     from pytest_drive_robust.perturbations.running import RunningStack
     from pytest_drive_robust.perturbations.setting import Setting
@@ -29,13 +33,26 @@ if TYPE_CHECKING:
 
     OnTick = Callable[[int, Frame, Observation, Control], object]
 
-__all__ = ["drive_episode"]
+__all__ = ["Drive", "Watch", "drive_episode", "private_truth"]
 
+_Given = TypeVar("_Given")
 _OUTCOMES = {
     End.COMPLETED: Outcome.COMPLETED,
     End.AGENT_CRASHED: Outcome.AGENT_ERROR,
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
+
+
+class Watch(Protocol):
+    """Who wants to know at any moment whose code runs, so that a death or a hang is blamed on the right one.
+
+    The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
+    (everything else: the world, the perturbations, the books).
+    """
+
+    def phase(self, name: str, tick: int) -> None:
+        """From now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
+        ...
 
 
 def drive_episode(
@@ -47,6 +64,7 @@ def drive_episode(
     seed: int,
     agent_name: str,
     on_tick: OnTick | None = None,
+    watch: Watch | None = None,
 ) -> EpisodeResult:
     """Drive one episode to its end. Never raises for what the agent, the simulator or a perturbation does.
 
@@ -58,8 +76,9 @@ def drive_episode(
 
     `on_tick(tick, frame, observation, control)` is called after every tick with the world at the moment of the
     observation, the observation as perturbed (not the agent's own copy of it), and the control that the vehicle got.
+    `watch` is told whose code runs; what it raises counts as a fault of the simulation.
     """
-    drive = _Drive(simulator, agent, route, setting, seed)
+    drive = Drive(simulator, agent, route, setting, seed, watch=watch)
     drive.attempt(drive.start)
     while not drive.over:
         drive.attempt(drive.tick)
@@ -68,16 +87,30 @@ def drive_episode(
     return drive.result(Episode(agent_name, route.id, str(setting), seed))
 
 
-class _Drive:
-    """An episode under way: whose fault its end is, and what was recorded until then."""
+class Drive:
+    """An episode under way: whose fault its end is, and what was recorded until then.
 
-    def __init__(self, simulator: Simulator, agent: Agent, route: Route, setting: Setting, seed: int) -> None:
+    `start`, then as long as it is not `over`: `sense`, the agent's `act` when there is something to see, `advance`;
+    `tick` is these three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        agent: Agent,
+        route: Route,
+        setting: Setting,
+        seed: int,
+        *,
+        watch: Watch | None = None,
+    ) -> None:
         self.simulator = simulator
         self.agent = agent
         self.route = route
         self.setting = setting
         self.seed = seed
         self.privileged = False
+        self.plan: GlobalPlan | None = None
         self.warmup_ticks = 0
         self.started_s = time.perf_counter()
         self.recorder = Recorder()
@@ -85,7 +118,9 @@ class _Drive:
         self.crash: AgentError | SimulationError | None = None
         self.moment: tuple[int, Frame, Observation, Control] | None = None
         self.stack: RunningStack | None = None
+        self._watch = watch
         self._frame: Frame | None = None
+        self._seen: Observation | None = None
         self._done = False
 
     @property
@@ -93,25 +128,31 @@ class _Drive:
         """True once nothing more can be driven."""
         return self._done or self.crash is not None
 
-    def attempt(self, action: Callable[[], None]) -> None:
-        """Do one thing and remember whose fault it is when it fails."""
+    def attempt(self, action: Callable[[], _Given]) -> _Given | None:
+        """Do one thing and give what it gives; when it fails, remember whose fault it is and give None."""
         self.moment = None
         try:
-            action()
+            return action()
         except AgentError as error:
             self.crash = error
         except SimulationError as error:
             self.crash = error
         except Exception as error:
             self.crash = SimulationError(blame("the simulation", error))
+        return None
 
     def start(self) -> None:
         """Build the world, then wake up the agent and the perturbations."""
+        self._enter("reset")
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
         self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
+        self._enter("sim")
         self._frame = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
-        agent_reset(self.agent, self.simulator.plan(), self.seed)
+        self.plan = self.simulator.plan()
+        self._enter("reset")
+        agent_reset(self.agent, self.plan, self.seed)
+        self._enter("sim")
         self.stack = self.setting.start(
             route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
         )
@@ -120,18 +161,34 @@ class _Drive:
 
     def tick(self) -> None:
         """Observe, ask the agent when its computer is free, step the world."""
-        tick, frame, stack = self.recorder.ticks, self._frame, self.stack
-        assert frame is not None  # start() came before
-        assert stack is not None
+        given = self.sense()
+        if given is None:
+            self.advance(None, 0.0)
+            return
+        self._enter("act")
+        asked_s = time.perf_counter()
+        control = agent_act(self.agent, given)
+        inference_s = time.perf_counter() - asked_s
+        self._enter("sim")
+        self.advance(control, inference_s)
+
+    def sense(self) -> Observation | None:
+        """What the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
+        stack = self.stack
+        assert stack is not None  # start() came before
         captured = self.simulator.observe()
-        observation = stack.observe(captured)
-        control, inference_s = None, 0.0
-        if stack.wants_inference(tick):
-            self.witness.seen(captured, observation)
-            given = replace(observation.private(), truth=_private(self.simulator.truth()) if self.privileged else None)
-            asked_s = time.perf_counter()
-            control = agent_act(self.agent, given)
-            inference_s = time.perf_counter() - asked_s
+        self._seen = observation = stack.observe(captured)
+        if not stack.wants_inference(self.recorder.ticks):
+            return None
+        self.witness.seen(captured, observation)
+        return replace(observation.private(), truth=private_truth(self.simulator.truth()) if self.privileged else None)
+
+    def advance(self, control: Control | None, inference_s: float) -> None:
+        """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
+        tick, frame, stack, observation = self.recorder.ticks, self._frame, self.stack, self._seen
+        assert frame is not None  # start() and sense() came before
+        assert stack is not None
+        assert observation is not None
         applied = stack.actuate(tick, control, inference_s)
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
@@ -150,6 +207,7 @@ class _Drive:
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
         try:
+            self._enter("sim")
             if self._frame is not None and not isinstance(self.crash, SimulationError):
                 score = self.simulator.score()
             schedule = self.stack.schedule() if self.stack is not None else ()
@@ -177,7 +235,12 @@ class _Drive:
             junction_passed=score.junction_passed if score else False,
             versions=versions,
             reception=self.witness.reception(),
+            given=self.witness.given(),
         )
+
+    def _enter(self, phase: str) -> None:
+        if self._watch is not None:
+            self._watch.phase(phase, self.recorder.ticks)
 
     def _end(self, score: Score | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
@@ -187,7 +250,7 @@ class _Drive:
         return score.end, score.end_detail
 
 
-def _private(truth: GroundTruth) -> GroundTruth:
+def private_truth(truth: GroundTruth) -> GroundTruth:
     """The truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
     frame = replace(truth.frame, actors=truth.frame.actors.copy(), lights=truth.frame.lights.copy())
     return replace(truth, frame=frame, route=truth.route.copy())

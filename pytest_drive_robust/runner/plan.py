@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +10,8 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.runner.canonical import digest_of
+from pytest_drive_robust.runner.code import perturbation_sources
 
 if TYPE_CHECKING:
     from pytest_drive_robust.requirements.model import Requirement
@@ -20,30 +21,39 @@ __all__ = ["Need", "Scope", "Task"]
 
 @dataclass(frozen=True)
 class Task:
-    """An episode together with what is needed to drive it."""
+    """An episode together with what is needed to drive it.
+
+    `identity` is a digest of everything else that decides the outcome: the agent, the simulator, our own code (see
+    `identity.identity_of`). It is empty where nobody looks for an earlier drive of the same.
+    """
 
     episode: Episode
     route: Route
     setting: Setting
+    identity: str = ""
 
     @cached_property
     def key(self) -> str:
-        """Hex name of the episode within a run: its four words and the content of its route.
+        """Hex name of the episode in every store: two with the same key end the same, to the bit.
 
-        The content counts because two route files may use the same id for different routes.
+        The content of the route counts because two route files may use the same id for different routes, and the
+        source of perturbations that are not ours because the sentence of a setting says only what they are called.
         """
-        text = repr((self.episode, self.route))
-        return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
+        return digest_of(self.identity, self.episode, _content_of(self.route), perturbation_sources(self.setting))
 
 
 @dataclass(frozen=True)
 class Scope:
-    """What one test drives over: an agent, a set of routes (`routes_spec` is how it was called), seeds."""
+    """What one test drives over: an agent, a set of routes (`routes_spec` is how it was called), seeds.
+
+    `identity`: see `Task`.
+    """
 
     agent: str
     routes_spec: str
     routes: tuple[Route, ...]
     seeds: tuple[int, ...]
+    identity: str = ""
 
     def need(self, setting: Setting, *, clean: bool) -> Need:
         """The episodes under `setting` and, if `clean` is asked for, their clean twins.
@@ -68,7 +78,7 @@ class Scope:
         """One task for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
         sentence = str(setting)
         return tuple(
-            Task(Episode(self.agent, route.id, sentence, seed), route, setting)
+            Task(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
             for seed in self.seeds
             for route in self.routes
         )
@@ -86,3 +96,19 @@ class Need:
     def tasks(self) -> tuple[Task, ...]:
         """All of them, the clean ones first, each once."""
         return tuple({task.key: task for task in (*self.clean, *self.perturbed)}.values())
+
+
+_CONTENTS: dict[int, tuple[Route, str]] = {}
+"""Digests of routes by the place of the object: a plan asks for the same few routes thousands of times."""
+_MOST_CONTENTS = 10_000
+
+
+def _content_of(route: Route) -> str:
+    known = _CONTENTS.get(id(route))
+    if known is not None and known[0] is route:
+        return known[1]
+    if len(_CONTENTS) >= _MOST_CONTENTS:
+        _CONTENTS.clear()
+    digest = digest_of(route)
+    _CONTENTS[id(route)] = route, digest
+    return digest

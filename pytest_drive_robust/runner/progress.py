@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Spared, Started
+from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Reused, Spared, Started
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -35,6 +35,7 @@ class ProgressState:
         self._clock = clock
         self._keys: set[str] = set()
         self._finished: set[str] = set()
+        self._driven = 0
         self._spared: set[str] = set()
         self._open: list[Asked] = []
         self._running: dict[str, Started] = {}
@@ -54,9 +55,11 @@ class ProgressState:
             self._running[event.key] = event
             if self._began_s is None:
                 self._began_s = self._clock()
-        if isinstance(event, Finished):
+        if isinstance(event, (Finished, Reused)):
             self._running.pop(event.key, None)
             self._finished.add(event.key)
+        if isinstance(event, Finished):
+            self._driven += 1
         over = self._finished | self._spared
         completed = [asked for asked in self._open if over.issuperset(asked.keys)]
         self._open = [asked for asked in self._open if asked not in completed]
@@ -75,9 +78,9 @@ class ProgressState:
     @property
     def left_s(self) -> float | None:
         """Seconds to go if it goes on as before; None before the first episode is finished."""
-        if self._began_s is None or not self._finished:
+        if self._began_s is None or not self._driven:
             return None
-        return (self._clock() - self._began_s) / self.done * (self.total - self.done)
+        return (self._clock() - self._began_s) / self._driven * (self.total - self.done)
 
     @property
     def active(self) -> bool:

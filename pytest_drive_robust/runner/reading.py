@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import Need, Scope, Task
     from pytest_drive_robust.stats.judges import VerdictKind
 
-__all__ = ["RouteTasks", "read_until_decided", "routes_in_order"]
+__all__ = ["Drive", "RouteTasks", "read_until_decided", "routes_in_order"]
 
 Results = tuple[EpisodeResult, ...]
 Drive = Callable[["tuple[Task, ...]"], Results]
@@ -59,7 +59,8 @@ def read_until_decided(
     from pytest_drive_robust.stats.judges import judge_by
 
     rule = rule_of(requirement, ruling)
-    judge = judge_by(cast("VerdictKind", ruling.kind), rule, planned=len(routes), alpha=ruling.alpha)
+    kind, alpha = cast("VerdictKind", ruling.kind), ruling.alpha
+    judge = judge_by(kind, rule, planned=len(routes), alpha=alpha, fail_alpha=ruling.fail_alpha)
     read: list[tuple[float, float]] = []
     for done, route in enumerate(routes, 1):
         drive(route.tasks)

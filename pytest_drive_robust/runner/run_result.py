@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Event, Identified, Judged, Planned, Searched, Spared
+from pytest_drive_robust.store.events import (
+    Asked,
+    Event,
+    Finished,
+    Identified,
+    Judged,
+    Planned,
+    Searched,
+    Spared,
+    Troubled,
+    Used,
+)
 
 __all__ = ["RunResult", "SettingRow"]
 
@@ -52,7 +63,12 @@ class SettingRow:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """One run. `episodes` holds every finished episode by its key, in the order in which tests need them."""
+    """One run. `episodes` holds the episodes that its verdicts rest on by key, in the order in which tests need them.
+
+    What was driven ahead of a verdict that then did not need it is left out: what a run shows does not depend on who
+    was quicker. `driven` is how many of `episodes` this run drove itself; the others were in the store.
+    `late` are those of `judged` that were open in their test and became fails when all p-values were known.
+    """
 
     settings: Settings
     rows: tuple[SettingRow, ...]
@@ -62,6 +78,8 @@ class RunResult:
     notes: tuple[str, ...] = ()
     identified: tuple[Identified, ...] = ()
     searched: tuple[Searched, ...] = ()
+    late: tuple[Judged, ...] = ()
+    driven: int = 0
 
     @classmethod
     def of(
@@ -78,18 +96,39 @@ class RunResult:
         order = {key: place for place, key in enumerate(_needed_keys(events))}
         asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
         spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
-        episodes = {key: result for key in order if (result := find(key)) is not None}
+        used = {key for event in events if isinstance(event, Used) for key in event.keys}
+        episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
         judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
+        judged, late = _corrected(judged, settings)
         return cls(
             settings=settings,
             rows=tuple(_row(item, episodes, judged, spared, mode=settings.metrics) for item in asked),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
-            notes=notes,
+            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, Troubled))),
             identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
             searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
+            late=late,
+            driven=len(episodes.keys() & {event.key for event in events if isinstance(event, Finished)}),
         )
+
+
+def _corrected(judged: list[Judged], settings: Settings) -> tuple[list[Judged], tuple[Judged, ...]]:
+    """What was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
+    known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
+    if settings.correction == "none" or not known:
+        return judged, ()
+    from pytest_drive_robust.stats.several import late_fails
+
+    verdicts, p_values = [judged[place].verdict for place, _ in known], [p_value for _, p_value in known]
+    family = max(item.family for item in judged)
+    late = {}
+    for found in late_fails(verdicts, p_values, family=family, alpha=settings.ruling.alpha):
+        place, p_value = known[found]
+        message = f"open in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
+        late[place] = replace(judged[place], verdict="fail", message=message)
+    return [late.get(place, item) for place, item in enumerate(judged)], tuple(late.values())
 
 
 def _merged(asked: Iterable[Asked]) -> list[Asked]:

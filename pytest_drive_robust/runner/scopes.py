@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
-from pytest_drive_robust.runner.identity import identify
+from pytest_drive_robust.runner.identity import identify, identity_of
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.setting import Setting
@@ -32,6 +33,7 @@ class Scopes:
         self._load_routes = load_routes
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._known: set[tuple[str, str]] = set()
+        self._identities: dict[str, str] = {}
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """The routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -41,11 +43,12 @@ class Scopes:
         return self._routes[spec]
 
     def of(self, marker: MarkerOptions) -> Scope:
-        """The scope of a test with this marker. Raises `UsageError` for an unknown agent or routes."""
+        """The scope of a test with this marker. Raises `UsageError` for unknown agents or routes, lost weights."""
         agent = marker.agent or self._settings.agent
         self._require("agents", agent)
         routes_spec = marker.routes or default_spec(self._settings, self._simulator)
-        return Scope(agent, routes_spec, self.routes(routes_spec), marker.seeds or self._settings.seeds)
+        routes, seeds = self.routes(routes_spec), marker.seeds or self._settings.seeds
+        return Scope(agent, routes_spec, routes, seeds, self._identity(agent))
 
     def identify(self, scope: Scope) -> Identified:
         """What the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not read."""
@@ -61,9 +64,25 @@ class Scopes:
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
 
     @property
+    def agents(self) -> tuple[str, ...]:
+        """Every agent that a scope was made for, sorted."""
+        return tuple(sorted(name for kind, name in self._known if kind == "agents"))
+
+    @property
     def dt_s(self) -> float:
         """The length of a tick of the run's simulator in seconds."""
         return self._simulator.dt_s
+
+    def _identity(self, agent: str) -> str:
+        if agent not in self._identities:
+            self._identities[agent] = identity_of(
+                agent,
+                self._registry,
+                simulator=self._settings.simulator,
+                world=self._simulator,
+                options=SimulatorOptions(stuck_stop_s=self._settings.stuck_stop_s),
+            )
+        return self._identities[agent]
 
     def _check_routes(self, routes: tuple[Route, ...]) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""

@@ -8,9 +8,12 @@ only until that camera was seen to change once; from then on other memory counts
 
 from __future__ import annotations
 
+from array import array
+from math import nan
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.reception import CONTROL, Reception, Touch
+from pytest_drive_robust.domain.result import Given
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
@@ -20,9 +23,9 @@ __all__ = ["Witness"]
 
 
 class Witness:
-    """The count of one episode. `seen` and `applied` are called once a tick at most and cost about a microsecond."""
+    """The count of one episode. `seen` and `applied` are called once a tick at most and cost a microsecond or two."""
 
-    __slots__ = ("_cameras", "_consumes", "_counts", "_firsts", "_observations")
+    __slots__ = ("_cameras", "_consumes", "_counts", "_firsts", "_observations", "_told")
 
     def __init__(self, cameras: tuple[str, ...] = (), consumes: tuple[str, ...] = ()) -> None:
         self._cameras = cameras
@@ -30,10 +33,16 @@ class Witness:
         self._observations = 0
         self._counts: dict[str, int] = {}
         self._firsts: dict[str, int] = {}
+        self._told = array("f")
 
     def seen(self, captured: Observation, given: Observation) -> None:
         """The agent is `given` this in place of what the sensors `captured`."""
         self._observations += 1
+        gps = given.gps
+        self._told.extend((captured.tick, gps.x_m, gps.y_m, given.compass.heading_rad, given.speed.mps))
+        for name in self._cameras:
+            image = given.cameras.get(name)
+            self._told.append(nan if image is None else image.tick)
         if given is captured:
             return
         if given.gps is not captured.gps and given.gps != captured.gps:
@@ -56,6 +65,14 @@ class Witness:
         """What was seen so far."""
         touched = tuple(Touch(signal, count, self._firsts[signal]) for signal, count in self._counts.items())
         return Reception(self._cameras, self._consumes, self._observations, touched)
+
+    def given(self) -> Given:
+        """What the agent was told so far, in memory of its own."""
+        import numpy as np
+
+        width = len(Given.COLUMNS) + len(self._cameras)
+        whole = len(self._told) // width  # the last one breaks off where a perturbation gave no number
+        return Given(np.array(self._told[: whole * width], dtype=np.float32).reshape(whole, width))
 
     def _compare_images(self, captured: Observation, given: Observation) -> None:
         for name, image in captured.cameras.items():

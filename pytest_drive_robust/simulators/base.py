@@ -53,6 +53,9 @@ class Simulator(Protocol):
 
     A world that cannot drive our routes has an optional `routes(names)`: its own routes of those names, or without
     names those that are driven when `--drive-routes` is not given. It raises `UnknownNameError`.
+
+    Stored episodes are driven again when the code of the world's own package changes; an optional `sources` names
+    modules elsewhere whose code counts, too. `versions` and `version` are asked for before the first `reset`.
     """
 
     name: str

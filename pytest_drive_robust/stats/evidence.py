@@ -67,19 +67,23 @@ class Evidence:
 
     `most` is the largest value that `hold` can take, `least` the smallest one of `slack`, as a positive number.
     Infinity where there is no end: that side then waits for the last look. 0 where the other sign is impossible: one
-    route on the wrong side is then proof. `alpha` bounds the chance of a wrong fail, and that of a wrong pass.
-    `against` and `within` hold the e-values of the two sides, `needed` is what decides.
+    route on the wrong side is then proof. `alpha` bounds the chance of a wrong fail, and that of a wrong pass. With a
+    `fail_alpha` below it a fail takes more; what would be a fail at `alpha` only is then inconclusive.
+    `against` and `within` hold the e-values of the two sides, `needed_for_fail` and `needed` decide.
 
     Raises `ValueError` for a range that is negative or an alpha outside 0..0.5.
     """
 
-    def __init__(self, *, most: float, least: float, alpha: float = 0.05) -> None:
+    def __init__(self, *, most: float, least: float, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
         if not (most >= 0.0 and least >= 0.0):
             raise ValueError(f"the ranges are {most!r} and {least!r}, expected two numbers of 0 or more.")
         if not 0.0 < alpha < 0.5:
             raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
-        self._most, self._least, self._alpha = most, least, alpha
-        self.needed = 1.0 / (alpha * EARLY_SHARE)
+        fail_alpha = alpha if fail_alpha is None else fail_alpha
+        if not 0.0 < fail_alpha <= alpha:
+            raise ValueError(f"the alpha of a fail is {fail_alpha!r}, expected a number above 0, {alpha} at most.")
+        self._most, self._least, self._alpha, self._fail_alpha = most, least, alpha, fail_alpha
+        self.needed, self.needed_for_fail = 1.0 / (alpha * EARLY_SHARE), 1.0 / (fail_alpha * EARLY_SHARE)
         self.against, self.within = Wealth(), Wealth()
         self._holds: list[float] = []
         self._slacks: list[float] = []
@@ -101,7 +105,7 @@ class Evidence:
         within = self.within.bet(share_of(self._least, slack))
         self._holds.append(hold)
         self._slacks.append(slack)
-        if against >= self.needed:
+        if against >= self.needed_for_fail:
             self.decision = "fail"
         elif within >= self.needed:
             self.decision = "pass"
@@ -116,12 +120,13 @@ class Evidence:
         return self.decision
 
     def _last_look(self) -> Decision:
-        alpha = self._alpha * (1.0 - EARLY_SHARE)
+        late = 1.0 - EARLY_SHARE
         scale = max((bound for bound in (self._most, self._least) if bound < math.inf), default=1.0)
         if self.routes >= FEWEST_FOR_T:
-            if mean_below_zero_p(self._holds, scale=scale) <= alpha:
-                return "fail"
-            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= alpha:
+            p_value = mean_below_zero_p(self._holds, scale=scale)
+            if p_value <= self._alpha * late:
+                return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
+            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:
                 return "pass"
         return "inconclusive"
 

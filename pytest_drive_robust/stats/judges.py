@@ -79,9 +79,9 @@ class EvidenceJudge(_Docket):
     inconclusive.
     """
 
-    def __init__(self, rule: Rule, *, alpha: float = 0.05) -> None:
+    def __init__(self, rule: Rule, *, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
         super().__init__(rule)
-        self.evidence = rule.evidence(alpha)
+        self.evidence = rule.evidence(alpha, fail_alpha=fail_alpha)
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
         """One more route; the verdict as soon as there is one."""
@@ -179,10 +179,15 @@ class ListJudge(_Docket):
         return None
 
 
-def judge_by(kind: VerdictKind, rule: Rule, *, planned: int, alpha: float = 0.05) -> Judge:
-    """The judge of that name for `planned` routes. Raises `ValueError` for another name."""
+def judge_by(
+    kind: VerdictKind, rule: Rule, *, planned: int, alpha: float = 0.05, fail_alpha: float | None = None
+) -> Judge:
+    """The judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
+
+    Raises `ValueError` for another name.
+    """
     if kind == "evidence":
-        return EvidenceJudge(rule, alpha=alpha)
+        return EvidenceJudge(rule, alpha=alpha, fail_alpha=fail_alpha)
     if kind == "list":
         return ListJudge(rule, planned=planned, alpha=alpha)
     if kind == "point":

@@ -50,9 +50,9 @@ class Rule:
         """The larger end of what `hold` can be that is finite; 1 when neither is."""
         return max((bound for bound in (self.most, self.floor) if 0.0 < bound < math.inf), default=1.0)
 
-    def evidence(self, alpha: float = 0.05) -> Evidence:
+    def evidence(self, alpha: float = 0.05, *, fail_alpha: float | None = None) -> Evidence:
         """A new collector for this rule."""
-        return Evidence(most=self.most, least=self.least, alpha=alpha)
+        return Evidence(most=self.most, least=self.least, alpha=alpha, fail_alpha=fail_alpha)
 
 
 def degradation_rule(

@@ -3,6 +3,10 @@
 "All requirements hold" needs no correction: it is wrong at most alpha of the time, because one wrong pass is already
 that rare. "Something failed" is wrong more often the more requirements sit exactly at their limits: `any_wrong` is the
 worst case, Holm's procedure bounds it.
+
+Holm needs all p-values and a test its verdict at once. So among `family` requirements a verdict is a fail at once when
+its p-value is alpha / family at most, Holm's strictest step, which nothing can take back; others wait as inconclusive,
+and `late_fails` says at the end which of these Holm rejects too.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from collections.abc import Sequence
 from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p, share_of
 from pytest_drive_robust.stats.rules import Rule
 
-__all__ = ["any_wrong", "fail_p_value", "holm"]
+__all__ = ["any_wrong", "fail_p_value", "holm", "late_fails"]
 
 
 def any_wrong(alpha: float, count: int) -> float:
@@ -44,6 +48,21 @@ def holm(p_values: Sequence[float], alpha: float = 0.05) -> tuple[bool, ...]:
             break
         rejected[index] = True
     return tuple(rejected)
+
+
+def late_fails(
+    verdicts: Sequence[str], p_values: Sequence[float], *, family: int, alpha: float = 0.05
+) -> tuple[int, ...]:
+    """The places of the inconclusive verdicts that Holm's procedure makes fails, once all are known.
+
+    Fewer p-values than `family` are filled up with 1: what was not judged rejects nothing. A pass counts as 1 too.
+
+    >>> late_fails(["fail", "inconclusive", "inconclusive", "pass"], [0.001, 0.016, 0.04, 0.7], family=4)
+    (1,)
+    """
+    ranked = [1.0 if verdict == "pass" else p_value for verdict, p_value in zip(verdicts, p_values, strict=True)]
+    rejected = holm([*ranked, *([1.0] * (family - len(ranked)))], alpha)
+    return tuple(place for place, verdict in enumerate(verdicts) if verdict == "inconclusive" and rejected[place])
 
 
 def fail_p_value(rule: Rule, scores: Sequence[float], references: Sequence[float] = (), *, ended: bool = True) -> float:

@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
 from typing import Protocol
 
+from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.store.claims import Claim
 
-__all__ = ["EpisodeStore", "MemoryStore"]
+__all__ = ["Claim", "EpisodeStore", "MemoryStore", "ends_reusable", "is_reusable"]
 
 
 class EpisodeStore(Protocol):
     """Finished episodes by key, and who drives which missing one."""
 
     def get(self, key: str) -> EpisodeResult | None:
-        """The finished episode, or None."""
+        """The finished episode, or None when it must be driven. Never raises."""
         ...
 
     def put(self, key: str, result: EpisodeResult) -> None:
-        """Keep a finished episode."""
+        """Keep a finished episode: from now on `get` finds it here, whatever the disk does. Never raises."""
         ...
 
-    def missing(self, keys: Sequence[str]) -> Generator[str, None, None]:
-        """Those of `keys` that the caller shall drive now, one at a time.
+    def claim(self, key: str) -> Claim | None:
+        """The right to drive an episode, None when a living process drives it already. Never waits.
 
-        The caller puts each one before it asks for the next. When the generator ends, every one of `keys` is
-        finished, be it by the caller or by somebody else. Closing it early gives back what was claimed.
+        Ask `get` once more under the claim: its last holder may have finished the episode meanwhile. Put the result
+        before you release the claim. The claims of a dead process are free at once.
         """
+        ...
+
+    def problems(self) -> tuple[str, ...]:
+        """What went wrong with the place itself, one sentence each, every one once."""
         ...
 
 
@@ -44,8 +49,25 @@ class MemoryStore:
         """Keep a finished episode."""
         self._results[key] = result
 
-    def missing(self, keys: Sequence[str]) -> Generator[str, None, None]:
-        """Those of `keys` that were not driven yet, in their order."""
-        for key in keys:
-            if key not in self._results:
-                yield key
+    def claim(self, key: str) -> Claim:
+        """Nobody else is there: always granted."""
+        return Claim()
+
+    def problems(self) -> tuple[str, ...]:
+        """None."""
+        return ()
+
+
+def is_reusable(result: EpisodeResult) -> bool:
+    """True when driving it again in another run would give the same: the agent's drive, or its own exception.
+
+    A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again.
+    """
+    return ends_reusable(result.outcome, result.end)
+
+
+def ends_reusable(outcome: Outcome, end: End) -> bool:
+    """As `is_reusable`, for an episode of which only its end is known."""
+    if outcome is Outcome.AGENT_ERROR:
+        return end is End.AGENT_CRASHED
+    return outcome in (Outcome.COMPLETED, Outcome.FAILED)

@@ -7,18 +7,22 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, get_args
 
 __all__ = [
+    "Advised",
     "Asked",
     "Event",
     "Finished",
     "Identified",
     "Judged",
     "Planned",
+    "Reused",
     "Searched",
     "Spared",
     "Started",
+    "Troubled",
+    "Used",
     "event_from_json",
     "event_to_json",
 ]
@@ -29,6 +33,13 @@ class Planned:
     """The episodes (by key) that the selected tests are known to need. May repeat: keys count once."""
 
     keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Advised:
+    """What the routes of the selected tests cannot show, known before anything is driven; sentences."""
+
+    sentences: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +80,13 @@ class Spared:
 
 
 @dataclass(frozen=True, slots=True)
+class Used:
+    """A verdict or a measured value rests on these episodes (by key): what reports may show."""
+
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Started:
     """An episode began. `route` is the label of the route, for people."""
 
@@ -87,11 +105,26 @@ class Finished:
 
 
 @dataclass(frozen=True, slots=True)
+class Reused:
+    """An episode was needed and found in the store, driven by another process or by an earlier run."""
+
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
+class Troubled:
+    """Something is wrong with the place that keeps the episodes; the run goes on."""
+
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
 class Judged:
     """A requirement got its verdict in the test `nodeid`.
 
     `verdict` is `"pass"`, `"fail"`, `"inconclusive"` or `"error"`; for an error the numbers are None and `message` says
-    why. `low` and `high` bound the interval of `value`, `routes` of `planned` were read by the rule `rule`.
+    why. `low` and `high` bound the interval of `value`, `routes` of `planned` were read by the rule `rule`. `p_value`
+    is that against "it holds" where evidence was read; `family` is among how many requirements a fail had to stand.
     """
 
     nodeid: str
@@ -111,6 +144,8 @@ class Judged:
     message: str = ""
     planned: int = 0
     rule: str = ""
+    p_value: float | None = None
+    family: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +171,11 @@ class Searched:
     undecided: tuple[float, ...] = ()
 
 
-Event = Planned | Identified | Asked | Spared | Started | Finished | Judged | Searched
+Event = (
+    Advised | Planned | Identified | Asked | Spared | Used | Started | Finished | Reused | Troubled | Judged | Searched
+)
 
-_KINDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (Planned, Identified, Asked, Spared, Started, Finished, Judged, Searched)
-}
+_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in get_args(Event)}
 
 
 def event_to_json(event: Event) -> str:

@@ -1,68 +1,144 @@
-"""The run's shared folder: how the processes of one run see each other's episodes."""
+"""The store on disk: finished episodes of this run and of earlier ones, shared by every process that opens it.
+
+Two runs may use one folder at once, on one machine or over a network file system. Nothing needs a lock to be right:
+files appear whole (see `shelf`) and the same key means the same bits. Claims (see `claims`) only save double work.
+
+On a network file system: a record is there for the other hosts as soon as it was renamed, because they open it by its
+name and keep no memory of names that were missing beyond what the mount says (`acdirmax`, a minute at most for NFS);
+who looks too early drives once more and gets the same bits. Where locks are local to each host (`nolock`, many FUSE
+and Lustre mounts without `flock`), hosts may drive an episode twice, never two processes of one host. No age of a file
+and no clock takes part in any decision but in `drive-robust store gc`, which asks the server for the time.
+"""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Generator, Sequence
 from pathlib import Path
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.store.claims import Claims
-from pytest_drive_robust.store.episodes import read_episode, write_episode
+from pytest_drive_robust.store.base import is_reusable
+from pytest_drive_robust.store.claims import Claim, Claims
+from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, Record, decode_record, encode_episode
+from pytest_drive_robust.store.shelf import Shelf
 
 __all__ = ["FolderStore"]
 
-_WAIT_S = 0.05
-"""How long to sleep when every missing episode is being driven by somebody else."""
+State = tuple[int, int, int]
 
 
 class FolderStore:
-    """Episodes of one run, shared by its processes.
+    """Episodes in `folder`. Nothing is created before something is stored or claimed.
 
-    `offset` (0..1) is the share of a list of missing episodes that this process skips at first, so that workers
-    which need the same episodes begin at different ones.
+    `run` names the run: what it drove itself counts whatever its end was, what other runs drove counts where driving
+    again would give the same (see `is_reusable`), and not at all with `fresh`.
+
+    What cannot be written to `folder` (disk full, no permission) is kept in memory and in `spill`, a folder of this
+    run that its other processes open with, too; without one, no other process sees it.
     """
 
-    def __init__(self, folder: Path, *, offset: float = 0.0) -> None:
-        self._episodes = folder / "episodes"
-        self._episodes.mkdir(parents=True, exist_ok=True)
-        claims = folder / "claims"
-        claims.mkdir(exist_ok=True)
-        self._claims = Claims(claims)
-        self._offset = offset
-        self._read: dict[str, EpisodeResult] = {}
+    def __init__(self, folder: Path, *, run: str = "", fresh: bool = False, spill: Path | None = None) -> None:
+        self._shelf = Shelf(folder)
+        self._spill = None if spill is None else Shelf(spill)
+        self._claims = Claims(*(place / "claims" for place in (folder, spill) if place is not None))
+        self._run = run
+        self._fresh = fresh
+        self._known: dict[str, EpisodeResult] = {}
+        self._useless: dict[tuple[Path, str], State | None] = {}
+        self._problems: dict[str, None] = {}
+        self._unwritten = False
+
+    @property
+    def folder(self) -> Path:
+        """Where it is."""
+        return self._shelf.folder
 
     def get(self, key: str) -> EpisodeResult | None:
-        """The finished episode, or None."""
-        if key not in self._read and self._path(key).exists():
-            self._read[key] = read_episode(self._path(key))
-        return self._read.get(key)
+        """The finished episode, or None when it must be driven. A damaged record is moved aside and counts as none."""
+        known = self._known.get(key)
+        if known is not None:
+            return known
+        for shelf in (self._shelf, self._spill):
+            found = None if shelf is None else self._found(shelf, key)
+            if found is not None:
+                self._known[key] = found
+                return found
+        return None
 
     def put(self, key: str, result: EpisodeResult) -> None:
         """Keep a finished episode; other processes see all of it or nothing."""
-        write_episode(self._path(key), result)
-        self._read[key] = result
+        self._known[key] = result
+        data = encode_episode(result, {"key": key, "run": self._run})
+        try:
+            self._shelf.write(key, data)
+        except OSError as error:
+            self._tell_unwritten(error)
+            self._write_spill(key, data)
 
-    def missing(self, keys: Sequence[str]) -> Generator[str, None, None]:
-        """Claim and yield missing episodes; drive what is free first, wait only when all of them are taken."""
-        skipped = int(len(keys) * self._offset)
-        todo = [key for key in (*keys[skipped:], *keys[:skipped]) if not self._finished(key)]
-        while todo:
-            claimed_any = False
-            for key in todo:
-                if self._finished(key):
-                    continue
-                with self._claims.attempt(key) as claimed:
-                    # Looked at again under the claim: it may have been finished since.
-                    if claimed and not self._finished(key):
-                        claimed_any = True
-                        yield key
-            todo = [key for key in todo if not self._finished(key)]
-            if todo and not claimed_any:
-                time.sleep(_WAIT_S)
+    def claim(self, key: str) -> Claim | None:
+        """The right to drive an episode, None when a living process drives it already. Never waits."""
+        return self._claims.attempt(key)
 
-    def _finished(self, key: str) -> bool:
-        return key in self._read or self._path(key).exists()
+    def problems(self) -> tuple[str, ...]:
+        """What went wrong with the folder and its files, one sentence each, every one once."""
+        return tuple(self._problems)
 
-    def _path(self, key: str) -> Path:
-        return self._episodes / f"{key}.npz"
+    def _found(self, shelf: Shelf, key: str) -> EpisodeResult | None:
+        seen = (shelf.folder, key)
+        if seen in self._useless and self._useless[seen] == shelf.state(key):
+            return None  # looked at before, and nobody replaced it since
+        state = shelf.state(key)
+        try:
+            data = shelf.read(key)
+        except OSError as error:
+            self._tell(
+                f"{shelf.path(key)} could not be read ({error.strerror or error}), so that episode is driven again."
+            )
+            self._useless[seen] = state
+            return None
+        if data is None:
+            return None
+        record = self._record(shelf, key, data)
+        if record is None or not self._counts(record):
+            self._useless[seen] = state
+            return None
+        return record.result
+
+    def _record(self, shelf: Shelf, key: str, data: bytes) -> Record | None:
+        try:
+            record = decode_record(data)
+            if record.notes.get("key") != key:
+                raise CorruptRecordError(f"it is the record of {record.notes.get('key')!r}")
+        except OtherFormatError:
+            return None
+        except CorruptRecordError as error:
+            place = shelf.set_aside(key)
+            what = "It could not be moved away" if place is None else f"It was moved to {place}"
+            self._tell(
+                f"the stored episode {shelf.path(key)} is damaged: {error}. {what}; the episode is driven again."
+            )
+            return None
+        return record
+
+    def _counts(self, record: Record) -> bool:
+        if record.notes.get("run") == self._run:
+            return True
+        return not self._fresh and is_reusable(record.result)
+
+    def _tell_unwritten(self, error: OSError) -> None:
+        if not self._unwritten:
+            self._unwritten = True
+            self._tell(
+                f"the store {self._shelf.folder} cannot be written to ({error.strerror or error}). This run goes on "
+                "and its verdicts stand, but what it could not write is not there for later runs. Make room, or "
+                "choose another folder with --drive-store PATH."
+            )
+
+    def _write_spill(self, key: str, data: bytes) -> None:
+        if self._spill is None:
+            return
+        try:
+            self._spill.write(key, data)
+        except OSError as error:
+            self._tell(f"{self._spill.folder} cannot be written to either ({error.strerror or error}).")
+
+    def _tell(self, sentence: str) -> None:
+        self._problems.setdefault(sentence)

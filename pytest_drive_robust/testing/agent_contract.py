@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, consumed_signals
+from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, consumed_signals, offers_lockstep
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.outcome import Outcome
@@ -15,6 +15,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.runner.contract import agent_act_batch
+from pytest_drive_robust.runner.lockstep_check import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest
@@ -25,6 +27,9 @@ __all__ = ["check_agent"]
 
 _EPISODE_TICKS = 120
 _SLOWEST_ACT_S = 5.0
+_LOCKSTEP_OBSERVATIONS = 12
+_LOCKSTEP_ROWS = 4
+_SAME_POLICY = 0.01
 _METHODS = ("sensors", "reset", "act")
 _KNOWN = ", ".join(SIGNALS)
 
@@ -70,7 +75,15 @@ class _Trial:
             return
         self.truth: GroundTruth = self.simulator.truth()
         yield self.time()
-        for promise in (self.determinism, self.reset, self.isolation, self.consumes, self.privileged, self.plan):
+        for promise in (
+            self.determinism,
+            self.reset,
+            self.isolation,
+            self.consumes,
+            self.privileged,
+            self.plan,
+            self.lockstep,
+        ):
             try:
                 yield promise()
             except AgentError as error:  # noqa: PERF203 - a broken promise does not hide the next one
@@ -196,11 +209,36 @@ class _Trial:
             return Check("plan", False, "plan returned a point that is not finite.")
         return Check("plan", True, f"plan gives {len(points)} points.")
 
+    def lockstep(self) -> Check:
+        """`act_batch`, where there is one, is `act` for many, and no row depends on its company."""
+        agents = [self.factory() for _ in range(_LOCKSTEP_ROWS)]
+        if not offers_lockstep(agents[0]):
+            return Check("lockstep", True, "there is no act_batch(), and none is needed.")
+        assert self.record.plan is not None  # the recorded episode began with reset
+        seen = self.record.observations[:: max(len(self.record.observations) // _LOCKSTEP_OBSERVATIONS, 1)]
+        recording = Recording(self.record.plan, self.seed, tuple(seen))
+        problem = check_lockstep(self.factory, [recording])
+        if problem is not None:
+            return Check("lockstep", False, problem)
+        singly = feed(self.factory(), seen, plan=recording.plan, seed=self.seed)
+        for agent in agents:
+            agent.reset(recording.plan, self.seed)
+        together = [agent_act_batch(agents, [moment.private() for _ in agents])[0] for moment in seen]
+        for tick, one, other in zip((moment.tick for moment in seen), singly, together, strict=True):
+            if isinstance(other, AgentError) or _distance(one, other) > _SAME_POLICY:
+                return Check("lockstep", False, f"in tick {tick} act gives {one}, but act_batch gives {other}.")
+        return Check("lockstep", True, "act_batch drives like act, and no control depends on who shares the batch.")
+
     def feed(self, change: Callable[[Observation], Observation]) -> list[Control]:
         """A new agent's controls for the recorded observations."""
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.factory()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+
+
+def _distance(one: Control, other: Control) -> float:
+    pedals = max(abs(one.throttle - other.throttle), abs(one.brake - other.brake))
+    return max(pedals, abs(one.steer - other.steer))
 
 
 class _Timed:

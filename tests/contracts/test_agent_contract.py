@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 
@@ -59,6 +59,7 @@ def test_a_good_agent_keeps_every_promise() -> None:
         "consumes",
         "privileged",
         "plan",
+        "lockstep",
     ]
     assert "Good keeps the contract" in str(report)
 
@@ -203,3 +204,41 @@ def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
             return planned  # type: ignore[return-value]
 
     assert failed(check_agent(Planner)) == ["plan"]
+
+
+class Batched(Good):
+    """`act` for many, every row by itself."""
+
+    @staticmethod
+    def act_batch(agents: Sequence[Good], observations: Sequence[Observation]) -> list[Control]:
+        return [agent.act(observation) for agent, observation in zip(agents, observations, strict=True)]
+
+
+def test_an_act_batch_whose_rows_keep_to_themselves_is_told() -> None:
+    report = check_agent(Batched)
+    assert report.ok, str(report)
+    assert report["lockstep"].sentence.startswith("act_batch drives like act")
+    assert check_agent(Good)["lockstep"].sentence == "there is no act_batch(), and none is needed."
+
+
+def test_an_act_batch_that_looks_at_its_neighbours_is_found() -> None:
+    class Sociable(Good):
+        @staticmethod
+        def act_batch(agents: Sequence[Good], observations: Sequence[Observation]) -> list[Control]:
+            mean = sum(observation.speed.mps for observation in observations) / len(observations)
+            return [Control(throttle=min(0.5 + 0.01 * mean, 1.0)) for _ in agents]
+
+    report = check_agent(Sociable)
+    assert failed(report) == ["lockstep"]
+    assert "in other company" in report["lockstep"].sentence
+
+
+def test_an_act_batch_that_drives_otherwise_than_act_is_found() -> None:
+    class Braver(Good):
+        @staticmethod
+        def act_batch(agents: Sequence[Good], observations: Sequence[Observation]) -> list[Control]:
+            return [Control(throttle=1.0) for _ in agents]
+
+    report = check_agent(Braver)
+    assert failed(report) == ["lockstep"]
+    assert "in tick 0 act gives Control(throttle=0.5" in report["lockstep"].sentence

@@ -49,7 +49,7 @@ def stored(folder, name):
 def test_a_run_is_stored_with_its_fingerprint(both, workers):
     result = run(both, "--drive-save=before", *workers)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["stored as before: *"])
+    result.stdout.fnmatch_lines(["stored as before; *--drive-compare=before*"])
     document = stored(both, "before")
     assert document["schema"] == 1
     assert document["stored"]["name"] == "before"
@@ -110,7 +110,9 @@ def test_evidence_drives_every_route_and_judges_an_unchanged_and_a_worse_agent(s
     assert len(stored(folder, "before")["episodes"]) == 40, "a verdict after a few routes does not cut a run short"
     same = run(folder, EVIDENCE, "--drive-compare=before")
     assert same.ret == 0
-    same.stdout.fnmatch_lines(["*100.0 -> 100.0*40  pass", "no regression shown in 1 setting against before"])
+    same.stdout.fnmatch_lines(
+        ["*100.0 -> 100.0*40  pass", "no regression: not one score changed in 1 setting against before"]
+    )
     same.stdout.no_fnmatch_line("warning: *")
     slow_down(folder)
     worse = run(folder, EVIDENCE, "--drive-compare=before")

@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -130,7 +130,7 @@ def stored(folder: Path, sentence: str) -> Path:
         agent_name="film_agents:Good",
     )
     (folder / "run" / "episodes").mkdir(parents=True, exist_ok=True)
-    path = folder / "run" / "episodes" / f"{Task(result.episode, ROUTE, setting).key}.npz"
+    path = folder / "run" / "episodes" / f"{Task(result.episode, ROUTE, setting).key}.episode"
     write_episode(path, result)
     return path
 
@@ -165,7 +165,8 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     from pytest_drive_robust.store.episodes import read_episode
 
     path = stored(folder, "200 ms latency")
-    episode = {"key": path.stem, "trace_digest": read_episode(path).trace.digest}
+    result = read_episode(path)
+    episode = {**asdict(result.episode), "trace_digest": result.trace.digest}
     runs = folder / ".drive-robust" / "runs"
     runs.mkdir(parents=True)
     for name, digest in (("before", episode["trace_digest"]), ("later", "of another drive")):
@@ -178,6 +179,39 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
     assert main([*GOOD, *LATE, "--no-video"]) == 0
     assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
+
+
+def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from pytest_drive_robust.runner.identity import route_digest
+    from pytest_drive_robust.store.episodes import read_episode
+
+    result = read_episode(stored(folder, "200 ms latency"))
+    episode = {**asdict(result.episode), "trace_digest": "of another drive"}
+    for digest, told in ((route_digest(ROUTE), "DIFFERS from the run"), ("another", "not in the run")):
+        fingerprint = {"agents": {}, "routes": {ROUTE.id: digest}}
+        document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [episode], "fingerprint": fingerprint}
+        (folder / "run.json").write_text(json.dumps(document))
+        main([*GOOD, *LATE, "--no-video", "--run", "run.json"])
+        assert f"200 ms latency: {told}" in capsys.readouterr().out
+
+
+def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.folder import FolderStore
+
+    result = read_episode(stored(folder, "clean"))
+    earlier = replace(result, trace=replace(result.trace, rows=result.trace.rows + 1.0))
+    store = FolderStore(folder / "store")
+    store.put("aa01", earlier)
+    assert main([*GOOD, "--no-video", "--run", "store"]) == 1
+    store.put("aa02", result)
+    store.put("aa03", earlier)
+    assert main([*GOOD, "--no-video", "--run", "store"]) == 0
+    shown = capsys.readouterr().out
+    assert "clean: DIFFERS from the folder store" in shown
+    assert "clean: as in the folder store, bit for bit" in shown
 
 
 def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -201,7 +235,7 @@ def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest
         ({"--run": "nowhere/"}, "no such file or folder"),
         ({"--run": "befor"}, "no stored run named 'befor'"),
         ({"--tick-cap": "0"}, "expected at least 1"),
-        ({1: "gone.npz"}, "there is no episode file 'gone.npz'"),
+        ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
     ],
     ids=lambda value: str(value)[:40],
 )

@@ -34,11 +34,21 @@ def test_the_command_line_wins_over_the_ini_file():
 
 def test_every_option_is_read(tmp_path):
     files = tmp_path / "run.json", tmp_path / "run.csv"
-    values = *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "12.5"), *map(str, files)
-    config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
-    assert Settings.from_pytest_config(config) == Settings(
-        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], Ruling("list", 0.2, 0.01), "skip", files[1]
+    values = (
+        *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept"),
+        *map(str, files),
     )
+    config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
+    ruling = Ruling("list", 0.2, 0.01)
+    assert Settings.from_pytest_config(config) == Settings(
+        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], ruling, "skip", files[1], "holm", "kept"
+    )
+
+
+def test_a_store_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "kept").write_text("mine")
+    with pytest.raises(UsageError, match="--drive-store is '.*kept', which is a file; expected a folder, or off"):
+        Settings.from_pytest_config(FakeConfig(drive_store=str(tmp_path / "kept")))
 
 
 @pytest.mark.parametrize("text", ["", "x", "1,", "-1", "1.5", "0,0", "²"])

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.simulators.compat.compiled import arithmetic, kernel
+from pytest_drive_robust.simulators.compat.compiled import arithmetic, kernel, sources_digest
 from pytest_drive_robust.simulators.compat.loops import call1, call2, fma, loop_of
 
 __all__ = [
@@ -114,13 +114,20 @@ def turn2(machine: Machine, row_x: float, row_y: float, x: float, y: float) -> f
     return row_x * x + row_y * y
 
 
-@kernel
-def _evaluate(machine: Machine, x: float, y: float) -> tuple[float, float, float, float, float, float, float]:
-    share = x / (1.0 + abs(x))
-    return (
-        sin(machine, x), cos(machine, x), tan(machine, x), arcsin(machine, share),
-        arctan(machine, x), arctan2(machine, y, x), power(machine, abs(x), y),
-    )  # fmt: skip
+def _evaluate_for(sources: int) -> Callable[[Machine, float, float], tuple[float, ...]]:
+    @kernel
+    def evaluate(machine: Machine, x: float, y: float) -> tuple[float, float, float, float, float, float, float]:
+        _ = sources  # part of the cache's key
+        share = x / (1.0 + abs(x))
+        return (
+            sin(machine, x), cos(machine, x), tan(machine, x), arcsin(machine, share),
+            arctan(machine, x), arctan2(machine, y, x), power(machine, abs(x), y),
+        )  # fmt: skip
+
+    return evaluate
+
+
+_evaluate = _evaluate_for(sources_digest())
 
 
 def _numpys(x: float, y: float) -> tuple[float, ...]:

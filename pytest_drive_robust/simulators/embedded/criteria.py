@@ -37,6 +37,7 @@ CHECKPOINTS = 20
 TRIGGER_RADIUS_M = 2.0
 YIELD_NEAR_M = 50.0
 YIELD_S = 10.0
+_HAIR_M = 1e-6
 
 _RED = int(LightState.RED)
 
@@ -49,18 +50,33 @@ def _between(angle: float, other: float) -> float:
 
 
 @inner
-def nearest_lane(statics: Statics, x: float, y: float) -> tuple[int, float, float]:
-    """(lane, distance to its centre line [m], heading there) of the nearest driving or parking lane."""
+def _nearest_point(statics: Statics, lane: int, x: float, y: float, best: float, at: int) -> tuple[float, int]:
+    """(`best`, `at`), or distance and row of the first point of the usable lane that is nearer than `best` and all."""
+    k, end = statics.lane_start[lane], statics.lane_start[lane + 1]
+    while k < end:
+        dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
+        d = math.sqrt(dx * dx + dy * dy)
+        if d < best:
+            best, at = d, k
+        # no point can be nearer than `best` before the lane has gone the difference
+        k += max(1, int((d - best) / statics.lane_step_m))
+    return best, at
+
+
+@inner
+def nearest_lane(statics: Statics, x: float, y: float, last: int) -> tuple[int, float, float]:
+    """(lane, distance to its centre line [m], heading there) of the nearest driving or parking lane.
+
+    `last` is a lane that may well be near, or -1: it changes nothing but how many points are looked at.
+    """
     best, at = 1e18, 0
     for lane in range(len(statics.lane_start) - 1):
-        k, end = statics.lane_start[lane], statics.lane_start[lane + 1]
-        while k < end:
-            dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
-            d = math.sqrt(dx * dx + dy * dy)
-            if d < best:
-                best, at = d, k
-            # no point can be nearer than `best` before the lane has gone the difference
-            k += max(1, int((d - best) / statics.lane_step_m))
+        if statics.lane_of[statics.lane_start[lane]] == last:
+            best, at = _nearest_point(statics, lane, x, y, best, at)
+            best += _HAIR_M  # of points that are equally near the first one counts
+            break
+    for lane in range(len(statics.lane_start) - 1):
+        best, at = _nearest_point(statics, lane, x, y, best, at)
     heading = statics.lanes[at, 2]
     dx, dy = x - statics.lanes[at, 0], y - statics.lanes[at, 1]
     along = dx * math.cos(heading) + dy * math.sin(heading)
@@ -103,9 +119,9 @@ def _scenario_runs(state: State) -> bool:
 def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
     """Outside lanes, or against the traffic: counted in metres of route passed meanwhile."""
     ego, ints = state.ego, state.criteria_ints
-    lane, beside, heading = nearest_lane(statics, ego[c.EGO_X], ego[c.EGO_Y])
-    outside = beside > statics.lane_width[lane] / 2.0 + OUTSIDE_M
     last = ints[c.CI_LAST_LANE]
+    lane, beside, heading = nearest_lane(statics, ego[c.EGO_X], ego[c.EGO_Y], last)
+    outside = beside > statics.lane_width[lane] / 2.0 + OUTSIDE_M
     if statics.lane_junction[lane] == 1:
         ints[c.CI_WRONG_WAY] = 0
     elif last >= 0 and lane != last:

@@ -139,6 +139,12 @@ class GymnasiumSimulator:
         episode = self._now
         return episode.judge.score(episode.frame, dt_s=self.dt_s, options=self.options)
 
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The module that brings the environment."""
+        maker = self._spec.entry_point
+        return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
+
     def versions(self) -> Mapping[str, str]:
         """Backend and the libraries that compute."""
         import cv2

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._corridor import Corridor, oncoming
 from drive_robust_agents._lane import LaneTracker
+from drive_robust_agents._light import Dusk, lamp_light
 from drive_robust_agents._route import PlanPath
 from drive_robust_agents._vision import CAMERA, Ground, ground_pixels, signals
 from drive_robust_agents.classical import Classical
@@ -42,6 +43,18 @@ def _road(lane_right_m: float = 0.0) -> NDArray[np.uint8]:
     for side in (-1.75, 1.75):
         _paint(image, (4.0, 40.0), (lane_right_m + side - 0.1, lane_right_m + side + 0.1), WHITE)
     return image
+
+
+def _by_night(image: NDArray[np.uint8], brighter: float = 1.0) -> NDArray[np.uint8]:
+    """The same picture in the vehicle's headlamps, below a dark sky."""
+    half = CAMERA.height_px // 2
+    depth = CAMERA.z_m * CAMERA.width_px / 2.0 / (np.arange(half) + 0.5)
+    right = depth[:, None] * (np.arange(CAMERA.width_px) + 0.5 - CAMERA.width_px / 2.0) / (CAMERA.width_px / 2.0)
+    light = 0.12 + lamp_light(depth[:, None] + CAMERA.x_m, right)
+    dark = image.copy()
+    dark[:half] = (9, 12, 34)
+    dark[half:] = np.minimum(image[half:] * (brighter * light)[:, :, None], 255.0)
+    return dark
 
 
 def _paint(
@@ -121,11 +134,58 @@ def test_dead_pixels_hide_what_is_behind_them_and_are_no_obstacle() -> None:
     assert len(Ground().bases(image)) == 0
 
 
+def test_it_is_night_when_the_sky_is_dark_whatever_else_is_black() -> None:
+    dusk, night, dead = Dusk(), _by_night(_road()), np.zeros_like(_road())
+    assert not dusk.see(dead)
+    assert not dusk.see(_road())
+    after = Dusk()
+    assert after.see(night)
+    assert after.see(dead)
+
+
+def test_the_headlamps_fade_to_the_sides_and_far_away() -> None:
+    forward, right = np.array([1.5, 8.0, 8.0, 8.0, 40.0]), np.array([0.0, 0.0, 2.5, 6.0, 0.0])
+    bumper, near, beside, outside, far = lamp_light(forward, right)
+    assert bumper == outside == 0.0
+    assert near > beside > 0.3
+    assert near > 2.0 * far > 0.0
+
+
+@pytest.mark.parametrize("brighter", [0.8, 1.0, 1.2])
+def test_the_edge_of_the_headlamps_is_no_obstacle(brighter: float) -> None:
+    ground, image = Ground(), _by_night(_road(), brighter)
+    found = [len(ground.bases(image)) for _ in range(30)]
+    assert found[0] == found[-1] == 0
+
+
+def test_light_of_a_street_lamp_on_the_road_is_no_obstacle() -> None:
+    ground, image = Ground(), _by_night(_road())
+    rows, columns = ground_pixels(*np.meshgrid(np.arange(9.0, 15.0, 0.02), np.linspace(-4.0, 4.0, 400)))
+    lit = image.copy()
+    lit[rows, columns] = np.minimum(image[rows, columns] * np.array([1.8, 1.7, 1.5]), 255.0)
+    assert all(len(ground.bases(picture)) == 0 for picture in (image, lit, lit, lit, image))
+
+
+def test_a_dark_base_in_the_headlamps_is_found_where_it_stands() -> None:
+    image = _road()
+    _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
+    bases = Ground().bases(_by_night(image))
+    in_front = bases[np.abs(bases[:, 1]) < 0.8]
+    assert len(in_front) > 5
+    assert np.allclose(in_front[:, 0], 12.0, atol=0.8)
+
+
+def test_lamps_that_come_towards_it_beside_the_headlamps_are_seen() -> None:
+    image = _by_night(_road())
+    _paint(image, (14.0, 16.5), (-6.2, -5.0), (255, 255, 234))
+    assert oncoming(Ground().bases(image))
+
+
 @pytest.mark.parametrize("offset_m", [-0.6, 0.0, 0.5])
 def test_the_lane_is_found_between_its_markings(offset_m: float) -> None:
     lane, image = LaneTracker(), _road(offset_m)
     for _ in range(40):
-        lane.see(image, 98.0)
+        lane.see(image, np.full(len(lane.FORWARD_M), 98.0))
     assert lane.middle(np.array([8.0]))[0] == pytest.approx(offset_m, abs=0.12)
     assert lane.quality > 0.5
 
@@ -140,7 +200,7 @@ def test_the_lane_moves_with_the_vehicle() -> None:
 def test_no_markings_no_confidence() -> None:
     lane, image = LaneTracker(), np.full((CAMERA.height_px, CAMERA.width_px, 3), 98, dtype=np.uint8)
     for _ in range(40):
-        lane.see(image, 98.0)
+        lane.see(image, np.full(len(lane.FORWARD_M), 98.0))
     assert lane.quality == 0.0
 
 
@@ -209,8 +269,8 @@ def test_it_brakes_for_an_obstacle() -> None:
 
 
 def test_a_speed_that_reads_low_makes_it_push() -> None:
-    assert _act(_road(), speed_mps=10.5).throttle < 0.1
-    assert _act(_road(), speed_mps=2.1).throttle > 0.7
+    assert _act(_road(), speed_mps=14.0).throttle < 0.1
+    assert _act(_road(), speed_mps=2.8).throttle > 0.7
 
 
 def test_a_red_lamp_stops_it_and_green_lets_it_go() -> None:

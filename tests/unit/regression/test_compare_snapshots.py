@@ -53,16 +53,54 @@ def test_better_is_never_a_regression_and_its_flips_come_last() -> None:
 
 
 def test_three_routes_show_nothing_by_evidence() -> None:
-    (found,) = compare(snapshot(cell([100.0] * 3)), snapshot(cell([10.0] * 3))).cells
+    old, new = snapshot(cell([100.0] * 3)), snapshot(cell([10.0] * 3))
+    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
     assert found.verdict == "inconclusive"
     assert len(found.flips) == 3
+
+
+@pytest.mark.parametrize(
+    ("routes", "seed", "rule", "verdict"),
+    [(19, 0, "list", "fail"), (19, 1, "evidence", "inconclusive"), (20, 0, "evidence", "fail")],
+)
+def test_without_a_rule_few_routes_are_a_list_unless_their_seeds_are_others(
+    routes: int, seed: int, rule: str, verdict: str
+) -> None:
+    old = snapshot(cell([80.0] * routes))
+    (worse,) = compare(old, snapshot(cell([70.0] * routes, seed=seed))).cells
+    assert (worse.rule, worse.verdict) == (rule, verdict)
+
+
+def test_the_same_seeds_without_one_changed_score_pass_on_any_number_of_routes() -> None:
+    for routes in (1, 19, 20, 44):
+        old = snapshot(cell([60.0] * routes))
+        (same,) = compare(old, old).cells
+        assert (same.rule, same.verdict) == ("list", "pass")
+        (other,) = compare(old, snapshot(cell([60.0] * routes, seed=1))).cells
+        assert (other.rule, other.verdict) == ("evidence", "inconclusive")
+
+
+def test_few_routes_are_told_about() -> None:
+    old = snapshot(cell([80.0] * 3))
+    assert compare(old, old).notes == ()
+    assert compare(old, snapshot(cell([80.0, 80.0, 79.0]))).notes == (
+        "verdicts on 3 routes by the rule list: they speak of exactly these routes and seeds",
+    )
+    assert compare(old, snapshot(cell([80.0] * 3, seed=1))).notes == (
+        "3 routes with other seeds show little: drive 20 or more, or the same routes and seeds",
+    )
+
+
+def test_a_run_in_which_nothing_was_scored_says_why() -> None:
+    with pytest.raises(UsageError, match=r"\(0 routes, 1 not scored: 7, seed 0: no map\)"):
+        compare(snapshot(cell([80.0])), snapshot(cell([], broken=("7, seed 0: no map",))))
 
 
 @given(st.lists(st.tuples(st.floats(0, 100), st.floats(0, 100)), min_size=1, max_size=60))
 def test_the_verdict_on_a_relative_drop_is_that_of_the_gate(pairs: list[tuple[float, float]]) -> None:
     before, after = zip(*pairs, strict=True)
     old, new = snapshot(cell(before)), snapshot(cell(after))
-    (found,) = compare(old, new).cells
+    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
     order = compare_order(old.cells["driver", "clean"], new.cells["driver", "clean"])
     expected = gate([before[n] for n in order], [after[n] for n in order], 0.05)
     assert found.verdict == expected.verdict

@@ -9,6 +9,7 @@ import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
+from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
@@ -144,3 +145,54 @@ def test_pixels_are_read_until_a_camera_was_seen_to_change_and_never_after(monke
 
 def test_a_delayed_image_is_told_by_its_tick_of_capture() -> None:
     assert received(SensorDelay(camera_ms=50, ego_ms=0), cameras=(FRONT,)).touched == (Touch("front", 59, 1),)
+
+
+def given_table(*perturbations: Perturbation) -> np.ndarray:
+    result = drive_episode(
+        FakeSimulator(SimulatorOptions(tick_cap=60)),
+        ScriptedAgent([Control(throttle=0.5)] * 60, cameras=(FRONT, REAR)),
+        route=fake_route(),
+        setting=Setting.of(*perturbations),
+        seed=1,
+        agent_name="under test",
+    )
+    assert result.given is not None
+    return result.given.rows
+
+
+def test_the_record_tells_what_the_agent_was_given_in_each_tick() -> None:
+    clean = given_table()
+    assert clean.shape == (60, 7)
+    assert clean.dtype == np.float32
+    assert clean[:, 0].tolist() == list(range(60))
+    assert clean[:, 5].tolist() == list(range(60))
+    assert clean[:4, 6].tolist() == [0, 0, 2, 2]  # 10 Hz
+    noisy = given_table(GpsNoise(std_m=5))
+    assert (noisy[:, 1:3] != clean[:, 1:3]).any(axis=1).all()
+    assert (noisy[:, 3:] == clean[:, 3:]).all()
+    late = given_table(SensorDelay(camera_ms=100))
+    assert late[10, 5] == 8
+
+
+@dataclass
+class Numberless(Perturbation):
+    phrase = "numberless"
+
+    def observe(self, observation: Observation) -> Observation:
+        if observation.tick < 5:
+            return observation
+        return replace(observation, gps=replace(observation.gps, y_m="south"))  # type: ignore[arg-type]
+
+
+def test_a_perturbation_that_gives_no_number_is_our_fault_and_leaves_the_rows_before_it() -> None:
+    result = drive_episode(
+        FakeSimulator(SimulatorOptions(tick_cap=60)),
+        ScriptedAgent([Control(throttle=0.5)] * 60, cameras=(FRONT,)),
+        route=fake_route(),
+        setting=Setting.of(Numberless()),
+        seed=1,
+        agent_name="under test",
+    )
+    assert result.end is End.SIMULATION_CRASHED
+    assert result.given is not None
+    assert result.given.rows.shape == (5, 6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,12 +24,17 @@ RAIN = Air.of(WEATHERS["hard rain noon"])
 Pixels = NDArray[np.uint8]
 
 
+@numba.njit(error_model="numpy")
+def draw(image: Pixels, faces: NDArray[np.int32], tick: int, view: View, air: Air) -> None:
+    draw_lens(image, faces, tick, view, air)
+
+
 def drawn(
     air: Air, *, tick: int = 0, yaw_rad: float = 0.0, hidden: bool = False, camera: CameraSpec = CAMERA
 ) -> Pixels:
     image = np.full((camera.height_px, camera.width_px, 3), 90, np.uint8)
     faces = np.full((camera.height_px, camera.width_px), int(hidden), np.int32)
-    draw_lens(image, faces, tick, View.of(camera, 0.0, 0.0, yaw_rad), air)
+    draw(image, faces, tick, View.of(camera, 0.0, 0.0, yaw_rad), air)
     return image
 
 
@@ -71,7 +77,7 @@ def test_a_drop_stays_at_its_place_while_rain_goes_on() -> None:
 
     def with_drops(tick: int) -> Pixels:
         image = gradient.copy()
-        draw_lens(image, np.zeros((96, 160), np.int32), tick, View.of(CAMERA, 0.0, 0.0, 0.0), only_drops)
+        draw(image, np.zeros((96, 160), np.int32), tick, View.of(CAMERA, 0.0, 0.0, 0.0), only_drops)
         return image
 
     first, next_tick, much_later = with_drops(100), with_drops(101), with_drops(700)
@@ -101,7 +107,7 @@ def test_no_camera_is_drawn_outside_of_its_picture(
     both = SUNSET._replace(rain=1.0, drops=1.0)
     around = np.full((height + 2, width + 2, 3), 90, np.uint8)
     image = around[1:-1, 1:-1]
-    draw_lens(image, np.zeros((height, width), np.int32), tick, View.of(camera, 0.0, 0.0, yaw), both)
+    draw(image, np.zeros((height, width), np.int32), tick, View.of(camera, 0.0, 0.0, yaw), both)
     frame = np.ones(around.shape[:2], bool)
     frame[1:-1, 1:-1] = False
     assert (around[frame] == 90).all()

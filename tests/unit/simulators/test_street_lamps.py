@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import math
 
+import numba
 import numpy as np
 from camera_scene import lane, town
+from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import LaneKind, LaneMap
+from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools, lamp_boxes, lamp_places
 from pytest_drive_robust.simulators.embedded.drawing.view import View
 
 NOTHING = np.zeros((0, 6))
 CAMERA = CameraSpec("front", width_px=160, height_px=96)
+
+
+@numba.njit(error_model="numpy")
+def light(canvas: Canvas, places: NDArray[np.float64], view: View, haze_per_m: float, strength: float) -> None:
+    draw_pools(canvas, places, view, haze_per_m, strength)
+
+
+def grey(level: int) -> Canvas:
+    canvas = Canvas.of(160, 96)
+    canvas.colours[:] = level * 0x010101
+    return canvas
 
 
 def road(*lanes: object) -> LaneMap:
@@ -61,13 +75,16 @@ def test_heads_glow_by_night_only() -> None:
 def test_a_lamp_lights_the_road_below_it_and_nothing_that_hides_it() -> None:
     places = np.array(((15.0, 5.0, -math.pi / 2.0),))
     view = View.of(CAMERA, 0.0, 0.0, 0.0)
-    faces = np.zeros((96, 160), np.int32)
-    faces[:, :60] = 1
-    image = np.full((96, 160, 3), 20, np.uint8)
-    draw_pools(image, faces, places, view, 0.002, 1.0)
-    assert (image[:48] == 20).all()
-    assert (image[:, :60] == 20).all()
-    lit = image[48:, :, 0].astype(int)
+    canvas = grey(20)
+    canvas.faces[:, :60] = 1
+    light(canvas, places, view, 0.002, 1.0)
+    assert (canvas.colours[:48] == 0x141414).all()
+    assert (canvas.colours[:, :60] == 0x141414).all()
+    red, green, blue = ((canvas.colours[48:] >> shift & 255).astype(int) for shift in (0, 8, 16))
+    assert (red >= green).all()
+    assert (green >= blue).all()
+    assert blue.max() > 30
+    lit = red
     row, column = np.unravel_index(lit.argmax(), lit.shape)
     assert lit.max() > 50
     assert abs((48 + row) - (48 + view.focal_px * 1.6 / 14.2)) < 4.0
@@ -76,6 +93,6 @@ def test_a_lamp_lights_the_road_below_it_and_nothing_that_hides_it() -> None:
 
 def test_what_is_bright_already_does_not_burn_out() -> None:
     places = np.array(((15.0, 5.0, -math.pi / 2.0),))
-    image = np.full((96, 160, 3), 200, np.uint8)
-    draw_pools(image, np.zeros((96, 160), np.int32), places, View.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
-    assert (image == 200).all()
+    canvas = grey(200)
+    light(canvas, places, View.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
+    assert (canvas.colours == 0xC8C8C8).all()

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.judges import EvidenceJudge
 from pytest_drive_robust.stats.rules import degradation_rule, mean_rule
-from pytest_drive_robust.stats.several import any_wrong, fail_p_value, holm
+from pytest_drive_robust.stats.several import any_wrong, fail_p_value, holm, late_fails
 
 p_lists = st.lists(st.floats(0.0, 1.0), max_size=12)
 
@@ -79,3 +80,40 @@ def test_p_values_are_small_as_rarely_as_they_say() -> None:
 
     for alpha in (0.05, 0.2):
         assert sum(p_value <= alpha for p_value in p_values) <= 600 * (alpha + 2 * (alpha / 600) ** 0.5)
+
+
+@given(p_lists.filter(bool), st.integers(0, 5), st.floats(0.001, 0.2))
+def test_what_is_red_at_once_and_what_turns_red_at_the_end_are_together_what_holm_rejects(
+    p_values: list[float], unjudged: int, alpha: float
+) -> None:
+    family = len(p_values) + unjudged
+    at_once = [p_value <= alpha / family for p_value in p_values]
+    verdicts = ["fail" if red else "inconclusive" for red in at_once]
+    late = late_fails(verdicts, p_values, family=family, alpha=alpha)
+    together = tuple(red or place in late for place, red in enumerate(at_once))
+    assert together == holm([*p_values, *([1.0] * unjudged)], alpha)[: len(p_values)]
+
+
+def test_a_pass_is_never_taken_back() -> None:
+    assert late_fails(["pass", "inconclusive"], [0.001, 0.03], family=2) == ()
+    assert late_fails(["pass"], [0.0001], family=1) == ()
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 10**6), st.sampled_from([20, 60]), st.floats(0.2, 0.9), st.integers(2, 20))
+def test_among_several_a_fail_needs_a_p_value_of_its_share_and_is_never_a_pass_instead(
+    seed: int, count: int, keeps: float, family: int
+) -> None:
+    draw, rule = random.Random(seed), degradation_rule(0.30)
+    pairs = [(before, before * draw.choice([1.0, keeps, draw.random()])) for before in [100.0, 60.0, 20.0] * count]
+    alone, among = EvidenceJudge(rule), EvidenceJudge(rule, fail_alpha=0.05 / family)
+    for before, after in pairs:
+        alone.read(after, before)
+        among.read(after, before)
+    read = pairs[: among.routes]
+    p_value = fail_p_value(
+        rule, [after for _, after in read], [before for before, _ in read], ended=len(read) == len(pairs)
+    )
+    assert (among.close() == "fail") == (p_value <= 0.05 / family)
+    assert alone.close() != "fail" or among.close() != "pass"
+    assert among.close() != "fail" or alone.close() == "fail"

@@ -28,6 +28,8 @@ _LEFT_INDICATOR, _RIGHT_INDICATOR = int(Role.LEFT_INDICATOR), int(Role.RIGHT_IND
 _LEFT_BEACON, _RIGHT_BEACON = int(Role.LEFT_BEACON), int(Role.RIGHT_BEACON)
 _LEFT_LEG, _RIGHT_LEG = int(Role.LEFT_LEG), int(Role.RIGHT_LEG)
 
+_paint_index = inner(paint_index)
+
 _BLINK_TICKS = 8
 _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
@@ -98,7 +100,7 @@ def _set_colour(
     state, role = int(actors[k, _STATE]), int(parts[p, 9])
     red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
     if role == _BODY:
-        paint = paint_index(int(actors[k, _ID]))
+        paint = _paint_index(int(actors[k, _ID]))
         red, green, blue = paints[paint, 0], paints[paint, 1], paints[paint, 2]
     elif role == _BRAKE_LAMP:
         red, green, blue, glow = (255.0, 44.0, 30.0, 1.0) if state & _BRAKING else (112.0, 10.0, 14.0, 0.9 * night)

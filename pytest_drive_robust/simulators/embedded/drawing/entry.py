@@ -105,9 +105,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
         draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
         draw_shadows(canvas, ground.rows, scene.actors, view, air)
         draw_pixels(canvas, scene.rows, view, air, lamps, ground.clear)
-        pack_pixels(canvas.words, canvas.colours)
         if street_light > 0.0:
-            draw_pools(canvas.pixels, canvas.faces, scene.street_lamps, view, air.haze_per_m, street_light)
+            draw_pools(canvas, scene.street_lamps, view, air.haze_per_m, street_light)
+        pack_pixels(canvas.words, canvas.colours)
         if air.rain > 0.0 or air.drops > 0.0 or air.glare > 0.0:
             draw_lens(canvas.pixels, canvas.faces, tick, view, air)
 

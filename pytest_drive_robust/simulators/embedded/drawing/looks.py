@@ -7,7 +7,6 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Material
@@ -97,7 +96,6 @@ def paint_of(number: int) -> Colour:
     return red, green, blue
 
 
-@njit(cache=True)
 def paint_index(number: int) -> int:
     """The row of `PAINTS` of the actor whose id is `number`."""
     return (number * 5 + 1) % len(PAINTS)

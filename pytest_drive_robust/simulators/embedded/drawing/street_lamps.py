@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
+from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.domain.truth import Lane, LaneMap
+    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
     from pytest_drive_robust.simulators.embedded.drawing.view import View
 
     Floats = NDArray[np.float64]
@@ -37,6 +38,10 @@ _POOL_M = 9.5
 _BRIGHTER = 3.4
 _BRIGHTEST = 150.0
 _FARTHEST_M = 70.0
+_0, _1, _255 = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+_FADE, _DARKER = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(1.0 / (3.0 * _BRIGHTEST))
+_GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
+"""The light is warm: green and blue gain less than red."""
 
 
 def lamp_places(lane_map: LaneMap) -> Floats:
@@ -104,15 +109,14 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
     return boxes
 
 
-@njit(cache=True, error_model="numpy")
-def draw_pools(
-    image: NDArray[np.uint8], faces: NDArray[Any], places: Floats, view: View, haze_per_m: float, strength: float
-) -> None:
-    """Brightens the ground of `image` (height, width, 3) below the lamps at `places`, by `strength` 0..1.
+@inner
+def draw_pools(canvas: Canvas, places: Floats, view: View, haze_per_m: float, strength: float) -> None:
+    """Brightens the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
 
-    `faces` (height, width) is 0 where no box is seen. What is bright already gains less: no place burns out.
+    What is bright already gains less: no place burns out.
     """
-    height, width = image.shape[0], image.shape[1]
+    colours, faces = canvas.colours, canvas.faces
+    height, width = colours.shape
     for lamp in range(len(places)):
         towards = places[lamp, 2]
         dx = places[lamp, 0] + _ARM_M * math.cos(towards) - view.x_m
@@ -131,38 +135,47 @@ def draw_pools(
             depth = -view.z_m / rise
             forward = depth * (view.cos_pitch - up * view.sin_pitch) - ahead
             if abs(forward) < _POOL_M:
-                _pool_row(image, faces, row, forward, aside, depth / view.focal_px, gain)
+                _pool_row(colours[row], faces[row], forward, aside, depth / view.focal_px, gain)
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def _pool_row(
-    image: NDArray[np.uint8],
-    faces: NDArray[Any],
-    row: int,
-    forward_m: float,
-    aside_m: float,
-    pixel_m: float,
-    gain: float,
+    colours: NDArray[np.uint32], faces: NDArray[np.int32], forward_m: float, aside_m: float, pixel_m: float, gain: float
 ) -> None:
-    width = image.shape[1]
+    """One row of pixels through one pool, `forward_m` and `aside_m` from its middle."""
+    width = len(colours)
     chord = math.sqrt(_POOL_M * _POOL_M - forward_m * forward_m)
     first = max(math.ceil(0.5 * width + (aside_m - chord) / pixel_m - 0.5), 0)
     last = min(math.floor(0.5 * width + (aside_m + chord) / pixel_m - 0.5), width - 1)
-    one, gain32, third = np.float32(1.0), np.float32(gain), np.float32(1.0 / (3.0 * _BRIGHTEST))
-    fade, step = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(pixel_m)
-    nearest = one - np.float32(forward_m * forward_m) * fade
+    if first > last:
+        return
+    nearest = _1 - np.float32(forward_m * forward_m) * _FADE
     start = np.float32((first + 0.5 - 0.5 * width) * pixel_m - aside_m)
-    line, hidden = image[row], faces[row]
-    for column in range(first, last + 1):
-        if hidden[column] != 0:
-            continue
-        side = start + np.float32(column - first) * step
-        near = nearest - side * side * fade
-        red, green, blue = np.float32(line[column, 0]), np.float32(line[column, 1]), np.float32(line[column, 2])
-        dark = one - (red + green + blue) * third
-        if dark <= 0.0:
-            continue
-        more = gain32 * near * near * dark
-        line[column, 0] = np.uint8(min(np.int32(red + red * more), 255))
-        line[column, 1] = np.uint8(min(np.int32(green + green * more * np.float32(0.92)), 255))
-        line[column, 2] = np.uint8(min(np.int32(blue + blue * more * np.float32(0.7)), 255))
+    _lighten(colours[first : last + 1], faces[first : last + 1], nearest, start, np.float32(pixel_m), np.float32(gain))
+
+
+@inner
+def _lighten(
+    colours: NDArray[np.uint32], faces: NDArray[np.int32], nearest: float, start: float, step: float, gain: float
+) -> None:
+    """Multiplies what is ground; in float32 and without branches, so that it becomes vector instructions."""
+    for u in range(len(colours)):
+        colour = np.int32(colours[u])
+        red, green, blue = (
+            np.float32(np.int32(colour & 255)),
+            np.float32(np.int32((colour >> 8) & 255)),
+            np.float32(np.int32((colour >> 16) & 255)),
+        )
+        side = start + np.float32(np.int32(u)) * step
+        near = nearest - side * side * _FADE
+        dark = _1 - (red + green + blue) * _DARKER
+        dark = dark if dark > _0 else _0
+        more = gain * near * near * dark
+        more = more if faces[u] == 0 else _0
+        red, green, blue = red + red * more, green + green * more * _GREEN, blue + blue * more * _BLUE
+        red, green, blue = (
+            red if red < _255 else _255,
+            green if green < _255 else _255,
+            blue if blue < _255 else _255,
+        )
+        colours[u] = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)

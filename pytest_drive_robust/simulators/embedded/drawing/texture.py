@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from pytest_drive_robust.simulators.embedded.drawing.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from pytest_drive_robust.domain.truth import LaneMap
@@ -136,60 +138,45 @@ def unpack(packed: Packed) -> NDArray[np.uint8]:
     return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
-@njit(cache=True)
-def _pack(
-    material: NDArray[np.uint8],
-    white: NDArray[np.uint8],
-    yellow: NDArray[np.uint8],
-    column: int,
-    row: int,
-    colours: Floats,
-    grain: Floats,
-    white_colour: Floats,
-    yellow_colour: Floats,
-    classes: NDArray[np.int64],
-) -> Packed:
-    """Colours of a sheet; the grain is a hash of the texel's place in the world, so it never depends on the region."""
-    rows, columns = material.shape
-    packed = np.empty((rows, columns), np.uint32)
-    for i in range(rows):
-        for j in range(columns):
-            kind = material[i, j]
-            word = ((row + i) * 73856093) ^ ((column + j) * 19349663)
-            word = (word ^ (word >> 13)) * 1274126177
-            noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
-            a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
-            painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
-            value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
-            for channel in range(3):
-                colour = colours[kind, channel] + noise
-                colour += (yellow_colour[channel] - colour) * b
-                colour += (white_colour[channel] - colour) * a
-                value |= int(min(max(colour, 0.0), 255.0)) << (8 * channel)
-            packed[i, j] = value
-    return packed
+def _pack_for(sources: int) -> Callable[..., Packed]:
+    @entry
+    def pack(
+        material: NDArray[np.uint8],
+        white: NDArray[np.uint8],
+        yellow: NDArray[np.uint8],
+        column: int,
+        row: int,
+        colours: Floats,
+        grain: Floats,
+        white_colour: Floats,
+        yellow_colour: Floats,
+        classes: NDArray[np.int64],
+    ) -> Packed:
+        _ = sources  # part of the cache's key
+        rows, columns = material.shape
+        packed = np.empty((rows, columns), np.uint32)
+        for i in range(rows):
+            for j in range(columns):
+                kind = material[i, j]
+                # the grain is a hash of the texel's place in the world, so it never depends on the region
+                word = ((row + i) * 73856093) ^ ((column + j) * 19349663)
+                word = (word ^ (word >> 13)) * 1274126177
+                noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
+                a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
+                painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
+                value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
+                for channel in range(3):
+                    colour = colours[kind, channel] + noise
+                    colour += (yellow_colour[channel] - colour) * b
+                    colour += (white_colour[channel] - colour) * a
+                    value |= int(min(max(colour, 0.0), 255.0)) << (8 * channel)
+                packed[i, j] = value
+        return packed
+
+    return pack
 
 
-@njit(cache=True)
-def _halved(picture: Packed) -> Packed:
-    """Each 2 x 2 block of texels averaged, channels rounded to nearest; of the classes the most frequent stays."""
-    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
-    small = np.empty((rows, columns), np.uint32)
-    for i in range(rows):
-        for j in range(columns):
-            low, high = np.uint32(0x00020002), np.uint32(0x00000002)
-            for k in range(4):
-                texel = picture[2 * i + k // 2, 2 * j + k % 2]
-                low += texel & np.uint32(0x00FF00FF)
-                high += (texel >> np.uint32(8)) & np.uint32(0x000000FF)
-            small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
-                ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
-            )
-            small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
-    return small
-
-
-@njit(cache=True)
+@inner
 def _frequent(picture: Packed, i: int, j: int) -> int:
     """The most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
     best, most = 0, 0
@@ -202,6 +189,28 @@ def _frequent(picture: Packed, i: int, j: int) -> int:
     return best
 
 
+def _halve_for(sources: int) -> Callable[[Packed], Packed]:
+    @entry
+    def halve(picture: Packed) -> Packed:
+        _ = sources  # part of the cache's key
+        rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+        small = np.empty((rows, columns), np.uint32)
+        for i in range(rows):
+            for j in range(columns):
+                low, high = np.uint32(0x00020002), np.uint32(0x00000002)
+                for k in range(4):
+                    texel = picture[2 * i + k // 2, 2 * j + k % 2]
+                    low += texel & np.uint32(0x00FF00FF)
+                    high += (texel >> np.uint32(8)) & np.uint32(0x000000FF)
+                small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
+                    ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
+                )
+                small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
+        return small
+
+    return halve
+
+
 def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
     """Equal digests mean equal ground: everything that `paint_ground` reads goes in."""
     content = hashlib.blake2b(repr(regions).encode(), digest_size=16)
@@ -212,3 +221,9 @@ def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
     content.update(repr([(s.x_m, s.y_m, s.heading_rad, s.width_m) for s in lane_map.stop_lines]).encode())
     content.update(np.ascontiguousarray(lane_map.crosswalks, np.float64).tobytes())
     return content.digest()
+
+
+_pack = _pack_for(sources_digest())
+"""The colours of a sheet."""
+_halved = _halve_for(sources_digest())
+"""Each 2 x 2 block of texels averaged, channels rounded to nearest; of the classes the most frequent stays."""

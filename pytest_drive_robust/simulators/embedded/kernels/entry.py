@@ -18,13 +18,14 @@ from pytest_drive_robust.simulators.embedded.kernels import flows
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
+from pytest_drive_robust.simulators.embedded.kernels.held import Held, held
 from pytest_drive_robust.simulators.embedded.kernels.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.kernels.lights import set_lights
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.survey import survey
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["actor_rows", "finish", "settle", "tick"]
+__all__ = ["actor_rows", "finish", "hold", "settle", "tick"]
 
 Floats = NDArray[np.float64]
 
@@ -41,10 +42,20 @@ def _pose_actors(statics: Statics, state: State) -> None:
             actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
 
 
-def _tick(sources: int) -> Callable[[Statics, State, float, float, float], None]:
+def _hold(sources: int) -> Callable[[Statics, State], Held]:
     @entry
-    def tick(statics: Statics, state: State, throttle: float, steer: float, brake: float) -> None:
+    def hold(statics: Statics, state: State) -> Held:
         _ = sources  # part of the cache's key
+        return held(statics, state)
+
+    return hold
+
+
+def _tick(sources: int) -> Callable[[Held, float, float, float], None]:
+    @entry
+    def tick(world: Held, throttle: float, steer: float, brake: float) -> None:
+        _ = sources
+        statics, state = world.statics, world.state
         state.clock[0] += 1
         set_lights(statics, state)
         flows.run_flows(statics, state)
@@ -57,10 +68,11 @@ def _tick(sources: int) -> Callable[[Statics, State, float, float, float], None]
     return tick
 
 
-def _settle(sources: int) -> Callable[[Statics, State], None]:
+def _settle(sources: int) -> Callable[[Held], None]:
     @entry
-    def settle(statics: Statics, state: State) -> None:
+    def settle(world: Held) -> None:
         _ = sources
+        statics, state = world.statics, world.state
         set_lights(statics, state)
         _pose_actors(statics, state)
         flows.fill_flows(statics, state)
@@ -68,19 +80,20 @@ def _settle(sources: int) -> Callable[[Statics, State], None]:
     return settle
 
 
-def _finish(sources: int) -> Callable[[Statics, State], None]:
+def _finish(sources: int) -> Callable[[Held], None]:
     @entry
-    def finish(statics: Statics, state: State) -> None:
+    def finish(world: Held) -> None:
         _ = sources
-        criteria.finish(statics, state)
+        criteria.finish(world.statics, world.state)
 
     return finish
 
 
-def _actor_rows(sources: int) -> Callable[[State, Floats], int]:
+def _actor_rows(sources: int) -> Callable[[Held, Floats], int]:
     @entry
-    def actor_rows(state: State, rows: Floats) -> int:
+    def actor_rows(world: Held, rows: Floats) -> int:
         _ = sources
+        state = world.state
         count = 0
         for i in range(len(state.actors)):
             if state.actor_ints[i, c.I_ACTIVE] != 1:
@@ -97,6 +110,9 @@ def _actor_rows(sources: int) -> Callable[[State, Floats], int]:
 
 
 _SOURCES = sources_digest()
+
+hold = _hold(_SOURCES)
+"""What the other entry points take: a world by its arrays, which it keeps alive and does not copy."""
 
 tick = _tick(_SOURCES)
 """One tick: time, lights, traffic, ego, contact, criteria."""

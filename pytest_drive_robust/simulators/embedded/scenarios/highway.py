@@ -86,7 +86,7 @@ def merger_into_slow_traffic_v2(stage: Stage) -> None:
         Site(
             "ExitRamp",
             "road.f0>road.f1>exit.f0",
-            (212.0, 220.0),
+            (217.0, 221.9),
             before_m=(136.0, 142.0),
             changes_m=((4.0, 8.0), (68.0, 74.0)),
         ),

@@ -14,6 +14,8 @@ from pytest_drive_robust.simulators.embedded.stage import Stage
 __all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]
 
 _NEAR_M = (28.0, 36.0)
+_NEARER_M = (23.0, 30.0)
+"""Metres before a junction at which a route starts; plain turns are the shortest routes."""
 _TRIGGER_M = (3.0, 6.0)
 
 
@@ -39,10 +41,10 @@ def t_junction(stage: Stage) -> None:
 @scenario(
     "VanillaNonSignalizedTurn",
     sites=(
-        Site("OpenCrossing", "E.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("OpenTee", "S.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("OpenCrossing", "E.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("OpenTee", "S.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
         Site("Roundabout", "W.straight0", (80.0, 95.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("OpenTee", "S.right0", (58.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("OpenTee", "S.right0", (49.2, 62.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
     ),
 )
 def vanilla_turn(stage: Stage) -> None:
@@ -54,10 +56,10 @@ def vanilla_turn(stage: Stage) -> None:
 @scenario(
     "VanillaNonSignalizedTurnEncounterStopsign",
     sites=(
-        Site("StopCrossing", "E.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("StopCrossing", "W.left0", (60.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("StopTee", "S.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("RuralCrossing", "N.right0", (58.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("StopCrossing", "E.right0", (49.2, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("StopCrossing", "W.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("StopTee", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("RuralCrossing", "N.right0", (52.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
     ),
 )
 def vanilla_stop_sign(stage: Stage) -> None:
@@ -83,10 +85,10 @@ def vanilla_green_light(stage: Stage) -> None:
 @scenario(
     "VanillaSignalizedTurnEncounterRedLight",
     sites=(
-        Site("LightCrossing", "S.right0", (55.0, 70.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("LightCrossing", "N.left0", (60.0, 75.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("LightTee", "S.left0", (58.0, 72.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
-        Site("Grid", "W0.right0", (55.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("LightCrossing", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("LightCrossing", "N.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("LightTee", "S.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("Grid", "W0.right0", (50.0, 62.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
     ),
 )
 def vanilla_red_light(stage: Stage) -> None:

@@ -1,0 +1,59 @@
+"""When to enter the lane to the left from standing: by what drives there near ahead, and what moves far ahead."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Gap"]
+
+Floats = NDArray[np.float64]
+
+_LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
+_JUST_S, _NOBODY_S = 1.2, 6.0
+_DRIFT_M = 0.1
+_FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
+"""Where the lane to the left is 40 to 100 m ahead, on a straight road."""
+_ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
+_DT_S = 0.05
+
+
+class Gap:
+    """Open right after somebody has passed, or when nobody has for a while: a front camera sees nothing behind it.
+
+    What is seen ahead must drive away; where it comes the other way, nothing may move far ahead either.
+    """
+
+    def __init__(self) -> None:
+        self._nearest_m, self._drift_m, self._since_s = math.inf, 0.0, _JUST_S
+        self._same_way = False
+        self._scene: NDArray[np.float32] | None = None
+        self._moving_px = 0.0
+
+    def open(self, along_m: Floats, pixels: NDArray[np.uint8]) -> bool:
+        """Look at the foreign points of that lane, metres ahead, and at the picture; once a tick while standing."""
+        ahead = np.sort(along_m[(along_m > 1.0) & (along_m < _LOOK_M)])
+        nearest = float(ahead[1]) if len(ahead) >= 2 else math.inf
+        moved = nearest - self._nearest_m
+        same = math.isfinite(moved) and abs(moved) < _JUMP_M
+        self._drift_m = 0.8 * self._drift_m + 0.2 * moved if same else 0.0
+        self._nearest_m = nearest
+        if abs(self._drift_m) > _DRIFT_M:
+            self._same_way = self._drift_m > 0.0
+        self._since_s = 0.0 if nearest < _PASSED_M else self._since_s + _DT_S
+        self._look_far(pixels)
+        leaves = nearest > _PASSED_M and self._drift_m > _DRIFT_M
+        empty = nearest == math.inf and (self._same_way or self._moving_px < _MOVING_PX)
+        return (leaves or empty) and (0.1 < self._since_s < _JUST_S or self._since_s > _NOBODY_S)
+
+    def _look_far(self, pixels: NDArray[np.uint8]) -> None:
+        """Count the pixels that differ from what was there a second ago."""
+        window = pixels[_FAR_ROWS, _FAR_COLUMNS].max(axis=2).astype(np.float32)
+        if self._scene is None:
+            self._scene = window
+        difference = window - self._scene
+        self._scene = self._scene + np.float32(_ADAPT) * difference
+        different = float(np.count_nonzero(np.abs(difference) > _DIFFERENT))
+        self._moving_px += _SMOOTH * (different - self._moving_px)

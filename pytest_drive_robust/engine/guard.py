@@ -1,0 +1,226 @@
+"""Drives episodes in a child process that may break: whatever happens to it, an episode has a result."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import threading
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.engine.autopsy import Blame, Death, Finding, examine
+from pytest_drive_robust.engine.child import DRIVE, SALVAGE
+from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
+from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.nursery import Nursery, NurseryError, Stopped, refusal
+from pytest_drive_robust.engine.order import Order
+from pytest_drive_robust.engine.talk import Answer, Cut, Talk
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.salvage import Wreck, bare_result
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.board import Board
+    from pytest_drive_robust.engine.handle import ChildHandle
+    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.salvage import Rig
+
+__all__ = ["Guard", "Stopped"]
+
+_AGAIN = 2
+"""How often an episode is driven again when its end was not the agent's doing."""
+_SALVAGE_S = 600.0
+_FAREWELL_S = 0.5
+
+
+class _Failure(NamedTuple):
+    """A death with what the board still told."""
+
+    finding: Finding
+    rig: Rig | None
+    rows: NDArray[np.float64] | None
+    call: str
+
+
+class Guard:
+    """One child process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
+
+    def __init__(self, nursery: Nursery, limits: Limits) -> None:
+        self._nursery = nursery
+        self._limits = limits
+        self._child: ChildHandle | None = None
+        self._first_rss = 0
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._wake_r, self._wake_w = os.pipe()
+        self._closed = False
+        self.output = ""
+
+    @property
+    def ticks(self) -> int:
+        """Ticks of the episode under way, from any thread; 0 when there is none."""
+        with self._lock:
+            return 0 if self._child is None else self._child.board.ticks
+
+    @property
+    def pid(self) -> int | None:
+        """The child process, while there is one."""
+        child = self._child
+        return None if child is None else child.pid
+
+    def drive(self, task: Task) -> EpisodeResult:
+        """The episode, whatever happens to the process that drives it.
+
+        Raises `UsageError` when the agent or the simulator cannot be made at all or the task cannot be sent, and
+        `Stopped` after `stop`. `output` is then the end of what was printed.
+        """
+        started = time.monotonic()
+        order = Order.of(task)
+        payload = pickle.dumps(order)
+        count = 0
+        while True:
+            ended = self._attempt(DRIVE, payload, self._limits)
+            if isinstance(ended, _Failure):
+                result = self._result_of(ended, order, final=count == _AGAIN, started=started)
+            else:
+                result = self._judged(ended)
+                if result.outcome is Outcome.INFRA_ERROR and count < _AGAIN:
+                    self._retire()
+                    result = None
+            if result is not None:
+                return result
+            count += 1
+
+    def stop(self) -> None:
+        """Kill the child and make `drive` raise `Stopped`, now and ever after. From any thread."""
+        self._stopped.set()
+        with self._lock:
+            if self._closed:
+                return
+            os.write(self._wake_w, b"!")
+            if self._child is not None:
+                self._child.kill()
+
+    def close(self) -> None:
+        """End the child. Calling it twice does no harm; afterwards `drive` raises `Stopped`."""
+        self._stopped.set()
+        self._retire()
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                os.close(self._wake_r)
+                os.close(self._wake_w)
+
+    def _result_of(self, failure: _Failure, order: Order, *, final: bool, started: float) -> EpisodeResult | None:
+        """The result of an episode that ended with its process; None when it should be driven again."""
+        finding = failure.finding
+        if finding.blame is not Blame.AGENT and not final:
+            return None
+        if finding.blame is Blame.OURS:
+            outcome, result = Outcome.INFRA_ERROR, None
+        else:
+            outcome, result = Outcome.AGENT_ERROR, self._salvaged(failure, order)
+        if result is None:
+            result = bare_result(order.route, order.episode, outcome=outcome, end=finding.end, detail=finding.detail)
+        detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {_AGAIN + 1} times"
+        return replace(result, outcome=outcome, end=finding.end, end_detail=detail, wall_s=time.monotonic() - started)
+
+    def _salvaged(self, failure: _Failure, order: Order) -> EpisodeResult | None:
+        """The score up to where the agent was lost, from another child; None when not even that works."""
+        if failure.rows is None or failure.call == "its constructor":
+            return None
+        wreck = Wreck(failure.rig, failure.rows, failure.call if failure.rig is not None else "sensors")
+        limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
+        try:
+            ended = self._attempt(SALVAGE, pickle.dumps((order, wreck)), limits)
+        except UsageError:
+            return None
+        if isinstance(ended, _Failure) or ended.outcome is Outcome.INFRA_ERROR:
+            self._retire()
+            return None
+        return ended
+
+    def _judged(self, result: EpisodeResult) -> EpisodeResult:
+        """Memory that was refused is not the agent's fault for ever: another limit gives another result."""
+        limit = self._limits.memory_bytes
+        if limit is None or result.end is not End.AGENT_CRASHED or "MemoryError" not in result.end_detail:
+            return result
+        detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
+        return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
+
+    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | _Failure:
+        """One request to the child, a new one where there is none. Raises `UsageError`, `Stopped`."""
+        try:
+            child = self._ready_child()
+        except NurseryError as error:
+            return _Failure(Finding(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
+        talk = Talk(child, limits, self._wake_r)
+        try:
+            ended = talk.run(Frame(kind, os.urandom(TOKEN_BYTES), payload))
+        except Cut:
+            ended = None
+        if kind == DRIVE:
+            self.output = talk.said
+        if ended is None or self._stopped.is_set():  # what ended while we were stopping is no result
+            self._discard()
+            raise Stopped
+        if isinstance(ended, Death):
+            failure = _failure(ended, child.board)
+            self._discard()
+            return failure
+        self._keep_or_replace(ended)
+        if ended.result is None:
+            raise refusal(ended.refused)
+        return ended.result
+
+    def _ready_child(self) -> ChildHandle:
+        """The child that waits, or a new one. Raises `Stopped`, `NurseryError`, `UsageError`."""
+        if self._stopped.is_set():
+            raise Stopped
+        if self._child is not None and self._child.wait(0.0) is not None:  # somebody killed it while it waited
+            self._discard()
+        if self._child is None:
+            child = self._nursery.child(self._limits, self._stopped.is_set)
+            with self._lock:
+                self._child, self._first_rss = child, 0
+        return self._child
+
+    def _keep_or_replace(self, answer: Answer) -> None:
+        """A child that is not as it was before the episode does not drive the next one."""
+        self._first_rss = self._first_rss or answer.rss
+        if answer.leftovers:
+            self._discard()
+        elif answer.rss - self._first_rss > self._limits.growth_bytes:
+            self._retire()
+
+    def _retire(self) -> None:
+        """Let the child end by itself: its simulator may have something to close."""
+        with self._lock:
+            child, self._child = self._child, None
+        if child is not None:
+            child.hang_up()
+            if child.wait(_FAREWELL_S) is None:
+                child.kill()
+            child.close()
+
+    def _discard(self) -> None:
+        """Kill the child and everything in its group."""
+        with self._lock:
+            child, self._child = self._child, None
+        if child is not None:
+            child.kill()
+            child.close()
+
+
+def _failure(death: Death, board: Board) -> _Failure:
+    """The death and what the board still tells, unless the child wrote all over it."""
+    finding, call = examine(death), death.moment.phase.call
+    try:
+        return _Failure(finding, board.rig(), board.rows(), call)
+    except (ValueError, KeyError, TypeError):
+        return _Failure(finding, None, None, call)

@@ -1,0 +1,71 @@
+"""The executor of one machine: a few threads, each with a guarded child process of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.nursery import Nursery
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.runner.plan import Task
+
+__all__ = ["ProcessExecutor"]
+
+
+class ProcessExecutor:
+    """Drives `slots` episodes at a time (see `runner.executors.Executor`).
+
+    The threads only wait: what drives are their children, which live until the run ends or an episode breaks them.
+    No process is started, and `recipe` not called, before the first episode.
+    """
+
+    def __init__(self, recipe: Callable[[], Recipe], limits: Limits, *, slots: int) -> None:
+        self.slots = slots
+        self._recipe = recipe
+        self._limits = limits
+        self._nursery: Nursery | None = None
+        self._own = threading.local()
+        self._lock = threading.Lock()
+        self._guards: list[Guard] = []
+        self._closed = False
+        self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust")
+
+    def submit(self, task: Task) -> Future[EpisodeResult]:
+        """Begin an episode in the next free child. Raises `UsageError` when no child could be made like this one."""
+        if self._nursery is None:
+            self._nursery = Nursery(self._recipe())
+        return self._pool.submit(self._drive, task)
+
+    def close(self, *, cancel: bool = False) -> None:
+        """End the children. With `cancel`, those that drive are killed; without, they come to their end first."""
+        if self._closed:
+            return
+        self._closed = True
+        if cancel:
+            with self._lock:
+                guards = tuple(self._guards)
+            for guard in guards:
+                guard.stop()
+        self._pool.shutdown(wait=True, cancel_futures=cancel)
+        for guard in self._guards:
+            guard.close()
+        if self._nursery is not None:
+            self._nursery.close()
+
+    def _drive(self, task: Task) -> EpisodeResult:
+        guard: Guard | None = getattr(self._own, "guard", None)
+        if guard is None:
+            assert self._nursery is not None  # submit made it
+            guard = self._own.guard = Guard(self._nursery, self._limits)
+            with self._lock:
+                self._guards.append(guard)
+                if self._closed:
+                    guard.stop()
+        return guard.drive(task)

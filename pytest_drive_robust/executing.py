@@ -1,0 +1,74 @@
+"""From the choices of a run to the executor that drives its episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.execution import Execution
+    from pytest_drive_robust.runner.executors import Executor
+    from pytest_drive_robust.settings import Settings
+
+__all__ = ["executor_of"]
+
+_HOOK = "pytest_drive_robust_register"
+
+
+def executor_of(
+    config: pytest.Config,
+    settings: Settings,
+    execution: Execution,
+    *,
+    shared: bool,
+    agents: Callable[[], tuple[str, ...]],
+    ticked: Callable[[], object],
+) -> Executor:
+    """The executor that was asked for; nothing is started before its first episode.
+
+    `shared`: other processes of this run drive beside us. `agents()` are the agents of the plan, asked for at the first
+    episode. `ticked` is called after every tick that this process drives itself. Raises `UsageError` when the executor
+    is not installed.
+    """
+    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    if execution.executor == "inline":
+        from pytest_drive_robust.runner.executors import InlineExecutor
+
+        options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
+        return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
+    from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.processes import ProcessExecutor
+
+    limits = Limits(
+        episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
+    )
+    if execution.executor == "ray":
+        from pytest_drive_robust.engine.ray_executor import RayExecutor
+
+        address, most = execution.ray_address, execution.workers
+        return RayExecutor(lambda: _recipe(config, settings, agents()), limits, address=address, slots=most)
+    slots = execution.slots(shared=shared)
+    return ProcessExecutor(lambda: _recipe(config, settings, agents()), limits, slots=slots)
+
+
+def _recipe(config: pytest.Config, settings: Settings, agents: tuple[str, ...]) -> Recipe:
+    """How a fresh process comes to know the names that this one knows."""
+    import os
+    import sys
+
+    from pytest_drive_robust.engine.recipe import Recipe, plugin_source
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    return Recipe(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=tuple(plugin_source(plugin) for plugin in config.pluginmanager.get_plugins() if hasattr(plugin, _HOOK)),
+        simulator=settings.simulator,
+        options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
+        preload_agents=agents,
+    )

@@ -1,0 +1,127 @@
+"""How the episodes of a run are driven: in which processes, how many at a time, within which limits."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.settings import Option, OptionSource, read_option
+
+__all__ = ["EXECUTION_OPTIONS", "EXECUTORS", "Execution", "available_cores", "parse_duration_s"]
+
+EXECUTORS = ("auto", "inline", "processes", "ray")
+_DURATION = re.compile(r"(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?", re.IGNORECASE)
+_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+EXECUTION_OPTIONS = (
+    Option(
+        "--drive-executor",
+        "drive_executor",
+        "NAME",
+        "auto",
+        "inline (in this process, for debuggers), processes (guarded children), ray; auto: processes, inline with "
+        "--pdb, --trace or -s",
+    ),
+    Option("--drive-workers", "drive_workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n"),
+    Option("--drive-episode-timeout", "drive_episode_timeout", "TIME", "30m", "an episode must end within, as in 90s"),
+    Option("--drive-act-timeout", "drive_act_timeout", "TIME", "60s", "a call of the agent must return within"),
+    Option("--drive-memory", "drive_memory", "GB", "", "what the process of an episode may allocate, as in 4"),
+    Option(
+        "--drive-ray-address",
+        "drive_ray_address",
+        "ADDRESS",
+        "",
+        "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
+    ),
+    Option("--drive-budget", "drive_budget", "TIME", "", "begin nothing new after so long, as in 20m; run again to go on"),
+)
+"""Every option about the driving of episodes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """The choices of one run about how its episodes are driven; none of them changes a number.
+
+    `workers` is None for as many as fit; times are in seconds, None where there is no limit, and `memory_bytes` too.
+    """
+
+    executor: str = "auto"
+    workers: int | None = None
+    episode_timeout_s: float | None = 1800.0
+    act_timeout_s: float | None = 60.0
+    memory_bytes: int | None = None
+    budget_s: float | None = None
+    ray_address: str = ""
+
+    @classmethod
+    def from_pytest_config(cls, config: OptionSource) -> Execution:
+        """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
+        given = {option.ini: read_option(config, option) for option in EXECUTION_OPTIONS}
+        executor = given["drive_executor"]
+        if executor not in EXECUTORS:
+            raise UnknownNameError.of("executor", executor, EXECUTORS, hint="Set it with --drive-executor.")
+        return cls(
+            executor=_executor_for(config) if executor == "auto" else executor,
+            workers=_workers(given["drive_workers"]),
+            episode_timeout_s=_limit("--drive-episode-timeout", given["drive_episode_timeout"]),
+            act_timeout_s=_limit("--drive-act-timeout", given["drive_act_timeout"]),
+            memory_bytes=_bytes("--drive-memory", given["drive_memory"]),
+            budget_s=_limit("--drive-budget", given["drive_budget"]),
+            ray_address=given["drive_ray_address"],
+        )
+
+    def slots(self, *, shared: bool) -> int:
+        """Episodes at a time. `shared`: pytest-xdist's workers drive beside us, each on a core of its own."""
+        return self.workers or (1 if shared else available_cores())
+
+
+def available_cores() -> int:
+    """The cores that this process may use."""
+    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def parse_duration_s(given: str, *, source: str) -> float:
+    """`"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds. Raises `UsageError`, naming `source`, for anything but times > 0."""
+    match = _DURATION.fullmatch(given.strip())
+    seconds = float(match["number"]) * _SECONDS[(match["unit"] or "s").lower()] if match else math.nan
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise UsageError(f"{source} is {given!r}, expected a time such as 90s, 20m or 1.5h.")
+    return seconds
+
+
+def _limit(option: str, given: str) -> float | None:
+    return None if given in ("", "none") else parse_duration_s(given, source=option)
+
+
+def _workers(given: str) -> int | None:
+    if given == "auto":
+        return None
+    if not given.isdecimal() or int(given) < 1:
+        raise UsageError(f"--drive-workers is {given!r}, expected a whole number >= 1, or auto.")
+    return int(given)
+
+
+def _bytes(option: str, given: str) -> int | None:
+    if not given:
+        return None
+    number = given.lower().removesuffix("gb").removesuffix("g").strip()
+    try:
+        gigabytes = float(number)
+    except ValueError:
+        gigabytes = math.nan
+    if not (math.isfinite(gigabytes) and gigabytes > 0):
+        raise UsageError(f"{option} is {given!r}, expected gigabytes > 0, as in {option} 4.")
+    return int(gigabytes * 1e9)
+
+
+def _executor_for(config: Any) -> str:
+    """Debuggers and prints need the agent in this process."""
+    looking = ("usepdb", "trace")
+    inline = any(config.getoption(name, False) for name in looking) or config.getoption("capture", "") == "no"
+    return "inline" if inline else "processes"

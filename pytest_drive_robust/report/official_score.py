@@ -1,0 +1,97 @@
+"""The totals of official results as a table with footnotes, and as JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.official.safe_json import shown
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.official.ability_rates import AbilityRate
+    from pytest_drive_robust.official.scores import Score
+
+__all__ = ["score_as_json", "score_text"]
+
+_MOST_IDS = 30
+
+
+def score_as_json(score: Score, notes: tuple[str, ...]) -> dict[str, Any]:
+    """As plain JSON types, numbers in full."""
+    return {
+        "metrics": score.mode,
+        "ds": score.ds,
+        "sr": score.sr,
+        "efficiency": score.efficiency,
+        "comfort": score.comfort,
+        "abilities": {name: _rate_json(rate) for name, rate in score.abilities.items()},
+        "mean_ability": _rate_json(score.mean_ability),
+        "records": score.records,
+        "routes": score.routes,
+        "comfort_records": score.comfort_records,
+        "statuses": dict(score.statuses),
+        "duplicates": list(score.duplicates),
+        "unscored": list(score.unscored),
+        "missing": None if score.missing is None else list(score.missing),
+        "missing_count": score.missing_count,
+        "notes": list(notes),
+    }
+
+
+def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
+    return {"value": rate.value, "low": rate.low, "high": rate.high, "routes": rate.routes}
+
+
+def score_text(score: Score, notes: tuple[str, ...], *, source: str) -> str:
+    """The totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
+    lines = [
+        f"{shown(source, quotes=False)}: {score.records} records of {score.routes} routes, {score.mode} metrics",
+        "",
+    ]
+    for name, value, unit in (
+        ("DS", score.ds, ""),
+        ("SR", score.sr, ""),
+        ("efficiency", score.efficiency, " %"),
+        ("comfort", score.comfort, " %"),
+    ):
+        text = "-" if value is None else f"{value:.4f}{unit}"
+        lines.append(f"{name:<18}{text} {_marks((name,), notes)}".rstrip())
+    for name, rate in {**score.abilities, "mean of abilities": score.mean_ability}.items():
+        counted = "" if name not in score.abilities else f"  of {rate.routes} routes"
+        lines.append(f"{name:<18}{_rate_text(rate)}{counted} {_marks((name, 'abilities'), notes)}".rstrip())
+    lines.append("")
+    lines += [f"{count:>5}  {status}" for status, count in score.statuses.items()]
+    lines += _gaps(score)
+    if notes:
+        lines.append("")
+        lines += [f"[{number}] {note}" for number, note in enumerate(notes, start=1)]
+    return "\n".join(lines)
+
+
+def _rate_text(rate: AbilityRate) -> str:
+    if rate.low is None or rate.high is None:
+        return "-"
+    low, high = f"{100.0 * rate.low:.2f}", f"{100.0 * rate.high:.2f}"
+    return f"{low} %" if rate.value is not None else f"{low} to {high} %"
+
+
+def _gaps(score: Score) -> list[str]:
+    lines = []
+    if score.missing:
+        lines.append(f"{len(score.missing):>5}  missing: {_ids(score.missing)}")
+    elif score.missing_count:
+        lines.append(f"{score.missing_count:>5}  missing (--routes FILE.xml tells which)")
+    if score.duplicates:
+        listed = _ids(tuple(shown(route_id, quotes=False) for route_id in score.duplicates))
+        lines.append(f"{len(score.duplicates):>5}  there more than once: {listed}")
+    return lines
+
+
+def _ids(names: tuple[str, ...]) -> str:
+    more = len(names) - _MOST_IDS
+    return ", ".join(names[:_MOST_IDS]) + (f" and {more} more" if more > 0 else "")
+
+
+def _marks(names: tuple[str, ...], notes: tuple[str, ...]) -> str:
+    """The numbers of the footnotes that are about a line: `"[1][4]"`."""
+    about = [set(note.partition(":")[0].split(", ")) for note in notes]
+    return "".join(f"[{number}]" for number, topics in enumerate(about, start=1) if topics & {*names, "all"})

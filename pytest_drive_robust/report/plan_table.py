@@ -1,0 +1,65 @@
+"""What `--drive-plan` shows: the episodes that the selected tests may need, how many are stored, how long the rest takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from io import StringIO
+from math import fsum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.runner.plan import Task
+
+__all__ = ["plan_text"]
+
+_WIDTH = 100
+
+
+def plan_text(tasks: Iterable[Task], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool) -> str:
+    """A row for each agent and setting, and the wall time that is left when `slots` episodes are driven at a time.
+
+    The time rests on the stored episodes of the plan; where there are none it is not known.
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    counts: dict[tuple[str, str], list[int]] = {}
+    walls: list[float] = []
+    for task in tasks:
+        count = counts.setdefault((task.episode.agent, task.episode.setting), [0, 0])
+        count[0] += 1
+        stored = find(task.key)
+        if stored is not None:
+            count[1] += 1
+            walls.append(stored.wall_s)
+    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
+    table.add_column("setting", max_width=48, overflow="fold")
+    for name in ("episodes", "stored", "to drive"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for (agent, setting), (needed, stored_count) in counts.items():
+        table.add_row(agent, setting, str(needed), str(stored_count), str(needed - stored_count))
+    stream = StringIO()
+    Console(
+        file=stream, width=_WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
+    ).print(table)
+    lines = [line.rstrip() for line in stream.getvalue().splitlines()]
+    return "\n".join([*lines, _sentence(counts.values(), walls, slots)])
+
+
+def _sentence(counts: Iterable[list[int]], walls: list[float], slots: int) -> str:
+    left = sum(needed - stored for needed, stored in counts)
+    if not left:
+        return "Every episode is stored: nothing would be driven."
+    at_most = f"At most {left} episodes would be driven, {slots} at a time"
+    if not walls:
+        return f"{at_most}; how long that takes shows when the first ones are stored."
+    return f"{at_most}, in about {_duration(left * fsum(walls) / len(walls) / slots)}; a verdict may need fewer."
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 60:
+        return f"{max(1, round(seconds))} s"
+    return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"

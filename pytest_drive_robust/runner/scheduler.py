@@ -1,0 +1,207 @@
+"""Which episode is driven next: what a verdict waits for, then what it will ask for, then what later tests need."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Protocol
+
+from pytest_drive_robust.errors import BudgetSpentError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.runner.executors import Executor
+    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.store.base import Claim, EpisodeStore
+
+__all__ = ["Listener", "Scheduler"]
+
+_POLL_S = 0.05
+"""How long to sleep at most: another process may have finished what we wait for, and the display wants to move."""
+
+
+class Listener(Protocol):
+    """Who wants to know what is being driven."""
+
+    def started(self, task: Task) -> None:
+        """An episode begins."""
+        ...
+
+    def finished(self, task: Task, result: EpisodeResult) -> None:
+        """An episode ended and is in the store."""
+        ...
+
+    def reused(self, task: Task) -> None:
+        """An episode was needed that this process need not drive: it is in the store already."""
+        ...
+
+    def ticked(self) -> None:
+        """Something is still under way. Called often: return at once."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """An episode under way, and our claim on it."""
+
+    task: Task
+    claim: Claim
+
+
+class Scheduler:
+    """Keeps every slot of an executor busy with the episodes that are needed next, none of them twice.
+
+    An episode is claimed in the store before it begins and stored before the claim is given back: several processes
+    with one store share the work without knowing of each other.
+
+    `budget_s`: so many seconds after the first question nothing new is begun. All methods belong to one thread.
+    """
+
+    def __init__(
+        self,
+        store: EpisodeStore,
+        executor: Executor,
+        listener: Listener,
+        *,
+        budget_s: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._store = store
+        self._executor = executor
+        self._listener = listener
+        self._budget_s = budget_s
+        self._clock = clock
+        self._ends_s: float | None = None
+        self._later: dict[str, Task] = {}
+        self._drives: dict[Future[EpisodeResult], _Drive] = {}
+        self._under_way: set[str] = set()
+        self._seen: set[str] = set()
+        self._broken: dict[str, BaseException] = {}
+
+    def plan(self, tasks: Iterable[Task]) -> None:
+        """What will be asked for one day, in this order. Driven when nothing nearer is left for a slot."""
+        self._later.update((task.key, task) for task in tasks)
+
+    def spare(self, tasks: Iterable[Task]) -> None:
+        """Nobody has to drive these for the plan's sake."""
+        for task in tasks:
+            self._later.pop(task.key, None)
+
+    def ensure(self, tasks: Sequence[Task], ahead: Iterable[Task] = ()) -> None:
+        """Return when every one of `tasks` is in the store. Meanwhile free slots begin with `ahead`, in its order.
+
+        Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
+        one is missing and nothing new may begin.
+        """
+        if self._ends_s is None and self._budget_s is not None:
+            self._ends_s = self._clock() + self._budget_s
+        nearer = iter(ahead)
+        while True:
+            self._collect()
+            missing = [task for task in tasks if not self._is_finished(task)]
+            for task in missing:
+                if task.key in self._broken:
+                    raise self._broken.pop(task.key)
+            if not missing:
+                return
+            if not self._spent:
+                nearer = self._fill(missing, nearer)
+            elif self._under_way.isdisjoint(task.key for task in missing):
+                raise BudgetSpentError(
+                    f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(tasks)} "
+                    f"episodes are missing, first {missing[0].episode}. Finished episodes are kept: run again to go on."
+                )
+            self._wait()
+
+    def close(self) -> None:
+        """Cut off what is under way, give back what was claimed, free the executor."""
+        self._collect()
+        self._executor.close(cancel=True)
+        for drive in self._drives.values():
+            drive.claim.release()
+        self._drives.clear()
+        self._under_way.clear()
+
+    @property
+    def _spent(self) -> bool:
+        return self._ends_s is not None and self._clock() >= self._ends_s
+
+    def _is_finished(self, task: Task) -> bool:
+        if task.key in self._seen:
+            return True
+        if task.key in self._under_way or self._store.get(task.key) is None:
+            return False
+        self._seen.add(task.key)
+        self._later.pop(task.key, None)
+        self._listener.reused(task)
+        return True
+
+    def _fill(self, missing: Sequence[Task], nearer: Iterator[Task]) -> Iterator[Task]:
+        """Begin episodes until no slot is free or nothing is left. Returns what is left of `nearer`."""
+        passed: list[Task] = []  # somebody else drives them now: looked at again when he may be gone
+        for task in missing:
+            self._begin(task)
+        while len(self._drives) < self._executor.slots:
+            task = next(nearer, None)  # type: ignore[assignment]
+            if task is None:
+                break
+            if not self._begin(task):
+                passed.append(task)
+        for task in tuple(self._later.values()) if len(self._drives) < self._executor.slots else ():
+            self._begin(task)
+        return chain(passed, nearer)
+
+    def _begin(self, task: Task) -> bool:
+        """Begin this episode where a slot is free and nobody has it. False when another process drives it."""
+        key = task.key
+        if len(self._drives) >= self._executor.slots or key in self._under_way or key in self._seen:
+            return True
+        if key in self._broken:
+            return True
+        claim = self._store.claim(key)
+        if claim is None:
+            return False
+        if self._store.get(key) is not None:  # finished since we looked
+            claim.release()
+            self._later.pop(key, None)
+            return True
+        self._later.pop(key, None)
+        self._under_way.add(key)
+        self._listener.started(task)
+        try:
+            future = self._executor.submit(task)
+        except BaseException:
+            self._under_way.discard(key)
+            claim.release()
+            raise
+        self._drives[future] = _Drive(task, claim)
+        return True
+
+    def _collect(self) -> None:
+        """Store what has come to an end."""
+        for future in [future for future in self._drives if future.done()]:
+            drive = self._drives.pop(future)
+            key = drive.task.key
+            self._under_way.discard(key)
+            try:
+                error = None if future.cancelled() else future.exception()
+                if error is not None:
+                    self._broken[key] = error
+                elif not future.cancelled():
+                    self._store.put(key, future.result())
+                    self._seen.add(key)
+            finally:
+                drive.claim.release()
+            if key in self._seen:
+                self._listener.finished(drive.task, future.result())
+
+    def _wait(self) -> None:
+        """Until something ended, but not long."""
+        if self._drives:
+            wait(self._drives, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+        else:
+            time.sleep(_POLL_S)
+        self._listener.ticked()

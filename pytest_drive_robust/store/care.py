@@ -1,0 +1,181 @@
+"""Looking after a store: what is in it, is all of it whole, and what may go."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import Trace
+from pytest_drive_robust.store.base import ends_reusable
+from pytest_drive_robust.store.claims import Claims
+from pytest_drive_robust.store.index import Row, rows_of
+from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, decode_record
+from pytest_drive_robust.store.shelf import Shelf
+
+__all__ = ["Damage", "Statistics", "Swept", "set_aside", "statistics", "sweep", "verify"]
+
+_DAY_S = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """A store in numbers: `by_agent` counts records by (agent, outcome), `wall_s` is what driving them took."""
+
+    folder: Path
+    records: int
+    size_bytes: int
+    wall_s: float
+    runs: int
+    reusable: int
+    by_agent: dict[tuple[str, str], int]
+    unreadable: int
+    set_aside: int
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A record that cannot be used, and why. `later_version`: it belongs to another version of this program."""
+
+    key: str
+    path: Path
+    problem: str
+    later_version: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """What went, or would go: how many files of each kind, and how many bytes they took."""
+
+    records: int
+    set_aside: int
+    leftovers: int
+    size_bytes: int
+
+
+def statistics(folder: Path) -> Statistics:
+    """What is in the store. Reads only records that changed since the last time (see `index`)."""
+    rows = rows_of(Shelf(folder))
+    whole = [row for row in rows if not row.problem]
+    return Statistics(
+        folder=folder,
+        records=len(rows),
+        size_bytes=sum(row.size for row in rows),
+        wall_s=sum(row.wall_s for row in whole),
+        runs=len({row.run for row in whole}),
+        reusable=sum(_is_reusable(row) for row in whole),
+        by_agent=dict(sorted(Counter((row.agent, row.outcome) for row in whole).items())),
+        unreadable=len(rows) - len(whole),
+        set_aside=len(_files(folder / "aside")),
+    )
+
+
+def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
+    """Read every record to its last byte: (how many there are, those that are damaged). Changes nothing."""
+    shelf, damages, count = Shelf(folder), [], 0
+    for key in shelf.all_keys():
+        count += 1
+        path = shelf.path(key)
+        try:
+            record = decode_record(shelf.read(key) or b"")
+            rows = record.result.trace.rows
+            if record.notes.get("key") != key:
+                damages.append(Damage(key, path, f"it is the record of {record.notes.get('key')!r}"))
+            elif Trace(rows).digest != record.result.trace.digest:
+                damages.append(Damage(key, path, "its trace is not the one that its header tells of"))
+        except OtherFormatError as error:
+            damages.append(Damage(key, path, str(error), later_version=True))
+        except (CorruptRecordError, ValueError) as error:
+            damages.append(Damage(key, path, str(error)))
+        except OSError as error:
+            damages.append(Damage(key, path, f"it cannot be read: {error.strerror or error}"))
+    return count, tuple(damages)
+
+
+def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
+    """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many could be moved."""
+    shelf = Shelf(folder)
+    return sum(shelf.set_aside(damage.key) is not None for damage in damages if not damage.later_version)
+
+
+def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[str] = (), dry: bool = False) -> Swept:
+    """Remove what no run will read, and what was asked for.
+
+    Always: records that were set aside, those whose end no other run may reuse, and what writers left that died. With
+    `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only where
+    both hold). Records that a living process has claimed stay. `dry` removes nothing.
+    """
+    shelf, claims, wanted = Shelf(folder), Claims(folder / "claims"), frozenset(agents)
+    now_s = _now_s(folder)
+
+    def goes(row: Row) -> bool:
+        age_s = _age_s(shelf.path(row.key), now_s)
+        if not _is_reusable(row) and age_s > _DAY_S:
+            return True  # a run of today may still read its own
+        asked = older_than_s is not None or bool(wanted)
+        return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
+
+    records = [shelf.path(row.key) for row in rows_of(shelf) if not row.problem and goes(row)]
+    aside = _files(folder / "aside")
+    halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
+    locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
+    size = sum(_size(path) for path in (*records, *aside, *halves))
+    if not dry:
+        for path in (*records, *locks):  # a lock that nobody holds goes with its release
+            _remove_unclaimed(path, claims)
+        for path in (*aside, *halves):
+            _remove(path)
+    return Swept(len(records), len(aside), len(halves) + len(locks), size)
+
+
+def _remove_unclaimed(path: Path, claims: Claims) -> None:
+    claim = claims.attempt(path.stem)
+    if claim is not None:
+        with claim:
+            if path.suffix == Shelf.SUFFIX:
+                _remove(path)
+
+
+def _is_reusable(row: Row) -> bool:
+    return not row.problem and ends_reusable(Outcome(row.outcome), End(row.end))
+
+
+def _now_s(folder: Path) -> float:
+    """The time by the clock that dates the files: on a network share that is the server's, not ours."""
+    probe = folder / f".now-{os.getpid()}.tmp"
+    try:
+        probe.touch()
+        return probe.stat().st_mtime
+    except OSError:
+        return time.time()
+    finally:
+        _remove(probe)
+
+
+def _age_s(path: Path, now_s: float) -> float:
+    """Seconds since a file was written; a file of the future is new."""
+    try:
+        return max(0.0, now_s - path.stat().st_mtime)
+    except OSError:
+        return 0.0
+
+
+def _files(folder: Path) -> list[Path]:
+    return [path for path in folder.iterdir() if path.is_file()] if folder.is_dir() else []
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        path.unlink()

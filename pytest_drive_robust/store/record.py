@@ -1,0 +1,206 @@
+"""One finished episode as bytes: what a child process replies with and what a file of the store holds.
+
+::
+
+    8 bytes    b"DREPISO" and the format version
+    32 bytes   sha256 of everything behind it
+    4 bytes    length of the header, little endian
+    header     JSON: every fact of the result, the shape and the length of each table, notes
+    tables     the trace, and whatever else there is one number a tick of (see `packing`)
+
+There is no pickle in it: the bytes may come from a process that an agent ran wild in.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.reception import Reception, Touch
+from pytest_drive_robust.domain.result import EpisodeResult, Given, Injection
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = [
+    "FORMAT_VERSION",
+    "CorruptRecordError",
+    "OtherFormatError",
+    "Record",
+    "decode_episode",
+    "decode_record",
+    "encode_episode",
+]
+
+FORMAT_VERSION = 1
+"""Grows when the meaning of the bytes changes. It is a part of every key."""
+
+_MAGIC = b"DREPISO"
+_SUM_BYTES = 32
+_LENGTH = struct.Struct("<I")
+_START = len(_MAGIC) + 1 + _SUM_BYTES
+
+_PLAIN = (
+    "scenario",
+    "end_detail",
+    "route_completion_pct",
+    "route_length_m",
+    "ticks",
+    "dt_s",
+    "wall_s",
+    "privileged",
+    "junction_passed",
+)
+
+
+class CorruptRecordError(ValueError):
+    """Bytes that are no whole record: cut off, overwritten, or something else altogether."""
+
+
+class OtherFormatError(CorruptRecordError):
+    """A record of another version of the format, as far as one can tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A result with what was noted beside it, such as the run that drove it."""
+
+    result: EpisodeResult
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+
+def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None) -> bytes:
+    """The bytes of a finished episode. Equal results with equal notes give equal bytes."""
+    import numpy as np
+
+    from pytest_drive_robust.store.packing import pack
+
+    tables: dict[str, NDArray[Any]] = {
+        "trace": np.asarray(result.trace.rows, dtype="<f8"),
+        "speed_ratios_pct": np.asarray(result.speed_ratios_pct, dtype="<f8").reshape(-1, 1),
+        "inference_s": np.asarray(result.inference_s, dtype="<f8").reshape(-1, 1),
+    }
+    if result.given is not None:
+        tables["given"] = np.asarray(result.given.rows, dtype="<f4")
+    packed = {name: pack(rows) for name, rows in tables.items()}
+    header = {
+        **_header(result),
+        "notes": dict(notes or {}),
+        "tables": [[name, rows.dtype.str, *rows.shape, len(packed[name])] for name, rows in tables.items()],
+        "trace_digest": result.trace.digest,
+    }
+    text = json.dumps(header, separators=(",", ":")).encode("ascii")
+    body = b"".join((_LENGTH.pack(len(text)), text, *packed.values()))
+    return b"".join((_MAGIC, bytes((FORMAT_VERSION,)), hashlib.sha256(body).digest(), body))
+
+
+def decode_episode(data: bytes) -> EpisodeResult:
+    """The inverse of `encode_episode`, bit for bit; the trace is unpacked when it is first read.
+
+    Raises `CorruptRecordError` for anything else, `OtherFormatError` for a record of another version.
+    """
+    return decode_record(data).result
+
+
+def decode_record(data: bytes) -> Record:
+    """As `decode_episode`, with the notes."""
+    _check(data)
+    try:
+        return _decoded(data)
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, struct.error) as error:
+        raise CorruptRecordError(f"no episode is in it: {type(error).__name__}: {error}") from error
+
+
+def _check(data: bytes) -> None:
+    if data[: len(_MAGIC)] != _MAGIC:
+        raise CorruptRecordError("it does not begin as a stored episode does" if data else "it is empty")
+    if len(data) < _START + _LENGTH.size:
+        raise CorruptRecordError(f"it is cut off after {len(data)} bytes")
+    if hashlib.sha256(memoryview(data)[_START:]).digest() != data[_START - _SUM_BYTES : _START]:
+        raise CorruptRecordError("its checksum does not fit: it was cut off or overwritten")
+    if data[len(_MAGIC)] != FORMAT_VERSION:
+        raise OtherFormatError(f"it has episode format {data[len(_MAGIC)]}, this version reads {FORMAT_VERSION}")
+
+
+def _decoded(data: bytes) -> Record:
+    from pytest_drive_robust.store.packing import StoredTrace, unpack
+
+    (length,) = _LENGTH.unpack_from(data, _START)
+    place = _START + _LENGTH.size + length
+    header: dict[str, Any] = json.loads(data[_START + _LENGTH.size : place])
+    pieces: dict[str, tuple[bytes, str, tuple[int, int]]] = {}
+    for name, dtype, ticks, width, size in header["tables"]:
+        pieces[name] = (data[place : place + size], dtype, (ticks, width))
+        place += size
+
+    def numbers(name: str) -> tuple[float, ...]:
+        packed, dtype, shape = pieces[name]
+        return tuple(unpack(packed, dtype=dtype, shape=shape)[:, 0].tolist())
+
+    trace, _, (ticks, _) = pieces["trace"]
+    return Record(
+        EpisodeResult(
+            episode=Episode(**header["episode"]),
+            outcome=Outcome(header["outcome"]),
+            end=End(header["end"]),
+            infractions=tuple(
+                Infraction(**{**item, "kind": InfractionKind(item["kind"])}) for item in header["infractions"]
+            ),
+            schedule=tuple(Injection(**item) for item in header["schedule"]),
+            versions=header["versions"],
+            reception=_reception(header["reception"]),
+            given=_given(pieces.get("given")),
+            trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
+            speed_ratios_pct=numbers("speed_ratios_pct"),
+            inference_s=numbers("inference_s"),
+            **{name: header[name] for name in _PLAIN},
+        ),
+        header["notes"],
+    )
+
+
+def _given(piece: tuple[bytes, str, tuple[int, int]] | None) -> Given | None:
+    from pytest_drive_robust.store.packing import StoredGiven
+
+    return None if piece is None else StoredGiven(packed=piece[0], shape=piece[2])
+
+
+def _reception(fields: dict[str, Any] | None) -> Reception | None:
+    if fields is None:
+        return None
+    touched = tuple(Touch(**item) for item in fields.pop("touched"))
+    return Reception(touched=touched, **{name: _tuple(value) for name, value in fields.items()})
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _header(result: EpisodeResult) -> dict[str, object]:
+    """Everything but the tables, as plain JSON types."""
+    return {
+        "episode": _fields(result.episode),
+        "outcome": result.outcome.value,
+        "end": result.end.value,
+        "infractions": [{**_fields(item), "kind": item.kind.value} for item in result.infractions],
+        "schedule": [_fields(item) for item in result.schedule],
+        "versions": dict(result.versions),
+        "reception": None if result.reception is None else asdict(result.reception),
+        **{name: _plain(getattr(result, name)) for name in _PLAIN},
+    }
+
+
+def _fields(value: Any) -> dict[str, object]:
+    return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+
+
+def _plain(value: Any) -> object:
+    """Numpy scalars as Python numbers: simulators compute with numpy and JSON does not know it."""
+    item = getattr(value, "item", None)
+    return item() if item is not None and getattr(value, "ndim", None) == 0 else value

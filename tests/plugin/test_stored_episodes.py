@@ -1,0 +1,89 @@
+"""What a second run takes over from the first one, through the front door."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.store.care import statistics
+
+SENTENCES = ("DS under clean >= 90", "RD under throttle 0.9 <= 0.30")
+AGENT = """
+from pytest_drive_robust import Control
+from pytest_drive_robust.testing import ScriptedAgent
+
+def own():
+    return ScriptedAgent([Control(throttle=1.0)])
+"""
+
+
+@pytest.fixture
+def rerun(suite, driven):
+    """`rerun(arguments)` runs the suite and tells how many episodes it drove, and how it ended."""
+    folder = suite(*SENTENCES)
+    folder.makepyfile(agent_module=AGENT)
+
+    def run(*arguments: str):
+        before = len(driven())
+        result = folder.runpytest_inprocess("--drive-robust", *arguments)
+        return len(driven()) - before, result
+
+    run.folder = folder
+    return run
+
+
+def test_a_second_run_drives_nothing_and_says_the_same(rerun):
+    first, before = rerun()
+    second, after = rerun()
+    assert (first, second) == (6, 0)
+    assert before.ret == after.ret == 0
+    store = rerun.folder.path / ".drive-robust"
+    assert statistics(store).records == 6
+    assert (store / ".gitignore").read_text() == "*\n"
+    assert not list(store.glob("claims/*"))
+
+
+def test_fresh_runs_and_runs_without_a_store_drive_again(rerun):
+    assert rerun("--drive-store", "off")[0] == 6
+    assert not (rerun.folder.path / ".drive-robust").exists()
+    store = ("--drive-store", "elsewhere")
+    assert [rerun(*store)[0], rerun(*store, "--drive-fresh")[0], rerun(*store)[0]] == [6, 6, 0]
+    assert statistics(rerun.folder.path / "elsewhere").records == 6
+
+
+def test_a_byte_of_the_agent_drives_again_and_a_test_of_another_name_does_not(rerun):
+    arguments = ("--drive-agent", "agent_module:own")
+    suite_file, agent_file = rerun.folder.path / "test_suite.py", rerun.folder.path / "agent_module.py"
+    text = agent_file.read_text()
+    assert rerun(*arguments)[0] == 6
+    suite_file.write_text(suite_file.read_text().replace("test_requirement", "test_by_another_name"))
+    assert rerun(*arguments)[0] == 0
+    agent_file.write_text(text + "#")
+    assert rerun(*arguments)[0] == 6
+    agent_file.write_text(text)
+    assert rerun(*arguments)[0] == 0
+
+
+def test_what_the_agent_breaks_is_taken_over_and_what_the_simulator_breaks_is_not(rerun):
+    assert [rerun("--drive-agent", "faulty")[0] for _ in range(2)] == [6, 0]
+    first, second = (rerun("--drive-sim", "broken")[1] for _ in range(2))
+    assert first.ret == second.ret == 1
+    assert statistics(rerun.folder.path / ".drive-robust").reusable == 6
+
+
+def test_a_damaged_record_is_driven_again_and_said_so(rerun):
+    rerun()
+    path = sorted((rerun.folder.path / ".drive-robust").glob("episodes/*/*.episode"))[0]
+    path.write_bytes(path.read_bytes()[:-3])
+    count, result = rerun()
+    assert (count, result.ret) == (1, 0)
+    assert f"{path.name} is damaged" in result.stdout.str().replace("\n", "")
+
+
+def test_a_store_that_cannot_be_written_costs_only_the_store(rerun):
+    (rerun.folder.path / "store").mkdir()
+    (rerun.folder.path / "store" / "episodes").write_text("a file where a folder should be")
+    count, result = rerun("--drive-store", "store")
+    assert (count, result.ret) == (6, 0)
+    assert "cannot be written to" in result.stdout.str()
+    count, result = rerun("--drive-store", "store", "-n2", "-p", "no:hypothesispytest")
+    assert (count, result.ret) == (6, 0)

@@ -1,0 +1,94 @@
+"""The score of an episode whose process died is the score of the same controls without the agent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.perturbations import InferenceLatency, Setting
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.salvage import Rig, Wreck, drive_again
+from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
+
+ROUTE = fake_route()
+RIG = Rig((CameraSpec("front", width_px=8, height_px=8),), ("cameras", "speed"), privileged=False)
+LOST_AT = 40
+
+
+def drive_until_lost(setting: Setting) -> tuple[EpisodeResult, Wreck]:
+    """An agent that raises, and what a board would have kept of it."""
+    asked: list[Control] = []
+    rows: list[list[float]] = []
+
+    def act(observation: Observation) -> Control:
+        if len(asked) == LOST_AT:
+            raise RuntimeError("lost")
+        asked.append(Control(throttle=min(1.0, 0.5 + observation.tick / 100.0), steer=0.01))
+        return asked[-1]
+
+    def keep(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+        ego = frame.ego
+        controls = [value for item in (asked[-1], applied) for value in (item.throttle, item.steer, item.brake)]
+        rows.append([*controls, ego.x_m, ego.y_m, ego.speed_mps])
+
+    agent = ScriptedAgent(act, cameras=RIG.cameras, consumes=RIG.consumes)
+    result = drive_episode(
+        FakeSimulator(), agent, route=ROUTE, setting=setting, seed=2, agent_name="lost", on_tick=keep
+    )
+    return result, Wreck(RIG, np.array(rows), "act")
+
+
+def salvage(wreck: Wreck, setting: Setting, simulator: FakeSimulator | None = None) -> EpisodeResult:
+    episode = Episode("lost", ROUTE.id, str(setting), 2)
+    return drive_again(simulator or FakeSimulator(), wreck, route=ROUTE, setting=setting, episode=episode)
+
+
+@pytest.mark.parametrize("sentence", ["clean", "200 ms latency", "occlusion 0.5"])
+def test_everything_but_the_end_is_as_if_the_agent_had_raised(sentence: str) -> None:
+    setting = Setting.parse(sentence)
+    lost, wreck = drive_until_lost(setting)
+    found = salvage(wreck, setting)
+    assert lost.ticks == LOST_AT
+    assert found.trace.digest == lost.trace.digest
+    assert (found.outcome, found.episode, found.schedule, found.reception) == (
+        lost.outcome,
+        lost.episode,
+        lost.schedule,
+        lost.reception,
+    )
+    assert found.route_completion_pct == lost.route_completion_pct > 0.0
+
+
+def test_where_the_clock_decided_the_world_still_goes_the_recorded_way() -> None:
+    setting = Setting.of(InferenceLatency(ms=200.0))
+    lost, wreck = drive_until_lost(setting)
+    measured = Setting.parse("measured latency")  # gives the recorded controls another delay
+    found = salvage(wreck, measured)
+    assert found.trace.digest == lost.trace.digest
+    assert found.episode.setting == "measured latency"
+    assert found.outcome is Outcome.AGENT_ERROR
+
+
+@pytest.mark.parametrize("call", ["reset", "sensors"])
+def test_an_agent_that_was_lost_before_it_drove_has_driven_nothing(call: str) -> None:
+    wreck = Wreck(None if call == "sensors" else RIG, np.zeros((0, 9)), call)
+    found = salvage(wreck, Setting.CLEAN)
+    assert (found.outcome, found.end, found.ticks) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED, 0)
+    assert found.route_completion_pct == 0.0
+
+
+def test_a_privileged_agent_stays_one() -> None:
+    _, wreck = drive_until_lost(Setting.CLEAN)
+    assert salvage(Wreck(Rig(privileged=True), wreck.rows, "act"), Setting.CLEAN).privileged
+
+
+def test_a_world_that_breaks_is_no_score() -> None:
+    _, wreck = drive_until_lost(Setting.CLEAN)
+    broken = FakeSimulator(raises=RuntimeError("lost the server"), raises_at=3)
+    assert salvage(wreck, Setting.CLEAN, broken).outcome is Outcome.INFRA_ERROR

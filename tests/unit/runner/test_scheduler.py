@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+from concurrent.futures import Future
+
+import pytest
+from result_factory import make_result
+
+from pytest_drive_robust.errors import BudgetSpentError, PluginError
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.store.base import MemoryStore
+from pytest_drive_robust.testing import fake_route
+
+TASKS = Scope("driver", "many", tuple(fake_route(str(number)) for number in range(8)), (0,)).need(
+    Setting.CLEAN, clean=False
+).tasks
+
+
+class Hands:
+    """An executor whose episodes end when the test says so."""
+
+    def __init__(self, slots: int = 2) -> None:
+        self.slots = slots
+        self.begun: list[str] = []
+        self.open: dict[str, Future] = {}
+        self.most = 0
+        self.cancelled = False
+
+    def submit(self, task):
+        future: Future = Future()
+        self.begun.append(task.route.id)
+        self.open[task.route.id] = future
+        self.most = max(self.most, len(self.open))
+        return future
+
+    def finish(self, route: str) -> None:
+        self.open.pop(route).set_result(make_result(route))
+
+    def close(self, *, cancel: bool = False) -> None:
+        self.cancelled = cancel
+
+
+class Diary:
+    """A listener that finishes episodes whenever the scheduler waits: the newest first, the worst order."""
+
+    def __init__(self, hands: Hands, *, finishes: bool = True) -> None:
+        self.hands = hands
+        self.finishes = finishes
+        self.reused_routes: list[str] = []
+        self.finished_routes: list[str] = []
+        self.waits = 0
+
+    def started(self, task) -> None:
+        pass
+
+    def finished(self, task, result) -> None:
+        self.finished_routes.append(task.route.id)
+
+    def reused(self, task) -> None:
+        self.reused_routes.append(task.route.id)
+
+    def ticked(self) -> None:
+        self.waits += 1
+        if self.finishes and self.hands.open:
+            self.hands.finish(list(self.hands.open)[-1])
+
+
+def scheduler_of(slots: int = 2, store: MemoryStore | None = None, **given):
+    hands = Hands(slots)
+    diary = Diary(hands)
+    return Scheduler(store or MemoryStore(), hands, diary, **given), hands, diary
+
+
+def test_what_is_asked_for_is_driven_and_each_episode_once():
+    scheduler, hands, diary = scheduler_of()
+    scheduler.ensure(TASKS)
+    scheduler.ensure(TASKS)
+    assert sorted(hands.begun) == [task.route.id for task in TASKS]
+    assert sorted(diary.finished_routes) == sorted(hands.begun)
+    assert hands.most == 2
+
+
+def test_free_slots_begin_with_what_comes_next():
+    scheduler, hands, _ = scheduler_of(slots=3)
+    scheduler.plan(TASKS)
+    scheduler.ensure(TASKS[4:5], ahead=TASKS[6:7])
+    assert hands.begun[:3] == ["4", "6", "0"]  # asked for, then ahead, then the plan
+
+
+def test_what_was_spared_is_not_driven_for_the_plan():
+    scheduler, hands, _ = scheduler_of(slots=2)
+    scheduler.plan(TASKS)
+    scheduler.spare(TASKS[1:])
+    scheduler.ensure(TASKS[:1])
+    assert hands.begun == ["0"]
+
+
+def test_one_slot_drives_nothing_that_nobody_waits_for():
+    scheduler, hands, _ = scheduler_of(slots=1)
+    scheduler.plan(TASKS)
+    scheduler.ensure(TASKS[3:4], ahead=TASKS[4:])
+    assert hands.begun == ["3"]
+
+
+def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_driven():
+    store = MemoryStore()
+    claims = store.claim
+    taken = {TASKS[0].key}
+    store.claim = lambda key: None if key in taken else claims(key)  # type: ignore[method-assign]
+    scheduler, hands, diary = scheduler_of(slots=1, store=store)
+
+    class Other(Diary):
+        def ticked(self) -> None:
+            super().ticked()
+            if self.waits == 3:
+                store.put(TASKS[0].key, make_result("0"))
+
+    scheduler._listener = diary = Other(hands)
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:3])
+    assert "0" not in hands.begun
+    assert hands.begun[0] == "1"
+    assert diary.reused_routes == ["0"]
+
+
+def test_a_claim_that_becomes_free_is_taken():
+    store = MemoryStore()
+    claims, refusals = store.claim, iter([True, True])
+    store.claim = lambda key: None if next(refusals, False) else claims(key)  # type: ignore[method-assign]
+    scheduler, hands, _ = scheduler_of(slots=1, store=store)
+    scheduler.ensure(TASKS[:1])
+    assert hands.begun == ["0"]
+
+
+def test_an_agent_that_cannot_be_made_is_told_to_who_asked_for_it_only():
+    scheduler, hands, diary = scheduler_of(slots=2)
+    diary.finishes = False
+
+    def break_the_second() -> None:
+        if "1" in hands.open:
+            hands.open.pop("1").set_exception(PluginError("no such weights"))
+        elif "0" in hands.open:
+            hands.finish("0")
+
+    diary.ticked = break_the_second  # type: ignore[method-assign]
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:2])
+    with pytest.raises(PluginError, match="no such weights"):
+        scheduler.ensure(TASKS[1:2])
+
+
+def test_after_the_budget_nothing_begins_but_what_is_under_way_ends():
+    now = [0.0]
+    scheduler, hands, diary = scheduler_of(slots=1, budget_s=10.0, clock=lambda: now[0])
+
+    def late() -> None:
+        now[0] += 6.0
+        hands.finish(list(hands.open)[-1])
+
+    diary.ticked = late  # type: ignore[method-assign]
+    with pytest.raises(BudgetSpentError, match="2 of the next 4 episodes are missing"):
+        scheduler.ensure(TASKS[:4])
+    assert hands.begun == ["0", "1"]
+    scheduler.ensure(TASKS[:2])  # what is there can still be read
+
+
+def test_closing_gives_back_what_was_claimed():
+    store = MemoryStore()
+    released: list[str] = []
+    claims = store.claim
+
+    class Noted:
+        def __init__(self, key: str) -> None:
+            self.key, self.own = key, claims(key)
+
+        def release(self) -> None:
+            released.append(self.key)
+            self.own.release()
+
+    store.claim = Noted  # type: ignore[method-assign, assignment]
+    scheduler, hands, diary = scheduler_of(slots=2, store=store)
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    diary.ticked = interrupt  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        scheduler.ensure(TASKS)
+    scheduler.close()
+    assert hands.cancelled
+    assert released == [task.key for task in TASKS[:2]]

@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+import os
+import sqlite3
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from result_factory import make_result
+
+from pytest_drive_robust import cli
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.store import index
+from pytest_drive_robust.store.care import statistics, sweep, verify
+from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.index import rows_of
+from pytest_drive_robust.store.record import encode_episode
+from pytest_drive_robust.store.shelf import Shelf
+
+TIMED_OUT = make_result("3", end=End.BLOCKED, outcome=Outcome.AGENT_ERROR)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Three good records of two agents and one that no other run takes over."""
+    kept = FolderStore(tmp_path / ".drive-robust", run="one")
+    kept.put("aa01", make_result("1"))
+    kept.put("aa02", make_result("2", end=End.TICK_CAP))
+    kept.put("bb01", make_result("1", agent="other"))
+    kept.put("bb02", TIMED_OUT)
+    return kept
+
+
+def age(path: Path, days: float) -> None:
+    then_s = time.time() - days * 86_400
+    os.utime(path, (then_s, then_s))
+
+
+def run_cli(store, *words):
+    return cli.main(["store", *words, "--store", str(store.folder)])
+
+
+def test_statistics_count_records_by_agent_and_outcome(store):
+    found = statistics(store.folder)
+    assert (found.records, found.reusable, found.runs, found.unreadable, found.set_aside) == (4, 3, 1, 0, 0)
+    assert found.by_agent == {
+        ("driver", "agent_error"): 1,
+        ("driver", "completed"): 1,
+        ("driver", "failed"): 1,
+        ("other", "completed"): 1,
+    }
+    assert found.size_bytes == sum(path.stat().st_size for path in store.folder.glob("episodes/*/*"))
+
+
+def test_the_index_reads_only_what_changed(store, monkeypatch):
+    shelf = Shelf(store.folder)
+    before = rows_of(shelf)
+    store.put("cc01", make_result("9"))
+    shelf.path("aa01").unlink()
+    store.put("bb02", make_result("3"))
+    read = []
+    monkeypatch.setattr(index.Shelf, "read", lambda self, key: read.append(key) or self.path(key).read_bytes())
+    after = rows_of(shelf)
+    assert read == ["bb02", "cc01"]
+    assert [row.key for row in before] == ["aa01", "aa02", "bb01", "bb02"]
+    assert [(row.key, row.outcome) for row in after] == [
+        ("aa02", "failed"),
+        ("bb01", "completed"),
+        ("bb02", "completed"),
+        ("cc01", "completed"),
+    ]
+
+
+@pytest.mark.parametrize("content", [None, b"", b"nonsense" * 1000, "another version", "another table"])
+def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
+    shelf = Shelf(store.folder)
+    before, path = rows_of(shelf), store.folder / "index.sqlite"
+    if content is None:
+        path.unlink()
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        with sqlite3.connect(path) as database:
+            database.execute("DROP TABLE records")
+            database.execute("CREATE TABLE records (something TEXT)")
+            database.execute(f"PRAGMA user_version = {99 if content == 'another version' else index._VERSION}")
+        database.close()
+    assert rows_of(shelf) == before
+    assert rows_of(shelf) == before
+
+
+def test_the_index_holds_names_and_numbers_that_sqlite_does_not(store):
+    odd = replace(make_result(), episode=Episode("a\udcff", "../x\0y", "e" * 10_000, 2**80))
+    store.put("dd01", odd)
+    (row,) = [row for row in rows_of(Shelf(store.folder)) if row.key == "dd01"]
+    assert (row.agent, row.route_id, row.seed) == ("a\\udcff", "../x\0y", 2**80)
+
+
+def test_a_store_without_records_has_no_statistics(tmp_path):
+    assert statistics(tmp_path).records == 0
+
+
+def test_every_kind_of_damage_is_found_and_nothing_is_changed(store):
+    shelf = Shelf(store.folder)
+    whole = shelf.path("aa01").read_bytes()
+    shelf.path("aa01").write_bytes(whole[:-7])
+    shelf.path("aa02").write_bytes(b"")
+    shelf.path("bb01").write_bytes(whole)
+    shelf.write("cc01", encode_episode(make_result(), {"key": "cc01"}))
+    count, damages = verify(store.folder)
+    assert count == 5
+    assert {damage.key: damage.problem for damage in damages} == {
+        "aa01": "its checksum does not fit: it was cut off or overwritten",
+        "aa02": "it is empty",
+        "bb01": "it is the record of 'aa01'",
+    }
+    assert verify(store.folder) == (count, damages)
+
+
+def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
+    shelf = Shelf(store.folder)
+    half, fresh_half = (store.folder / "episodes" / "aa" / name for name in (".aa05-1-x.tmp", ".aa06-1-x.tmp"))
+    half.write_bytes(b"123")
+    fresh_half.write_bytes(b"123")
+    (store.folder / "aside").mkdir()
+    (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
+    age(half, 2)
+    assert sweep(store.folder).records == 0  # bb02 is of today
+    (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
+    half.write_bytes(b"123")
+    age(half, 2)
+    age(shelf.path("bb02"), 2)
+    size = shelf.path("bb02").stat().st_size
+    for dry in (True, False):
+        swept = sweep(store.folder, dry=dry)
+        assert (swept.records, swept.set_aside, swept.leftovers, swept.size_bytes) == (1, 1, 1, size + 8)
+    assert [path.name for path in sorted(store.folder.glob("episodes/*/*"))] == [
+        ".aa06-1-x.tmp",
+        "aa01.episode",
+        "aa02.episode",
+        "bb01.episode",
+    ]
+    assert list((store.folder / "aside").iterdir()) == []
+
+
+def test_sweeping_takes_old_records_and_those_of_an_agent_when_asked(store):
+    shelf = Shelf(store.folder)
+    age(shelf.path("aa01"), 40)
+    age(shelf.path("bb01"), 40)
+    assert sweep(store.folder, older_than_s=30 * 86_400.0, agents=["other"], dry=True).records == 1
+    assert sweep(store.folder, older_than_s=30 * 86_400.0, dry=True).records == 2
+    assert sweep(store.folder, agents=["driver"]).records == 3
+    assert [row.agent for row in rows_of(shelf)] == ["other"]
+
+
+def test_a_record_that_is_claimed_stays(store):
+    with store.claim("aa01"):
+        sweep(store.folder, agents=["driver"])
+        assert [row.key for row in rows_of(Shelf(store.folder))] == ["aa01", "bb01"]
+
+
+def test_a_clock_of_the_future_makes_nothing_old(store):
+    age(Shelf(store.folder).path("bb02"), -400)
+    assert sweep(store.folder, older_than_s=0.0, agents=["nobody"]).records == 0
+
+
+def test_the_command_tells_what_is_there(store, capsys):
+    (store.folder / "aside").mkdir()
+    (store.folder / "aside" / "x.episode").write_bytes(b"")
+    assert run_cli(store, "stats") == 0
+    told = capsys.readouterr().out
+    assert "4 episodes" in told
+    assert "1 ended in a way that no other run takes over" in told
+    assert "1 damaged ones lie in" in told
+    assert [line.split() for line in told.splitlines()[1:4]] == [
+        ["agent", "agent_error", "completed", "failed"],
+        ["driver", "1", "1", "1"],
+        ["other", "0", "1", "0"],
+    ]
+
+
+def test_the_command_verifies_and_sets_aside(store, capsys):
+    assert run_cli(store, "verify") == 0
+    path = Shelf(store.folder).path("aa01")
+    path.write_bytes(path.read_bytes()[:-1])
+    assert run_cli(store, "verify") == 1
+    told = capsys.readouterr().out
+    assert f"{path}: its checksum does not fit" in told
+    assert "4 episodes, 1 damaged" in told
+    assert run_cli(store, "verify", "--fix") == 0
+    assert not path.exists()
+    assert run_cli(store, "verify") == 0
+
+
+def test_the_command_sweeps_what_it_is_told_to(store, capsys):
+    assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
+    assert "would remove 1 episodes, 0 damaged records and 0 leftovers" in capsys.readouterr().out
+    assert run_cli(store, "gc", "--agent", "other") == 0
+    assert "removed 1 episodes" in capsys.readouterr().out
+    assert statistics(store.folder).records == 3
+
+
+def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monkeypatch):
+    below = store.folder.parent / "a" / "b"
+    below.mkdir(parents=True)
+    monkeypatch.chdir(below)
+    assert cli.main(["store", "stats"]) == 0
+    assert "4 episodes" in capsys.readouterr().out
+    assert cli.main(["store", "stats", "--store", "nowhere"]) == 4
+    assert "there is no store 'nowhere'" in capsys.readouterr().err
+    assert cli.main(["store", "gc", "--older-than", "soon"]) == 4
+    assert "--older-than is 'soon', expected minutes, hours or days" in capsys.readouterr().err
