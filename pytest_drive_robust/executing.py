@@ -67,7 +67,11 @@ def _recipe(config: pytest.Config, settings: Settings, agents: tuple[str, ...]) 
     return Recipe(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
-        plugins=tuple(plugin_source(plugin) for plugin in config.pluginmanager.get_plugins() if hasattr(plugin, _HOOK)),
+        plugins=tuple(
+            plugin_source(plugin)
+            for _, plugin in config.pluginmanager.list_name_plugin()  # in the order of registration
+            if plugin is not None and hasattr(plugin, _HOOK)
+        ),
         simulator=settings.simulator,
         options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
         preload_agents=agents,

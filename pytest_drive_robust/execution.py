@@ -38,7 +38,16 @@ EXECUTION_OPTIONS = (
         "",
         "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
     ),
-    Option("--drive-budget", "drive_budget", "TIME", "", "begin nothing new after so long, as in 20m; run again to go on"),
+    Option(
+        "--drive-results",
+        "drive_results",
+        "LIST",
+        "",
+        'judge official results instead of driving, as in "clean=DIR,200 ms latency=DIR2"',
+    ),
+    Option(
+        "--drive-budget", "drive_budget", "TIME", "", "begin nothing new after so long, as in 20m; run again to go on"
+    ),
 )
 """Every option about the driving of episodes."""
 
@@ -56,6 +65,7 @@ class Execution:
     act_timeout_s: float | None = 60.0
     memory_bytes: int | None = None
     budget_s: float | None = None
+    results: str = ""
     ray_address: str = ""
 
     @classmethod
@@ -72,6 +82,7 @@ class Execution:
             act_timeout_s=_limit("--drive-act-timeout", given["drive_act_timeout"]),
             memory_bytes=_bytes("--drive-memory", given["drive_memory"]),
             budget_s=_limit("--drive-budget", given["drive_budget"]),
+            results=given["drive_results"],
             ray_address=given["drive_ray_address"],
         )
 

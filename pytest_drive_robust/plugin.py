@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.owner import Record, RunOwner
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.campaign import Observer
+    from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.store.base import EpisodeStore
 
@@ -48,6 +49,8 @@ _FIXTURES = frozenset({"drive", "drive_agent"})
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 """Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
 
+_RESULTS = "results"
+"""What stands for a simulator, and for an agent without a name, when nothing is driven here."""
 _PLANNING = "drive_robust_planning"
 _ADVICE = pytest.StashKey["dict[str, None]"]()
 """What the routes of the selected tests cannot show, each sentence once."""
@@ -240,6 +243,8 @@ def _activate(config: pytest.Config) -> None:
 
     settings = Settings.from_pytest_config(config)
     execution = Execution.from_pytest_config(config)
+    if execution.results:
+        settings = _of_results(config, settings)
     choices = Choices.from_pytest_config(config, config.rootpath)
     waivers = Waivers.of(choices.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
@@ -265,6 +270,12 @@ def _activate(config: pytest.Config) -> None:
         config.pluginmanager.register(ProbePlugin(config, settings, owner), "drive_robust_probing")
 
 
+def _of_results(config: pytest.Config, settings: Settings) -> Settings:
+    """The settings of a run that judges what was driven elsewhere: no world, nothing to keep, any name for the agent."""
+    agent = config.getoption("drive_agent") or config.getini("drive_agent") or _RESULTS
+    return replace(settings, agent=agent, simulator=_RESULTS, store="off")
+
+
 def _drive_here(
     config: pytest.Config,
     settings: Settings,
@@ -281,10 +292,19 @@ def _drive_here(
     from pytest_drive_robust.runner.routes import resolve_routes
     from pytest_drive_robust.runner.scopes import Scopes
 
-    scopes = Scopes(settings, default_registry(), resolve_routes)
-    executor = executor_of(
-        config, settings, execution, shared=shared, agents=lambda: scopes.agents, ticked=observer.ticked
-    )
+    scopes: Scopes
+    executor: Executor
+    if execution.results:
+        from pytest_drive_robust.official.result_scopes import ResultScopes
+        from pytest_drive_robust.official.supply import ResultsExecutor
+
+        executor = results = ResultsExecutor.read(execution.results, default_registry().perturbations())
+        scopes = ResultScopes(settings, default_registry(), resolve_routes, results)
+    else:
+        scopes = Scopes(settings, default_registry(), resolve_routes)
+        executor = executor_of(
+            config, settings, execution, shared=shared, agents=lambda: scopes.agents, ticked=observer.ticked
+        )
     campaign = Campaign(
         store, executor, observer, metrics=settings.metrics, whole=choices.drives_all, budget_s=execution.budget_s
     )
@@ -325,6 +345,7 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
     if driver.settings.correction != "none":
         session.config.stash[DRIVER] = replace(driver, family=max(1, judged))
     driver.campaign.planned(tasks, ahead=not distributed.is_worker(session.config))
+    _check(session.config, "", lambda: driver.scopes.check_tasks(tasks.values()))
     planning: PlanPlugin | None = session.config.pluginmanager.get_plugin(_PLANNING)
     if planning is not None:
         planning.see(tasks)
@@ -372,6 +393,8 @@ def _routes_in_words(settings: Settings) -> str:
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
 
+    if settings.simulator == _RESULTS:
+        return settings.routes if settings.routes_given else "all of the results"
     if settings.simulator == DEFAULT_SIMULATOR:
         return f"{len(resolve_routes(settings.routes))} ({settings.routes})"
     try:

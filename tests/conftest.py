@@ -15,9 +15,9 @@ from pytest_drive_robust.testing import fake_route
 
 # Imported now, not where they are used: pytester forgets what a nested pytest imported, but numpy and scipy refuse to
 # be imported twice into one process, and of our own classes there must not be two.
-for _name in ("filelock", "rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
+for _name in ("rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
     importlib.import_module(_name)
-for _part in ("metrics", "perturbations", "regression", "report", "requirements", "runner", "store", "stats"):
+for _part in ("engine", "metrics", "perturbations", "regression", "report", "requirements", "runner", "store", "stats"):
     _package = importlib.import_module(f"pytest_drive_robust.{_part}")
     for _module in pkgutil.iter_modules(_package.__path__, f"{_package.__name__}."):
         importlib.import_module(_module.name)

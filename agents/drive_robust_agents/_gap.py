@@ -13,6 +13,8 @@ Floats = NDArray[np.float64]
 
 _LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
 _JUST_S, _NOBODY_S = 1.2, 6.0
+_SLOW_S = 1.6
+"""Who takes longer to drive past has others close behind."""
 _DRIFT_M = 0.1
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
 """Where the lane to the left is 40 to 100 m ahead, on a straight road."""
@@ -28,6 +30,7 @@ class Gap:
 
     def __init__(self) -> None:
         self._nearest_m, self._drift_m, self._since_s = math.inf, 0.0, _JUST_S
+        self._near_s = 0.0
         self._same_way = False
         self._scene: NDArray[np.float32] | None = None
         self._moving_px = 0.0
@@ -42,11 +45,16 @@ class Gap:
         self._nearest_m = nearest
         if abs(self._drift_m) > _DRIFT_M:
             self._same_way = self._drift_m > 0.0
-        self._since_s = 0.0 if nearest < _PASSED_M else self._since_s + _DT_S
+        if nearest < _PASSED_M:
+            self._near_s = self._near_s + _DT_S if self._since_s < _JUST_S else 0.0
+            self._since_s = 0.0
+        else:
+            self._since_s += _DT_S
         self._look_far(pixels)
         leaves = nearest > _PASSED_M and self._drift_m > _DRIFT_M
         empty = nearest == math.inf and (self._same_way or self._moving_px < _MOVING_PX)
-        return (leaves or empty) and (0.1 < self._since_s < _JUST_S or self._since_s > _NOBODY_S)
+        just_passed = 0.1 < self._since_s < _JUST_S and self._near_s < _SLOW_S
+        return (leaves or empty) and (just_passed or self._since_s > _NOBODY_S)
 
     def _look_far(self, pixels: NDArray[np.uint8]) -> None:
         """Count the pixels that differ from what was there a second ago."""

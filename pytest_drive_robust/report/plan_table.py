@@ -1,4 +1,4 @@
-"""What `--drive-plan` shows: the episodes that the selected tests may need, how many are stored, how long the rest takes."""
+"""What `--drive-plan` shows: which episodes the selected tests may need, how many are stored, how long the rest takes."""
 
 from __future__ import annotations
 

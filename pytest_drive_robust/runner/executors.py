@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.generators import borrowed_generators
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -65,7 +66,8 @@ class InlineExecutor:
         """The episode, driven to its end before this returns."""
         future: Future[EpisodeResult] = Future()
         try:
-            result = self._drive(task)
+            with borrowed_generators(task.episode):
+                result = self._drive(task)
         except UsageError as error:
             future.set_exception(error)
             return future

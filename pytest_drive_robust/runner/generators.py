@@ -9,7 +9,8 @@ import hashlib
 import importlib.util
 import random
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -18,12 +19,29 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
 
-__all__ = ["seed_for", "seed_generators"]
+__all__ = ["borrowed_generators", "seed_for", "seed_generators"]
 
 
 def seed_for(episode: Episode) -> None:
     """Seed the global generators for an episode: the same, whatever was driven before it."""
     seed_generators(repr(episode))
+
+
+@contextmanager
+def borrowed_generators(episode: Episode) -> Iterator[None]:
+    """`seed_for` in a process that is not only ours: afterwards the generators are as they were."""
+    import numpy.random
+
+    torch: Any = sys.modules.get("torch")
+    states = random.getstate(), numpy.random.get_state(), None if torch is None else torch.get_rng_state()
+    seed_for(episode)
+    try:
+        yield
+    finally:
+        random.setstate(states[0])
+        numpy.random.set_state(states[1])
+        if states[2] is not None:
+            torch.set_rng_state(states[2])
 
 
 def seed_generators(text: str) -> None:

@@ -126,7 +126,10 @@ def _select(routes: tuple[Route, ...], ids: str, source: str) -> tuple[Route, ..
 
 
 def _is_file(text: str) -> bool:
-    return Path(text).is_file()
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # too long for a file name, as a list of 200 ids is; a NUL
+        return False
 
 
 def _looks_like_ids(text: str) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.runner.identity import identify, identity_of
-from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.runner.plan import Scope, Task
 from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -62,6 +62,9 @@ class Scopes:
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
+
+    def check_tasks(self, tasks: Iterable[Task]) -> None:
+        """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""
 
     @property
     def agents(self) -> tuple[str, ...]:

@@ -42,6 +42,7 @@ def test_the_file_holds_settings_verdicts_summaries_and_episodes(mixed):
         "verdict": "point",
         "margin": 0.10,
         "alpha": 0.05,
+        "correction": "none",
     }
     assert {"python", "pytest", "pytest-drive-robust", "fake"} <= set(document["versions"])
     verdicts = {item["requirement"]: item["verdict"] for item in document["requirements"]}

@@ -65,9 +65,9 @@ def test_a_run_is_stored_with_its_fingerprint(both, workers):
     assert (both.path / ".drive-robust" / ".gitignore").read_text() == "*\n"
 
 
-def test_without_the_options_nothing_is_stored(both):
+def test_without_the_options_no_run_is_stored(both):
     assert run(both).ret == 0
-    assert not (both.path / ".drive-robust").exists()
+    assert not (both.path / ".drive-robust" / "runs").exists()
 
 
 def test_a_name_is_made_up_of_date_and_time(suite):

@@ -111,9 +111,18 @@ def test_last_failed_drives_only_what_failed(suite, driven):
     folder = suite(GREEN, RED)
     run(folder)
     (folder.path / "driven.log").unlink()
-    result = run(folder, "--lf")
+    result = run(folder, "--lf", "--drive-fresh")
     result.assert_outcomes(failed=1)
     assert len(driven()) == 6
+
+
+def test_last_failed_drives_nothing_that_is_stored(suite, driven):
+    folder = suite(GREEN, RED)
+    run(folder)
+    (folder.path / "driven.log").unlink()
+    result = run(folder, "--lf")
+    result.assert_outcomes(failed=1)
+    assert driven() == []
 
 
 def test_without_a_terminal_the_exit_code_is_still_right(suite):

@@ -12,9 +12,11 @@ from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.testing import fake_route
 
-TASKS = Scope("driver", "many", tuple(fake_route(str(number)) for number in range(8)), (0,)).need(
-    Setting.CLEAN, clean=False
-).tasks
+TASKS = (
+    Scope("driver", "many", tuple(fake_route(str(number)) for number in range(8)), (0,))
+    .need(Setting.CLEAN, clean=False)
+    .tasks
+)
 
 
 class Hands:

@@ -1,0 +1,94 @@
+"""`--drive-results`: the same suite on results that were driven elsewhere."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+LISTS = (
+    "collisions_layout", "collisions_pedestrian", "collisions_vehicle", "red_light", "stop_infraction",
+    "outside_route_lanes", "min_speed_infractions", "yield_emergency_vehicle_infractions", "scenario_timeouts",
+    "route_dev", "vehicle_blocked", "route_timeout",
+)  # fmt: skip
+
+SUITE = '''
+import pytest
+from pytest_drive_robust import requirements
+
+
+@pytest.mark.parametrize("requirement", requirements("""
+RD under 200 ms latency <= 0.60
+RD under 200 ms latency <= 0.10
+SR under clean >= 0.90
+"""))
+def test_requirement(drive, requirement):
+    drive.check(requirement)
+'''
+
+
+def write_results(path: Path, completions: dict[str, float]) -> None:
+    """Official records of routes that were driven so far [%] without any infraction."""
+    records = [
+        {
+            "index": number,
+            "route_id": f"RouteScenario_{route}_rep0",
+            "scenario_name": "ParkedObstacle_1",
+            "weather_id": "3",
+            "save_name": f"RouteScenario_{route}_rep0_Town12_ParkedObstacle_1_3_01_02_03_04_05",
+            "town_name": "Town12",
+            "status": "Completed" if completion == 100.0 else "Failed - Agent got blocked",
+            "num_infractions": 0,
+            "infractions": {name: [] for name in LISTS},
+            "scores": {"score_route": completion, "score_penalty": 1.0, "score_composed": completion},
+            "meta": {"route_length": 120.5, "duration_game": 42.0, "duration_system": 300.25},
+        }
+        for number, (route, completion) in enumerate(completions.items())
+    ]
+    path.write_text(json.dumps({"_checkpoint": {"records": records, "progress": [4, 4]}, "entry_status": "Finished"}))
+
+
+@pytest.fixture
+def results(pytester, monkeypatch, plugin_args):
+    monkeypatch.setenv("COLUMNS", "120")
+    pytester.makepyfile(test_suite=SUITE)
+    pytester.makeini("[pytest]\ndrive_verdict = point\n")
+    write_results(pytester.path / "clean.json", {"1": 100.0, "2": 100.0, "3": 100.0, "4": 100.0})
+    write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 30.0, "4": 10.0})
+
+    def run(text: str, *arguments: str):
+        return pytester.runpytest_subprocess(*plugin_args, "--drive-robust", "--drive-results", text, *arguments)
+
+    return run
+
+
+BOTH = "clean=clean.json,200 ms latency=late.json"
+
+
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["alone", "xdist"])
+def test_requirements_are_judged_without_a_simulator(results, pytester, workers):
+    result = results(BOTH, "--drive-json", "run.json", *workers)
+    result.assert_outcomes(passed=2, failed=1)
+    document = json.loads((pytester.path / "run.json").read_text())
+    values = {item["requirement"]: item["value"] for item in document["requirements"]}
+    assert values["RD under 200 ms latency <= 0.60"] == pytest.approx(0.5)
+    assert values["SR under clean >= 0.90"] == 1.0
+    assert not (pytester.path / ".drive-robust").exists()
+
+
+def test_some_routes_can_be_judged_by_their_ids(results):
+    result = results(BOTH, "--drive-routes", "1,2")
+    result.stdout.fnmatch_lines(["RD under 200 ms latency = 0.20, limit <= 0.10*2 routes x 1 seed*"])
+
+
+def test_what_the_results_lack_is_named_at_once(results):
+    result = results("clean=clean.json")
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*--drive-results cannot answer:*", "*200 ms latency*"])
+
+
+def test_a_folder_that_is_not_there_is_named_at_once(results):
+    result = results("clean=cleen.json,200 ms latency=late.json")
+    assert result.ret == 4
+    assert "cleen.json" in result.stderr.str()
