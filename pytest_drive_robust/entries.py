@@ -20,7 +20,8 @@ __all__ = ["Entry", "definition_of", "from_entry_points", "from_reference", "is_
 class Entry:
     """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for people: `"some-agents 1.2"`.
 
-    `argument` says what may follow the name after a colon (`"ID"`), and is empty where nothing may.
+    `argument` says what may follow the name after a colon (`"ID"`), and is empty where nothing may. `registered`: by a
+    hook, so that `origin` is a place in somebody's folder and no distribution.
     """
 
     kind: str
@@ -29,6 +30,7 @@ class Entry:
     loader: Callable[[], object]
     advice: str = "Repair or uninstall it; all other entries still work."
     argument: str = ""
+    registered: bool = False
 
     @property
     def syntax(self) -> str:

@@ -150,7 +150,10 @@ class Registry:
             raise UsageError(
                 f"{name!r} of {kind} is registered twice: by {known[0].origin} and by {definition}. Rename one of them."
             )
-        self._registered[kind, name] = (Entry(kind, name, definition, lambda: target, argument=argument), definition)
+        self._registered[kind, name] = (
+            Entry(kind, name, definition, lambda: target, argument=argument, registered=True),
+            definition,
+        )
 
     def _all(self, kind: str) -> dict[str, list[Entry]]:
         if kind not in KINDS:

@@ -97,6 +97,11 @@ _ROUTES = next(option for option in OPTIONS if option.ini == "drive_routes")
 class OptionSource(Protocol):
     """The part of `pytest.Config` that options are read from."""
 
+    @property
+    def rootpath(self) -> Path:
+        """The folder that a relative `--drive-store` starts from."""
+        ...
+
     def getoption(self, name: str) -> Any:
         """The value of a command line option."""
         ...
@@ -153,7 +158,7 @@ class Settings:
             ),
             inconclusive=_inconclusive_mode(given["drive_inconclusive"]),
             correction=_correction(given["drive_correction"]),
-            store=_store_folder(given["drive_store"]),
+            store=_store_folder(given["drive_store"], config.rootpath),
             fresh=bool(config.getoption("drive_fresh")),
             routes_given=bool(_given(config, _ROUTES)),
         )
@@ -262,8 +267,8 @@ def _writable_file(flag: str, given: str) -> Path | None:
     return path
 
 
-def _store_folder(given: str) -> str:
-    if Path(given).is_file():
+def _store_folder(given: str, root: Path) -> str:
+    if (root / given).is_file():
         raise UsageError(f"--drive-store is {given!r}, which is a file; expected a folder, or off.")
     return given
 

@@ -21,6 +21,8 @@ _STANDING_MPS, _MOVED_M = 0.3, 0.4
 _WAIT_S = 1.0
 _LEFT_LANE_M = (-4.7, -2.3)
 _BESIDE_M, _NEXT_M = 8.0, 22.0
+_LAMPS = (slice(73, 120), slice(90, 166))
+_LAMP_RED, _LAMP_PX = 215, 2
 _DT_S = 0.05
 
 
@@ -63,8 +65,16 @@ class Overtake:
         """Behind something that does not move either; then for a gap in the lane to the left."""
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         self._blocked_m = first_m
+        still = still and not _brakes(pixels)
         self._waited_s = self._waited_s + _DT_S if still else 0.0
         if not still:
             self._gap = Gap()
         elif self._gap.open(left_m, pixels) and self._waited_s > _WAIT_S:
             self.passing, self._clear_m, self._waited_s = True, 0.0, 0.0
+
+
+def _brakes(pixels: NDArray[np.uint8]) -> bool:
+    """Does somebody right ahead show brake lamps? Who does will drive on."""
+    red, green, blue = (pixels[(*_LAMPS, k)].astype(np.int16) for k in range(3))
+    lit = (red >= _LAMP_RED) & (red > 2 * np.maximum(green, blue))
+    return int(np.count_nonzero(lit)) >= _LAMP_PX

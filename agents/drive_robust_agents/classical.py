@@ -33,7 +33,7 @@ _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 14.0, 6.5, 8.5
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
 _LANE_SHARE = 0.85
 _OFF_LANE_M, _IN_LANE_M = 0.6, 0.8
-_PULL_OUT_MPS, _SWING_M = 3.5, 0.4
+_PULL_OUT_MPS = 3.5
 _ROOM_TO_PULL_OUT_M = 3.5
 _ROAD_TO_PASS_M = 30.0
 _AHEAD_POINTS = 44
@@ -120,7 +120,7 @@ class Classical:
         if not self._entered and not self._go:
             self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels)
         self._overtake.update(pixels, along, right, speed_mps=speed, travelled_m=travelled, allowed=self._may_pass)
-        self._way[:, 1] += self._overtake.offsets(len(self._way)) - (0.0 if self._entered else _SWING_M)
+        self._way[:, 1] += self._overtake.offsets(len(self._way))
         return self._overtake.offset_m < 0.0
 
     # --- speed ---

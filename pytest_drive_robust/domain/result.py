@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["EpisodeResult", "Given", "Injection", "Trace"]
+__all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
+
+MACHINE_FACTS = ("machine", "machine torch")
+"""Entries of `EpisodeResult.versions` that tell what the machine computes (see `runner.machine`): no version, no key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.contract import blame
 from pytest_drive_robust.runner.generators import seed_for, seed_generators
 from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.machine import machine_facts, with_machine
 from pytest_drive_robust.runner.salvage import Wreck, bare_result, drive_again
 from pytest_drive_robust.store.record import encode_episode
 
@@ -63,6 +64,7 @@ def serve(channels: Channels, recipe: Recipe, limits: Limits, registry: Registry
     limit_memory(limits.memory_bytes)
     driver = _Driver(recipe, registry, board, messages)
     leftovers = Leftovers((0, 1, 2, messages, faults))
+    machine_facts()  # before an agent can change what numpy does
     own = os.getpid()
     while True:
         try:
@@ -140,7 +142,8 @@ class _Driver:
     def _drive(self, order: Order) -> EpisodeResult:
         episode = order.episode
         simulator, setting = self._world(), order.read_setting(self.registry)
-        agent = WatchedAgent(self._agent(episode.agent), self.board, self.channel)
+        own = self._agent(episode.agent)
+        agent = WatchedAgent(own, self.board, self.channel)
         seed_for(episode)
         self.board.enter(Phase.SIM, 0)
         try:
@@ -163,12 +166,13 @@ class _Driver:
             self._agents.pop(episode.agent, None)  # it may be in any state
         if result.outcome is Outcome.INFRA_ERROR:
             self.close()
-        return result
+        return with_machine(result, own)
 
     def _salvage(self, order: Order, wreck: Wreck) -> EpisodeResult:
         simulator, setting = self._world(), order.read_setting(self.registry)
         self.board.enter(Phase.SIM, 0)
-        return drive_again(simulator, wreck, route=order.route, setting=setting, episode=order.episode)
+        result = drive_again(simulator, wreck, route=order.route, setting=setting, episode=order.episode)
+        return with_machine(result, None)
 
     def _world(self) -> Simulator:
         if self._simulator is None:

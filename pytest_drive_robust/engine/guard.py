@@ -18,6 +18,7 @@ from pytest_drive_robust.engine.nursery import Nursery, NurseryError, Stopped, r
 from pytest_drive_robust.engine.order import Order
 from pytest_drive_robust.engine.talk import Answer, Cut, Talk
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
 from pytest_drive_robust.runner.salvage import Wreck, bare_result
 
 if TYPE_CHECKING:
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Guard", "Stopped"]
 
-_AGAIN = 2
-"""How often an episode is driven again when its end was not the agent's doing."""
 _SALVAGE_S = 600.0
 _FAREWELL_S = 0.5
 
@@ -86,10 +85,10 @@ class Guard:
         while True:
             ended = self._attempt(DRIVE, payload, self._limits)
             if isinstance(ended, _Failure):
-                result = self._result_of(ended, order, final=count == _AGAIN, started=started)
+                result = self._result_of(ended, order, final=count == DRIVEN_AGAIN, started=started)
             else:
                 result = self._judged(ended)
-                if result.outcome is Outcome.INFRA_ERROR and count < _AGAIN:
+                if result.outcome is Outcome.INFRA_ERROR and count < DRIVEN_AGAIN:
                     self._retire()
                     result = None
             if result is not None:
@@ -127,7 +126,7 @@ class Guard:
             outcome, result = Outcome.AGENT_ERROR, self._salvaged(failure, order)
         if result is None:
             result = bare_result(order.route, order.episode, outcome=outcome, end=finding.end, detail=finding.detail)
-        detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {_AGAIN + 1} times"
+        detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {DRIVEN_AGAIN + 1} times"
         return replace(result, outcome=outcome, end=finding.end, end_detail=detail, wall_s=time.monotonic() - started)
 
     def _salvaged(self, failure: _Failure, order: Order) -> EpisodeResult | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.guards import require_scorable
 
@@ -73,20 +73,23 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
     agents = sorted({result.episode.agent for result in results})
     if len(agents) > 1:
         raise ComparisonError(f"the episodes are of different agents: {', '.join(agents)}. Expected one.")
-    reference = results[0].versions
+    reference = _versions_of(results[0])
     for result in results[1:]:
-        if result.versions != reference:
-            different = sorted(
-                name for name in {*reference, *result.versions} if reference.get(name) != result.versions.get(name)
-            )
+        versions = _versions_of(result)
+        if versions != reference:
+            different = sorted(name for name in {*reference, *versions} if reference.get(name) != versions.get(name))
             changes = ", ".join(
-                f"{name} {reference.get(name, 'absent')} and {result.versions.get(name, 'absent')}"
-                for name in different
+                f"{name} {reference.get(name, 'absent')} and {versions.get(name, 'absent')}" for name in different
             )
             raise ComparisonError(
                 f"the episodes were driven with different versions of the simulator: {changes} "
                 f"(first: {result.episode}). Drive both sets with the same one."
             )
+
+
+def _versions_of(result: EpisodeResult) -> dict[str, str]:
+    """Another machine may round differently, which the reports say; it is the same world."""
+    return {name: version for name, version in result.versions.items() if name not in MACHINE_FACTS}
 
 
 def _require_one_setting(name: str, results: Sequence[EpisodeResult]) -> None:

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import Task
     from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["Executor", "InlineExecutor"]
+__all__ = ["DRIVEN_AGAIN", "Executor", "InlineExecutor"]
+
+DRIVEN_AGAIN = 2
+"""How often an episode is driven again when its end was not the agent's doing."""
 
 
 class Executor(Protocol):
@@ -65,13 +68,16 @@ class InlineExecutor:
     def submit(self, task: Task) -> Future[EpisodeResult]:
         """The episode, driven to its end before this returns."""
         future: Future[EpisodeResult] = Future()
-        try:
-            with borrowed_generators(task.episode):
-                result = self._drive(task)
-        except UsageError as error:
-            future.set_exception(error)
-            return future
-        self._forget_broken(task, result)
+        for _ in range(1 + DRIVEN_AGAIN):
+            try:
+                with borrowed_generators(task.episode):
+                    result = self._drive(task)
+            except UsageError as error:
+                future.set_exception(error)
+                return future
+            self._forget_broken(task, result)
+            if result.outcome is not Outcome.INFRA_ERROR:
+                break
         future.set_result(result)
         return future
 
@@ -84,21 +90,24 @@ class InlineExecutor:
 
     def _drive(self, task: Task) -> EpisodeResult:
         from pytest_drive_robust.runner.loop import drive_episode
+        from pytest_drive_robust.runner.machine import with_machine
 
         episode = task.episode
         if self._simulator is None:
             self._simulator = self._registry.simulator(self._simulator_name, self._options)
         if episode.agent not in self._agents:
             self._agents[episode.agent] = self._registry.agent(episode.agent)
-        return drive_episode(
+        agent = self._agents[episode.agent]
+        result = drive_episode(
             self._simulator,
-            self._agents[episode.agent],
+            agent,
             route=task.route,
             setting=task.setting,
             seed=episode.seed,
             agent_name=episode.agent,
             on_tick=lambda *_: self._ticked(),
         )
+        return with_machine(result, agent)
 
     def _forget_broken(self, task: Task, result: EpisodeResult) -> None:
         """What raised in the middle of an episode may be in any state: the next episode gets a new one."""

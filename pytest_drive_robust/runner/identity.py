@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.entries import Entry, definition_of
+from pytest_drive_robust.entries import Entry
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.canonical import canonical, digest_of
 from pytest_drive_robust.runner.code import code_of
@@ -40,7 +40,7 @@ _DECIDING = (
     "simulators/base.py",
 )
 """What of ours decides the numbers of every episode; the folder of the simulator comes with it."""
-_LOCKSTEP = ("runner/lockstep.py", "runner/batch.py")
+_LOCKSTEP = ("runner/lockstep.py", "runner/row.py", "runner/batch.py")
 
 _BLOCK_BYTES = 1 << 20
 
@@ -84,7 +84,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
             f"those of an earlier run (numbers, text, lists, mappings, dataclasses): {error}."
         ) from None
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
-    return digest_of(agent, _distribution(entry, factory), code_of(factory), weights, configuration)
+    return digest_of(agent, _distribution(entry), code_of(factory), weights, configuration)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
@@ -123,9 +123,9 @@ def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[st
     return digest.hexdigest() if found else ""
 
 
-def _distribution(entry: Entry, factory: object) -> str:
+def _distribution(entry: Entry) -> str:
     """Empty for what a hook registered: its place is no part of what it does."""
-    return "" if entry.origin == definition_of(factory) else entry.origin
+    return "" if entry.registered else entry.origin
 
 
 def _own_code(factory: object) -> object:

@@ -10,21 +10,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.batch import ROWS, Batch
 from pytest_drive_robust.runner.loop import Drive, drive_episode
+from pytest_drive_robust.runner.row import Row, measures_inference
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.perturbations.setting import Setting
-    from pytest_drive_robust.runner.loop import Watch
+    from pytest_drive_robust.domain.truth import Frame
+    from pytest_drive_robust.runner.loop import OnTick, Watch
     from pytest_drive_robust.runner.plan import Task
     from pytest_drive_robust.simulators.base import Simulator
 
@@ -54,8 +55,8 @@ class Lockstep:
     """Drives `width` episodes of one agent side by side, tick by tick.
 
     `make_world` and `make_agent` make as many as are needed, which are kept for the next episodes. `ticked` is called
-    after every tick of all; `watch` is told whose code runs as in `drive_episode`, the tick of `"act"` being that of
-    the first row.
+    after every tick of all, `on_tick` after every tick of each as in `drive_episode`; `watch` is told whose code runs,
+    the tick of `"act"` being that of the first row.
 
     A result says `lockstep=8` in `versions`, and its `wall_s` is the episode's share of the time that all took.
     A setting that measures the time of inference is driven alone by the agent's own `act`, as a batch has no time per
@@ -70,6 +71,7 @@ class Lockstep:
         width: int = WIDTH,
         watch: Watch | None = None,
         ticked: Callable[[], object] | None = None,
+        on_tick: OnTick | None = None,
     ) -> None:
         if width < ROWS or width % ROWS:
             raise ValueError(f"the width of lockstep is {width}, expected a multiple of {ROWS} such as {WIDTH}")
@@ -78,6 +80,7 @@ class Lockstep:
         self._make_agent = make_agent
         self._watch = watch
         self._ticked = ticked
+        self._on_tick = on_tick
         self._agent_name: str | None = None
         self._worlds: list[Simulator] = []
         self._free_worlds: list[Simulator] = []
@@ -90,12 +93,12 @@ class Lockstep:
         batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
         """
         waiting = iter(tasks)
-        live: list[_Episode] = []
+        live: list[Row] = []
         batch = self._batch()
         try:
             while True:
                 while len(live) < self.width and (task := next(waiting, None)) is not None:
-                    if _measures(task.setting):
+                    if measures_inference(task.setting):
                         yield task, self._drive_measured(task)
                     else:
                         live.append(self._begin(task))
@@ -119,19 +122,19 @@ class Lockstep:
         for kept in (self._worlds, self._free_worlds, self._free_agents):
             kept.clear()
 
-    def _begin(self, task: Task) -> _Episode:
+    def _begin(self, task: Task) -> Row:
         self._check_agent(task)
         started_s = time.perf_counter()
         world, agent = self._take_world(), self._take_agent()
         drive = Drive(world, agent, task.route, task.setting, task.episode.seed, watch=self._watch)
         drive.attempt(drive.start)
-        return _Episode(task, drive, time.perf_counter() - started_s)
+        return Row(task, drive, time.perf_counter() - started_s)
 
-    def _round(self, live: Sequence[_Episode], batch: Batch, *, alone: bool = False) -> list[_Episode]:
+    def _round(self, live: Sequence[Row], batch: Batch, *, alone: bool = False) -> list[Row]:
         """One tick of every episode. Gives back those whose batch broke, nobody knows by whose fault."""
         started_s = time.perf_counter()
         asked = [(episode, given) for episode in live if (given := episode.sense()) is not None]
-        broken: list[_Episode] = []
+        broken: list[Row] = []
         if asked:
             try:
                 answers, inference_s = batch.ask([(episode.drive, given) for episode, given in asked])
@@ -142,14 +145,21 @@ class Lockstep:
             else:
                 for (episode, _), answer in zip(asked, answers, strict=True):
                     episode.answer(answer, inference_s)
-        if self._ticked is not None:
-            self._ticked()
+        self._tell_ticks(live)
         share_s = (time.perf_counter() - started_s) / len(live)
         for episode in live:
             episode.share_s += share_s
         return broken
 
-    def _end(self, episode: _Episode) -> tuple[Task, EpisodeResult]:
+    def _tell_ticks(self, live: Sequence[Row]) -> None:
+        if self._ticked is not None:
+            self._ticked()
+        if self._on_tick is not None:
+            for moment in [episode.drive.moment for episode in live]:
+                if moment is not None:
+                    self._on_tick(*moment)
+
+    def _end(self, episode: Row) -> tuple[Task, EpisodeResult]:
         result = episode.drive.result(episode.task.episode)
         self._give_back(episode.drive.simulator, episode.drive.agent, result.outcome)
         versions = {**result.versions, "lockstep": str(self.width)}
@@ -165,7 +175,14 @@ class Lockstep:
 
     def _drive_measured(self, task: Task) -> EpisodeResult:
         self._check_agent(task)
-        world, agent, episode, ticked = self._take_world(), self._take_agent(), task.episode, self._ticked
+        world, agent, episode = self._take_world(), self._take_agent(), task.episode
+
+        def on_tick(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+            if self._ticked is not None:
+                self._ticked()
+            if self._on_tick is not None:
+                self._on_tick(tick, frame, observation, applied)
+
         result = drive_episode(
             world,
             agent,
@@ -173,7 +190,7 @@ class Lockstep:
             setting=task.setting,
             seed=episode.seed,
             agent_name=episode.agent,
-            on_tick=None if ticked is None else lambda *_: ticked(),
+            on_tick=on_tick,
             watch=self._watch,
         )
         self._give_back(world, agent, result.outcome)
@@ -206,34 +223,3 @@ class Lockstep:
         self._free_worlds.append(world)
         if outcome is not Outcome.AGENT_ERROR:
             self._free_agents.append(agent)
-
-
-@dataclass(eq=False, slots=True)
-class _Episode:
-    """A task under way, and the seconds of wall time that it took so far."""
-
-    task: Task
-    drive: Drive
-    share_s: float
-
-    def sense(self) -> Observation | None:
-        """What the agent is to act on; None when it is not asked, in which case the tick is over."""
-        drive = self.drive
-        if drive.over:
-            return None
-        given = drive.attempt(drive.sense)
-        if given is None and not drive.over:
-            drive.attempt(lambda: drive.advance(None, 0.0))
-        return given
-
-    def answer(self, answer: Control | AgentError, inference_s: float) -> None:
-        """The rest of the tick, with what the agent said or did wrong."""
-        drive = self.drive
-        if isinstance(answer, AgentError):
-            drive.crash = answer
-        else:
-            drive.attempt(lambda: drive.advance(answer, inference_s))
-
-
-def _measures(setting: Setting) -> bool:
-    return any(bool(getattr(item, "measures_inference", False)) for item in setting.perturbations)

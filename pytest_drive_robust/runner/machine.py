@@ -15,21 +15,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pytest_drive_robust.domain.result import MACHINE_FACTS
+
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
 
-__all__ = ["is_machine_fact", "machine_facts", "with_machine"]
+__all__ = ["machine_facts", "with_machine"]
 
-_NAME = "machine"
-_TORCH = "machine torch"
+_NAME, _TORCH = MACHINE_FACTS
 _SIZE = 37
 """No multiple of any vector width: the ends of loops are computed, too. So small that no library uses several threads,
 because their number changes the bits of a product."""
-
-
-def is_machine_fact(name: str) -> bool:
-    """Whether an entry of `EpisodeResult.versions` tells of the machine and not of a version."""
-    return name in (_NAME, _TORCH)
 
 
 def with_machine(result: EpisodeResult, agent: object) -> EpisodeResult:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pytest_drive_robust.domain.ruling import Ruling
@@ -10,7 +12,8 @@ from pytest_drive_robust.settings import OPTIONS, Settings, check_seeds, parse_s
 class FakeConfig:
     """A pytest config: options by dest, ini values by key."""
 
-    def __init__(self, ini: dict[str, str] | None = None, **options: str) -> None:
+    def __init__(self, ini: dict[str, str] | None = None, *, rootpath: Path = Path(), **options: str) -> None:
+        self.rootpath = rootpath
         self._ini = ini or {}
         self._options = options
 
@@ -49,6 +52,8 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "kept").write_text("mine")
     with pytest.raises(UsageError, match="--drive-store is '.*kept', which is a file; expected a folder, or off"):
         Settings.from_pytest_config(FakeConfig(drive_store=str(tmp_path / "kept")))
+    with pytest.raises(UsageError, match="--drive-store is 'kept'"):
+        Settings.from_pytest_config(FakeConfig(drive_store="kept", rootpath=tmp_path))
 
 
 @pytest.mark.parametrize("text", ["", "x", "1,", "-1", "1.5", "0,0", "²"])
