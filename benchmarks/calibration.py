@@ -7,18 +7,17 @@ or none of them can drive measures nothing.
 With `--sensitivity AGENT`: that agent clean and under the eleven settings of Bench2Drive-Robust (Tab. 2), with the
 degradation of each and its interval, paired by route.
 
-The same command gives the same tables, whatever the number of workers.
+The same command gives the same tables, whatever the number of workers. Episodes come from the store where it has them.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
+import sys
+import uuid
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from math import fsum
 from pathlib import Path
 
@@ -27,15 +26,23 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from pytest_drive_robust.domain.agent import Agent
-from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.processes import ProcessExecutor
+from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.plan import Task
 from pytest_drive_robust.runner.routes import resolve_routes
-from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
+from pytest_drive_robust.store.folder import FolderStore
 
 AGENTS = "expert,reactive,constant"
 PAPER = (
@@ -52,16 +59,6 @@ PAPER = (
     "500 ms latency",
 )
 """The settings of the paper; every family goes from its mildest to its most severe."""
-TASKS_AT_ONCE = 4
-
-
-@dataclass(frozen=True)
-class Task:
-    agent: str
-    route: Route
-    setting: str
-    seed: int
-    stuck_stop_s: float
 
 
 @dataclass(frozen=True)
@@ -104,33 +101,66 @@ class Report:
         return "\n".join(lines)
 
 
-@cache
-def made(agent: str, stuck_stop_s: float) -> tuple[Simulator, Agent]:
-    """One world and one agent object per process and name."""
-    import cv2
+class Watch:
+    """Shows what the scheduler does (see `runner.scheduler.Listener`)."""
 
-    cv2.setNumThreads(1)
-    registry = default_registry()
-    return registry.simulator("embedded", SimulatorOptions(stuck_stop_s=stuck_stop_s)), registry.agent(agent)
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress = progress
+        self._bar = progress.add_task("episodes", total=total)
+
+    def started(self, task: Task) -> None: ...
+
+    def finished(self, task: Task, result: EpisodeResult) -> None:
+        self._progress.advance(self._bar)
+
+    def reused(self, task: Task) -> None:
+        self._progress.advance(self._bar)
+
+    def ticked(self) -> None: ...
 
 
-def drive(task: Task) -> Score:
-    simulator, agent = made(task.agent, task.stuck_stop_s)
-    setting = Setting.parse(task.setting)
-    result = drive_episode(simulator, agent, route=task.route, setting=setting, seed=task.seed, agent_name=task.agent)
-    return Score(
-        task.agent, result.scenario, task.route.id, task.setting, task.seed, is_success(result), driving_score(result)
+def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequence[str]) -> list[Score]:
+    """Every episode's score. What the store has is not driven again, so a measurement that was cut off goes on."""
+    chosen = Settings(
+        routes=given.routes, routes_given=True, seeds=tuple(range(given.seeds)), stuck_stop_s=given.stuck_stop
     )
-
-
-def drive_all(tasks: Sequence[Task], workers: int) -> list[Score]:
-    """Every task's score, in the order of `tasks`."""
-    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"))
+    registry = default_registry()
+    scopes = Scopes(chosen, registry, resolve_routes)
+    tasks = [
+        task
+        for agent in agents
+        for setting in settings
+        for task in scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).tasks
+    ]
+    store = FolderStore(given.store, run=uuid.uuid4().hex)
+    recipe = Recipe(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=(),
+        simulator=chosen.simulator,
+        options=SimulatorOptions(stuck_stop_s=given.stuck_stop),
+        preload_agents=tuple(agents),
+    )
+    executor = ProcessExecutor(lambda: recipe, Limits(), slots=given.workers)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    context = multiprocessing.get_context("spawn")
-    with Progress(*columns) as progress, ProcessPoolExecutor(workers, mp_context=context) as pool:
-        scores = pool.map(drive, tasks, chunksize=TASKS_AT_ONCE)
-        return list(progress.track(scores, total=len(tasks), description="episodes"))
+    with Progress(*columns) as progress:
+        scheduler = Scheduler(store, executor, Watch(progress, len(tasks)))
+        try:
+            scheduler.ensure(tasks)
+        finally:
+            scheduler.close()
+    return [score_of(task, store) for task in tasks]
+
+
+def score_of(task: Task, store: FolderStore) -> Score:
+    result = store.get(task.key)
+    assert result is not None
+    require_scorable([result])
+    episode = task.episode
+    return Score(
+        episode.agent, result.scenario, task.route.id, episode.setting, episode.seed, is_success(result),
+        driving_score(result),
+    )  # fmt: skip
 
 
 def by_route(scores: Iterable[Score]) -> tuple[list[float], list[float]]:
@@ -194,7 +224,8 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--sensitivity", metavar="AGENT", help="drive this agent clean and under the paper's settings")
     parser.add_argument("--seeds", type=int, default=1, help="how many seeds, from 0 on (default: 1)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
-    parser.add_argument("--stuck-stop", type=float, default=60.0, help="end an episode after standing so long (60 s)")
+    parser.add_argument("--stuck-stop", type=float, default=30.0, help="end an episode after standing so long (30 s)")
+    parser.add_argument("--store", type=Path, default=Path(".drive-robust"), help="where episodes are kept")
     parser.add_argument("--write", type=Path, metavar="FILE", help="put the table into this markdown file as well")
     return parser.parse_args(argv)
 
@@ -213,14 +244,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     agents = [given.sensitivity] if given.sensitivity else given.agents.split(",")
     settings = ("clean", *PAPER) if given.sensitivity else ("clean",)
     routes = resolve_routes(given.routes)
-    tasks = [
-        Task(agent, route, setting, seed, given.stuck_stop)
-        for agent in agents
-        for setting in settings
-        for route in routes
-        for seed in range(given.seeds)
-    ]
-    scores = drive_all(tasks, given.workers)
+    scores = drive_all(given, agents, settings)
     notes = f"{len(routes)} routes (`--routes {given.routes}`), {given.seeds} seed(s)."
     if given.sensitivity:
         notes += " RD = 1 - DS / DS clean, Fieller's interval, paired by route."

@@ -7,7 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -36,6 +36,18 @@ class Entry:
     def syntax(self) -> str:
         """How people write it: `"embedded"`, `"gymnasium:ID"`."""
         return f"{self.name}:{self.argument}" if self.argument else self.name
+
+    def bound_to(self, argument: str) -> Entry:
+        """The entry `name:argument`, which loads what this one's object makes of the argument."""
+
+        def load() -> object:
+            target = self.loader()
+            if not callable(target):
+                raise TypeError(f"{target!r} takes no argument, expected a function of the text after the colon")
+            made: object = target(argument)
+            return made
+
+        return replace(self, name=f"{self.name}:{argument}", loader=load, argument="")
 
     def load(self) -> object:
         """What is registered under the name. Raises `PluginError` with the origin when importing it fails."""

@@ -86,6 +86,14 @@ class Execution:
             ray_address=given["drive_ray_address"],
         )
 
+    def check_workers(self) -> None:
+        """Raise `UsageError` when pytest-xdist's workers cannot drive like this."""
+        if self.executor == "ray":
+            raise UsageError(
+                "--drive-executor ray and -n exclude each other: every worker would start, or fill, a cluster of its "
+                "own. Leave -n out; Ray drives the episodes of one pytest on all nodes at once."
+            )
+
     def slots(self, *, shared: bool) -> int:
         """Episodes at a time. `shared`: pytest-xdist's workers drive beside us, each on a core of its own."""
         return self.workers or (1 if shared else available_cores())

@@ -7,7 +7,7 @@ Where things are: `fixtures.py` has what tests use, `distributed.py` every decis
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -155,10 +155,11 @@ class _LazyRegistry:
 
 
 class DrivingPlugin:
-    """In every process that runs tests."""
+    """In every process that runs tests. `last_words()` are what broken episodes printed since it was asked last."""
 
-    def __init__(self, driver: Driver) -> None:
+    def __init__(self, driver: Driver, last_words: Callable[[], tuple[tuple[str, str], ...]] = tuple) -> None:
         self._driver = driver
+        self._last_words = last_words
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -173,6 +174,7 @@ class DrivingPlugin:
                 crash.message = str(error).partition("   (")[0].partition("\n")[0]
             if isinstance(error, NotJudgedError):
                 vars(report)[_NOT_JUDGED] = True  # a plain attribute: it travels from workers
+            report.sections += [(f"printed by {episode}", text) for episode, text in self._last_words()]
         return report
 
     def pytest_unconfigure(self) -> None:
@@ -257,6 +259,7 @@ def _activate(config: pytest.Config) -> None:
     routes = _routes_in_words(settings)
     record: Record
     if distributed.is_controller(config):
+        execution.check_workers()
         record = distributed.start_run(config, settings)
     else:
         record = local = LocalRecord(progress_for(config), open_store(settings, config.rootpath, run=new_run_name()))
@@ -310,7 +313,7 @@ def _drive_here(
     )
     driver = Driver(settings, scopes, campaign)
     config.stash[DRIVER] = driver
-    config.pluginmanager.register(DrivingPlugin(driver), "drive_robust_driving")
+    config.pluginmanager.register(DrivingPlugin(driver, getattr(executor, "last_words", tuple)), "drive_robust_driving")
     if config.getoption("drive_plan"):
         config.pluginmanager.register(PlanPlugin(config, store, slots=executor.slots), _PLANNING)
 

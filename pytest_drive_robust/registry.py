@@ -6,6 +6,8 @@ Three ways lead in, all open to everybody:
   `.simulators` or `.metrics`; it is listed without being imported, and imported when its name is asked for;
 * the hook `pytest_drive_robust_register` in a plugin or a `conftest.py`, which wins over an entry point of that name;
 * for agents and simulators, a reference `module.path:Factory` in place of a name.
+
+Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`.
 """
 
 from __future__ import annotations
@@ -23,12 +25,15 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.template import kebab_name
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["KINDS", "AgentFactory", "Registry", "SimulatorFactory", "default_registry"]
+__all__ = ["KINDS", "AgentFactories", "AgentFactory", "Registry", "SimulatorFactory", "default_registry"]
 
 AgentFactory = Callable[[], Agent]
 """A class or function that makes a new agent, called without arguments."""
 SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[SimulatorOptions, str], Simulator]
 """A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
+
+AgentFactories = Callable[[str], AgentFactory]
+"""Makes such a factory of the text after the colon of a name: what it wraps and carries is that of one agent."""
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 
@@ -38,6 +43,7 @@ _BUILTIN_SIMULATORS = (
     ("gymnasium", "gymnasium_backend:gymnasium_simulator", "ID"),
     ("highway-env", "gymnasium_backend:compiled_simulator", "ID"),
 )
+_BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.official_agents.factory:leaderboard_agent", "FILE+CONFIG"),)
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
     "(pip install drive-robust-agents), or register one in pytest_drive_robust_register.",
@@ -55,9 +61,13 @@ class Registry:
         self._problems: dict[tuple[str, str], DriveRobustError] = {}
         self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points by kind: finding them reads disk
 
-    def register_agent(self, name: str, factory: AgentFactory) -> None:
-        """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook."""
-        self._register("agents", name, factory)
+    def register_agent(self, name: str, factory: AgentFactory | AgentFactories, *, argument: str = "") -> None:
+        """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook.
+
+        `argument` is for agents that come in many: with `argument="FILE"` the name is listed as `name:FILE`, and
+        `--drive-agent name:text` calls `factory("text")()`; without a colon the text is empty.
+        """
+        self._register("agents", name, factory, argument=argument)
 
     def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
         """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default."""
@@ -184,7 +194,8 @@ class Registry:
                 f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
                 "the name in pytest_drive_robust_register of your conftest.py."
             )
-        return known[name][0]
+        found = known[name][0]
+        return found.bound_to(argument) if kind == "agents" and found.argument else found
 
 
 @functools.cache
@@ -194,6 +205,11 @@ def default_registry() -> Registry:
 
 
 def _builtins(kind: str) -> list[Entry]:
+    if kind == "agents":
+        return [
+            Entry(kind, name, "built in", from_reference(kind, path).loader, argument=argument)
+            for name, path, argument in _BUILTIN_AGENTS
+        ]
     if kind == "simulators":
         return [
             Entry(kind, name, "built in", from_reference(kind, f"{_SIMULATORS}.{path}").loader, argument=argument)

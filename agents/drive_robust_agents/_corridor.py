@@ -43,7 +43,14 @@ class Corridor:
         self._aside_for_m, self._aside_wanted_m = 0.0, 0.0
 
     def update(
-        self, bases: Floats, path: Floats, travelled_m: float, *, may_dodge: bool, no_posts: bool = False, narrow: bool = False
+        self,
+        bases: Floats,
+        path: Floats,
+        travelled_m: float,
+        *,
+        may_dodge: bool,
+        no_posts: bool = False,
+        narrow: bool = False,
     ) -> None:
         """Compare foreign points (k, 2) with the path (n, 2), a point a metre, both in the vehicle's frame.
 

@@ -116,6 +116,10 @@ class GlobalPlan:
 
     Points where the command changes, every lane change, and at least one every 50 m
     (Bench2Drive `leaderboard/autoagents/autonomous_agent.py`).
+
+    `dense` is the way these points were taken from, about one a metre, with a first and a last point for each lane
+    change; empty where a world does not tell it. The leaderboard gives both to its agents.
     """
 
     points: tuple[PlanPoint, ...]
+    dense: tuple[PlanPoint, ...] = field(default=(), repr=False)

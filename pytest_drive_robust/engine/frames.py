@@ -7,7 +7,7 @@ import struct
 from collections.abc import Iterator
 from typing import NamedTuple
 
-__all__ = ["TOKEN_BYTES", "BrokenStreamError", "Frame", "FrameReader", "read_frame", "write_frame"]
+__all__ = ["TOKEN_BYTES", "BrokenStreamError", "Frame", "FrameReader", "packed", "read_frame", "write_frame"]
 
 _HEAD = struct.Struct("<4s16scQ")
 _MAGIC = b"pdr1"
@@ -29,9 +29,14 @@ class Frame(NamedTuple):
     payload: bytes
 
 
+def packed(frame: Frame) -> bytes:
+    """A whole message as it goes over the stream."""
+    return _HEAD.pack(_MAGIC, frame.token, frame.kind, len(frame.payload)) + frame.payload
+
+
 def write_frame(fd: int, frame: Frame) -> None:
     """Write a whole message. Raises `OSError` when the other side is gone."""
-    rest = memoryview(_HEAD.pack(_MAGIC, frame.token, frame.kind, len(frame.payload)) + frame.payload)
+    rest = memoryview(packed(frame))
     while rest:
         rest = rest[os.write(fd, rest) :]
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.autopsy import Blame, Death, Finding, examine
-from pytest_drive_robust.engine.child import DRIVE, SALVAGE
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.nursery import Nursery, NurseryError, Stopped, refusal
 from pytest_drive_robust.engine.order import Order
 from pytest_drive_robust.engine.talk import Answer, Cut, Talk
+from pytest_drive_robust.engine.wire import DRIVE, SALVAGE
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
 from pytest_drive_robust.runner.salvage import Wreck, bare_result
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import Task
     from pytest_drive_robust.runner.salvage import Rig
 
-__all__ = ["Guard", "Stopped"]
+__all__ = ["Failure", "Guard", "Stopped"]
 
 _SALVAGE_S = 600.0
 _FAREWELL_S = 0.5
 
 
-class _Failure(NamedTuple):
+class Failure(NamedTuple):
     """A death with what the board still told."""
 
     finding: Finding
@@ -48,6 +48,8 @@ class _Failure(NamedTuple):
 
 class Guard:
     """One child process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
+
+    _kind = DRIVE
 
     def __init__(self, nursery: Nursery, limits: Limits) -> None:
         self._nursery = nursery
@@ -72,19 +74,18 @@ class Guard:
         child = self._child
         return None if child is None else child.pid
 
-    def drive(self, task: Task) -> EpisodeResult:
-        """The episode, whatever happens to the process that drives it.
+    def drive(self, task: Task, *, count: int = 0) -> EpisodeResult:
+        """The episode, whatever happens to the process that drives it. It was tried `count` times before.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all or the task cannot be sent, and
         `Stopped` after `stop`. `output` is then the end of what was printed.
         """
         started = time.monotonic()
         order = Order.of(task)
-        payload = pickle.dumps(order)
-        count = 0
+        payload = self._request_for(order)
         while True:
-            ended = self._attempt(DRIVE, payload, self._limits)
-            if isinstance(ended, _Failure):
+            ended = self._attempt(self._kind, payload, self._limits)
+            if isinstance(ended, Failure):
                 result = self._result_of(ended, order, final=count == DRIVEN_AGAIN, started=started)
             else:
                 result = self._judged(ended)
@@ -94,6 +95,9 @@ class Guard:
             if result is not None:
                 return result
             count += 1
+
+    def _request_for(self, order: Order) -> bytes:
+        return pickle.dumps((order,))
 
     def stop(self) -> None:
         """Kill the child and make `drive` raise `Stopped`, now and ever after. From any thread."""
@@ -115,7 +119,7 @@ class Guard:
                 os.close(self._wake_r)
                 os.close(self._wake_w)
 
-    def _result_of(self, failure: _Failure, order: Order, *, final: bool, started: float) -> EpisodeResult | None:
+    def _result_of(self, failure: Failure, order: Order, *, final: bool, started: float) -> EpisodeResult | None:
         """The result of an episode that ended with its process; None when it should be driven again."""
         finding = failure.finding
         if finding.blame is not Blame.AGENT and not final:
@@ -129,7 +133,7 @@ class Guard:
         detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {DRIVEN_AGAIN + 1} times"
         return replace(result, outcome=outcome, end=finding.end, end_detail=detail, wall_s=time.monotonic() - started)
 
-    def _salvaged(self, failure: _Failure, order: Order) -> EpisodeResult | None:
+    def _salvaged(self, failure: Failure, order: Order) -> EpisodeResult | None:
         """The score up to where the agent was lost, from another child; None when not even that works."""
         if failure.rows is None or failure.call == "its constructor":
             return None
@@ -139,7 +143,7 @@ class Guard:
             ended = self._attempt(SALVAGE, pickle.dumps((order, wreck)), limits)
         except UsageError:
             return None
-        if isinstance(ended, _Failure) or ended.outcome is Outcome.INFRA_ERROR:
+        if isinstance(ended, Failure) or ended.outcome is Outcome.INFRA_ERROR:
             self._retire()
             return None
         return ended
@@ -152,18 +156,18 @@ class Guard:
         detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
-    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | _Failure:
+    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | Failure:
         """One request to the child, a new one where there is none. Raises `UsageError`, `Stopped`."""
         try:
             child = self._ready_child()
         except NurseryError as error:
-            return _Failure(Finding(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
+            return Failure(Finding(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
         talk = Talk(child, limits, self._wake_r)
         try:
             ended = talk.run(Frame(kind, os.urandom(TOKEN_BYTES), payload))
         except Cut:
             ended = None
-        if kind == DRIVE:
+        if kind != SALVAGE:
             self.output = talk.said
         if ended is None or self._stopped.is_set():  # what ended while we were stopping is no result
             self._discard()
@@ -216,10 +220,10 @@ class Guard:
             child.close()
 
 
-def _failure(death: Death, board: Board) -> _Failure:
+def _failure(death: Death, board: Board) -> Failure:
     """The death and what the board still tells, unless the child wrote all over it."""
     finding, call = examine(death), death.moment.phase.call
     try:
-        return _Failure(finding, board.rig(), board.rows(), call)
+        return Failure(finding, board.rig(), board.rows(), call)
     except (ValueError, KeyError, TypeError):
-        return _Failure(finding, None, None, call)
+        return Failure(finding, None, None, call)

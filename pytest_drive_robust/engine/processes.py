@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.nursery import Nursery
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import Task
 
 __all__ = ["ProcessExecutor"]
+
+_WORDS = 2000
+"""Characters of what a broken episode printed that are kept for people."""
+_MOST_EPISODES = 5
 
 
 class ProcessExecutor:
@@ -35,6 +40,7 @@ class ProcessExecutor:
         self._lock = threading.Lock()
         self._guards: list[Guard] = []
         self._closed = False
+        self._words: list[tuple[str, str]] = []
         self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust")
 
     def submit(self, task: Task) -> Future[EpisodeResult]:
@@ -59,6 +65,12 @@ class ProcessExecutor:
         if self._nursery is not None:
             self._nursery.close()
 
+    def last_words(self) -> tuple[tuple[str, str], ...]:
+        """(episode, what it printed at its end) of the first episodes that broke since this was asked last."""
+        with self._lock:
+            words, self._words = tuple(self._words), []
+        return words
+
     def _drive(self, task: Task) -> EpisodeResult:
         guard: Guard | None = getattr(self._own, "guard", None)
         if guard is None:
@@ -68,4 +80,12 @@ class ProcessExecutor:
                 self._guards.append(guard)
                 if self._closed:
                     guard.stop()
-        return guard.drive(task)
+        result = guard.drive(task)
+        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+            self._keep_words(str(task.episode), guard.output.strip())
+        return result
+
+    def _keep_words(self, episode: str, said: str) -> None:
+        with self._lock:
+            if said and len(self._words) < _MOST_EPISODES:
+                self._words.append((episode, said if len(said) <= _WORDS else f"...{said[-_WORDS:]}"))

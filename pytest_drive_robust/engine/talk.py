@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.engine.autopsy import Cause, Death
-from pytest_drive_robust.engine.child import REFUSED, RESULT, split_answer
+from pytest_drive_robust.engine.child import split_answer
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, FrameReader
+from pytest_drive_robust.engine.wire import REFUSED, RESULT
 from pytest_drive_robust.store.record import decode_episode
 
 if TYPE_CHECKING:
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.handle import ChildHandle
     from pytest_drive_robust.engine.limits import Limits
 
-__all__ = ["Answer", "Cut", "Talk"]
+__all__ = ["CHUNK_BYTES", "Answer", "Cut", "Talk", "answer_in"]
 
-_CHUNK_BYTES = 1 << 16
+CHUNK_BYTES = 1 << 16
 _LAST_WORDS_S = 0.1
 _BURIAL_S = 0.25
 _LOOK_S = 0.2
@@ -95,7 +96,7 @@ class Talk:
     def _hear(self, request: Frame) -> Answer | Death | None:
         """What has arrived on the channel, None when it is not all."""
         try:
-            piece = os.read(self._child.channels.messages, _CHUNK_BYTES)
+            piece = os.read(self._child.channels.messages, CHUNK_BYTES)
         except OSError:
             piece = b""
         if not piece:
@@ -105,7 +106,7 @@ class Talk:
                 if frame.token != request.token:
                     raise BrokenStreamError("the answer is to another request")
                 self._listen()
-                return _answer(frame)
+                return answer_in(frame)
         except (BrokenStreamError, ValueError):
             return self._kill(Cause.GARBAGE)
         return None
@@ -113,11 +114,11 @@ class Talk:
     def _listen(self) -> bool:
         """Keep what was printed. False when nothing more can come."""
         try:
-            while piece := os.read(self._child.channels.output, _CHUNK_BYTES):
+            while piece := os.read(self._child.channels.output, CHUNK_BYTES):
                 self._said += piece
-                if len(self._said) > 4 * self._limits.output_bytes + _CHUNK_BYTES:
+                if len(self._said) > 4 * self._limits.output_bytes + CHUNK_BYTES:
                     del self._said[: -self._limits.output_bytes]
-                if len(piece) < _CHUNK_BYTES:
+                if len(piece) < CHUNK_BYTES:
                     return True
         except BlockingIOError:
             return True
@@ -180,7 +181,7 @@ class Talk:
         )
 
 
-def _answer(frame: Frame) -> Answer:
+def answer_in(frame: Frame) -> Answer:
     """The meaning of a message. Raises `ValueError` when it has none."""
     notes, body = split_answer(frame.payload)
     rss, leftovers = int(notes["rss"]), tuple(map(str, notes["leftovers"]))
@@ -194,4 +195,4 @@ def _answer(frame: Frame) -> Answer:
 
 def _text(fd: int) -> str:
     """All of a small file, whatever has been read of it already."""
-    return os.pread(fd, _CHUNK_BYTES, 0).decode("utf-8", "replace")
+    return os.pread(fd, CHUNK_BYTES, 0).decode("utf-8", "replace")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -14,7 +16,7 @@ from pytest_drive_robust.domain.truth import Frame
 from pytest_drive_robust.engine.board import Board
 from pytest_drive_robust.runner.salvage import Rig
 
-__all__ = ["CUT_OFF", "WatchedAgent"]
+__all__ = ["CUT_OFF", "WatchedAgent", "tamed"]
 
 CUT_OFF = 71
 """The exit code of a child that can no longer answer, because its agent closed the channel."""
@@ -41,7 +43,7 @@ class WatchedAgent:
 
     def sensors(self) -> Sequence[CameraSpec]:
         """The agent's cameras."""
-        cameras: Any = _tamed(self._agent.sensors)
+        cameras: Any = tamed(self._agent.sensors)
         self._cameras = cameras
         return self._cameras
 
@@ -49,15 +51,17 @@ class WatchedAgent:
         """The loop has checked the rig by now: keep it, then wake the agent."""
         consumes = tuple(sorted(consumed_signals(self._agent)))
         self._board.equip(Rig(tuple(self._cameras), consumes, is_privileged(self._agent)))
-        _tamed(self._agent.reset, route, seed)
+        tamed(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
         """The agent's control, remembered."""
-        try:  # spelled out, not `_tamed`: this is called in every tick
+        try:  # spelled out, not `tamed`: this is called in every tick
             self._asked = control = self._agent.act(observation)
-        except (Exception, SystemExit):
+        except (Exception, SystemExit) as error:
+            _print(error)
             raise
         except BaseException as error:
+            _print(error)
             raise _twin(error).with_traceback(error.__traceback__) from None
         self._check_channel()
         return control
@@ -77,13 +81,22 @@ class WatchedAgent:
             os._exit(CUT_OFF)
 
 
-def _tamed(function: Callable[..., T], *arguments: object) -> T:
+def tamed(function: Callable[..., T], *arguments: object) -> T:
+    """What the function returns; whatever it raises is an `Exception` or a `SystemExit`."""
     try:
         return function(*arguments)
-    except (Exception, SystemExit):
+    except (Exception, SystemExit) as error:
+        _print(error)
         raise
     except BaseException as error:
+        _print(error)
         raise _twin(error).with_traceback(error.__traceback__) from None
+
+
+def _print(error: BaseException) -> None:
+    """The whole traceback, among what the agent printed: a result holds one line of it."""
+    with contextlib.suppress(Exception):  # the agent may have closed what it goes to
+        traceback.print_exception(error)
 
 
 def _twin(error: BaseException) -> Exception:

@@ -11,6 +11,7 @@ from pytest_drive_robust.runner.routes import ships
 from pytest_drive_robust.settings import DEFAULT_SIMULATOR
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.requirements.evaluate import Verdict, WorstRoute
     from pytest_drive_robust.settings import Settings
@@ -42,7 +43,7 @@ def value_text(metric: str, setting: str, value: float) -> str:
     return f"{metric} under {setting} = {shown(metric, value)}"
 
 
-def replay_command(worst: WorstRoute, agent: str, setting: str, settings: Settings, *, routes_spec: str) -> str:
+def replay_command(worst: WorstRoute | Episode, agent: str, setting: str, settings: Settings, *, routes_spec: str) -> str:
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
     words = ["drive-robust", "replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "searches": [asdict(searched) for searched in run.searched],
         "summaries": [_row(row) for row in run.rows],
         "episodes": [_episode(key, result) for key, result in run.episodes.items()],
-        "notes": list(run.notes),
+        "notes": [*mixed_machines(run), *run.notes],
     }
     return {key: _finite(value) for key, value in document.items()}
 

@@ -7,18 +7,22 @@ from io import StringIO
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.report.failure import replay_command
+from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import shown
 from pytest_drive_robust.requirements.touched import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.run_result import RunResult, SettingRow
 
 __all__ = ["WIDTH", "footnotes", "numbers_of", "run_summary"]
 
 WIDTH = 100
 _MAX_ERRORS = 10
+_REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
 _STYLES = {"pass": "green", "fail": "red", "inconclusive": "yellow", "error": "bold red"}
 
@@ -35,7 +39,7 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     )
     console.print(_table(run, colour=colour))
     for line in footnotes(run):
-        console.print(line, soft_wrap=False)
+        console.print(line, soft_wrap=line.startswith(_REPLAY))  # a command is there to be copied
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
 
 
@@ -96,6 +100,7 @@ def footnotes(run: RunResult) -> list[str]:
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]
+    lines += mixed_machines(run)
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)
@@ -151,17 +156,31 @@ def _open(run: RunResult) -> list[str]:
 
 def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:
     """Equal reasons once, with how many episodes ended that way and one of them by name."""
-    found = [result for result in run.episodes.values() if result.outcome is outcome]
-    reasons: dict[str, list[str]] = {}
-    for result in found:
-        reasons.setdefault(result.end_detail, []).append(str(result.episode))
-    lines = [f"{len(episodes)} x {name}: {reason} ({_first(episodes)})" for reason, episodes in reasons.items()]
-    hidden = len(lines) - _MAX_ERRORS
-    return lines[:_MAX_ERRORS] + ([f"and {hidden} more kinds of {name}"] if hidden > 0 else [])
+    reasons: dict[str, list[EpisodeResult]] = {}
+    for result in run.episodes.values():
+        if result.outcome is outcome:
+            reasons.setdefault(result.end_detail, []).append(result)
+    lines = []
+    for reason, results in list(reasons.items())[:_MAX_ERRORS]:
+        lines.append(f"{len(results)} x {name}: {reason} ({_first(results)})")
+        lines += _replay(run, results[0])
+    hidden = len(reasons) - _MAX_ERRORS
+    return lines + ([f"and {hidden} more kinds of {name}"] if hidden > 0 else [])
 
 
-def _first(episodes: Sequence[str]) -> str:
-    return episodes[0] if len(episodes) == 1 else f"first {episodes[0]}"
+def _first(results: Sequence[EpisodeResult]) -> str:
+    return f"{'first ' if len(results) > 1 else ''}{results[0].episode}"
+
+
+def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
+    """How far it came and the command that drives it again."""
+    specs = (row.routes_spec for row in run.rows if any(result is item for item in row.results))
+    routes_spec = next(specs, None)
+    if routes_spec is None:
+        return []
+    episode = result.episode
+    command = replay_command(episode, episode.agent, episode.setting, run.settings, routes_spec=routes_spec)
+    return [f"{_REPLAY} (it ended after {result.ticks} ticks):  {command}"]
 
 
 def _short(routes_spec: str) -> str:

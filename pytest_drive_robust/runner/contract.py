@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
 
 _LARGEST_SIDE_PX = 4096
+_MOST_CHARACTERS = 500
+"""An exception may hold megabytes."""
 _CALLERS = (
     "pytest_drive_robust.engine.",
     "pytest_drive_robust.runner.",
@@ -41,11 +43,11 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
     with _blamed("sensors"):
         cameras: object = agent.sensors()
     if not isinstance(cameras, Sequence) or isinstance(cameras, str):
-        raise AgentError(f"sensors returned {cameras!r}, expected a list of CameraSpec")
+        raise AgentError(f"sensors returned {_shown(cameras)}, expected a list of CameraSpec")
     for camera in cameras:
         problem = _camera_problem(camera, dt_s)
         if problem is not None:
-            raise AgentError(f"sensors returned {camera!r}: {problem}")
+            raise AgentError(f"sensors returned {_shown(camera)}: {problem}")
     names = [camera.name for camera in cameras]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -85,7 +87,7 @@ def agent_act_batch(agents: Sequence[Agent], observations: Sequence[Observation]
     with _blamed("act_batch"):
         answers: object = act_batch(agents, observations)
     if not isinstance(answers, Sequence) or len(answers) != len(agents):
-        given = f"{len(answers)} answers" if isinstance(answers, Sequence) else repr(answers)
+        given = f"{len(answers)} answers" if isinstance(answers, Sequence) else _shown(answers)
         raise AgentError(f"act_batch returned {given} for {len(agents)} agents, expected one Control for each")
     return [_judged(answer) for answer in answers]
 
@@ -101,10 +103,10 @@ def _judged(answer: object) -> Control | AgentError:
 
 def _checked(control: object, call: str) -> Control:
     if not isinstance(control, Control):
-        raise AgentError(f"{call} returned {control!r} of type {type(control).__name__}, expected a Control")
+        raise AgentError(f"{call} returned {_shown(control)} of type {type(control).__name__}, expected a Control")
     problem = control.problem()
     if problem is not None:
-        raise AgentError(f"{call} returned {control!r}: {problem}")
+        raise AgentError(f"{call} returned {_shown(control)}: {problem}")
     if type(control.throttle) is type(control.steer) is type(control.brake) is float:
         return control
     return Control(float(control.throttle), float(control.steer), float(control.brake))
@@ -113,7 +115,19 @@ def _checked(control: object, call: str) -> Control:
 def blame(call: str, error: BaseException, verb: str = "raised") -> str:
     """`"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
     last_line = traceback.format_exception_only(type(error), error)[-1].strip()
-    return f"{call} {verb} {last_line}{_place(error)}"
+    return f"{call} {verb} {_cut(last_line)}{_place(error)}"
+
+
+def _shown(value: object) -> str:
+    """What an agent gave, as text: whatever it is, showing it is not our fault."""
+    try:
+        return _cut(repr(value))
+    except Exception as error:
+        return f"something that cannot be shown ({type(error).__name__} in its __repr__)"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
 
 
 @contextmanager

@@ -28,6 +28,9 @@ class Executor(Protocol):
 
     An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of a future are
     `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
+
+    An executor that drives in the thread of its caller but not within `submit` has a `work()`, too: it is called while
+    somebody waits, again and again, and returns when something has ended or nothing is left to drive.
     """
 
     @property

@@ -81,7 +81,7 @@ class Lockstep:
         self._watch = watch
         self._ticked = ticked
         self._on_tick = on_tick
-        self._agent_name: str | None = None
+        self.agent_name: str | None = None
         self._worlds: list[Simulator] = []
         self._free_worlds: list[Simulator] = []
         self._free_agents: list[Agent] = []
@@ -200,9 +200,9 @@ class Lockstep:
         return Batch(self.width, self._take_agent, self._watch)
 
     def _check_agent(self, task: Task) -> None:
-        if self._agent_name not in (None, task.episode.agent):
-            raise ValueError(f"{task.episode} cannot share a batch with episodes of {self._agent_name}")
-        self._agent_name = task.episode.agent
+        if self.agent_name not in (None, task.episode.agent):
+            raise ValueError(f"{task.episode} cannot share a batch with episodes of {self.agent_name}")
+        self.agent_name = task.episode.agent
 
     def _take_agent(self) -> Agent:
         return self._free_agents.pop() if self._free_agents else self._make_agent()

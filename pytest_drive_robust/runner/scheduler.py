@@ -72,6 +72,7 @@ class Scheduler:
         self._store = store
         self._executor = executor
         self._listener = listener
+        self._work: Callable[[], object] | None = getattr(executor, "work", None)
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
@@ -79,6 +80,7 @@ class Scheduler:
         self._drives: dict[Future[EpisodeResult], _Drive] = {}
         self._under_way: set[str] = set()
         self._seen: set[str] = set()
+        self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
 
     def plan(self, tasks: Iterable[Task]) -> None:
@@ -99,9 +101,10 @@ class Scheduler:
         if self._ends_s is None and self._budget_s is not None:
             self._ends_s = self._clock() + self._budget_s
         nearer = iter(ahead)
+        missing = [task for task in tasks if not self._is_finished(task)]
         while True:
             self._collect()
-            missing = [task for task in tasks if not self._is_finished(task)]
+            missing = [task for task in missing if task.key not in self._seen and not self._came_from_elsewhere(task)]
             for task in missing:
                 if task.key in self._broken:
                     raise self._broken.pop(task.key)
@@ -126,6 +129,10 @@ class Scheduler:
         self._under_way.clear()
 
     @property
+    def _busy(self) -> bool:
+        return len(self._drives) >= self._executor.slots
+
+    @property
     def _spent(self) -> bool:
         return self._ends_s is not None and self._clock() >= self._ends_s
 
@@ -139,33 +146,38 @@ class Scheduler:
         self._listener.reused(task)
         return True
 
+    def _came_from_elsewhere(self, task: Task) -> bool:
+        """Whether an episode that another process was driving is finished. Others need no look at the disk."""
+        return task.key in self._elsewhere and self._is_finished(task)
+
     def _fill(self, missing: Sequence[Task], nearer: Iterator[Task]) -> Iterator[Task]:
         """Begin episodes until no slot is free or nothing is left. Returns what is left of `nearer`."""
         passed: list[Task] = []  # somebody else drives them now: looked at again when he may be gone
         for task in missing:
+            if self._busy:
+                return nearer
             self._begin(task)
-        while len(self._drives) < self._executor.slots:
-            task = next(nearer, None)  # type: ignore[assignment]
-            if task is None:
+        while not self._busy and (nearest := next(nearer, None)) is not None:
+            if not self._begin(nearest):
+                passed.append(nearest)
+        for task in () if self._busy else tuple(self._later.values()):
+            if self._busy:
                 break
-            if not self._begin(task):
-                passed.append(task)
-        for task in tuple(self._later.values()) if len(self._drives) < self._executor.slots else ():
             self._begin(task)
         return chain(passed, nearer)
 
     def _begin(self, task: Task) -> bool:
         """Begin this episode where a slot is free and nobody has it. False when another process drives it."""
         key = task.key
-        if len(self._drives) >= self._executor.slots or key in self._under_way or key in self._seen:
-            return True
-        if key in self._broken:
+        if self._busy or key in self._under_way or key in self._seen or key in self._broken:
             return True
         claim = self._store.claim(key)
         if claim is None:
+            self._elsewhere.add(key)
             return False
         if self._store.get(key) is not None:  # finished since we looked
             claim.release()
+            self._elsewhere.add(key)
             self._later.pop(key, None)
             return True
         self._later.pop(key, None)
@@ -200,7 +212,9 @@ class Scheduler:
 
     def _wait(self) -> None:
         """Until something ended, but not long."""
-        if self._drives:
+        if self._drives and self._work is not None:
+            self._work()
+        elif self._drives:
             wait(self._drives, timeout=_POLL_S, return_when=FIRST_COMPLETED)
         else:
             time.sleep(_POLL_S)

@@ -105,7 +105,14 @@ class Scopes:
     def _require(self, kind: str, name: str) -> None:
         if (kind, name) not in self._known:
             self._registry.require(kind, name)
+            self._check(kind, name)
             self._known.add((kind, name))
+
+    def _check(self, kind: str, name: str) -> None:
+        """What a factory of agents knows to be wrong before it makes one that drives."""
+        check = getattr(self._registry.entry(kind, name).load(), "check", None) if kind == "agents" else None
+        if callable(check):
+            check()
 
 
 def _problem(check: Callable[[Route], object], route: Route) -> str | None:

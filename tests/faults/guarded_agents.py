@@ -100,6 +100,14 @@ class GivesATuple(Steady):
         return (1.0, 0.0, 0.0)
 
 
+class CannotBeShown(Steady):
+    def __repr__(self) -> str:
+        raise RuntimeError("no picture")
+
+    def fault(self, observation: Observation) -> object:
+        return self
+
+
 class GivesTooMuch(Steady):
     def fault(self, observation: Observation) -> object:
         return Control(brake=1.5)

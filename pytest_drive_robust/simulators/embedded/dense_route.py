@@ -15,6 +15,8 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, projec
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town, follow, join
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.passages import Passage
+from pytest_drive_robust.simulators.embedded.traced.schema import is_official
+from pytest_drive_robust.simulators.embedded.traced.survey import survey
 
 __all__ = ["DenseRoute", "lay_route"]
 
@@ -27,7 +29,10 @@ _TURN_RAD = np.radians(35.0)
 
 @dataclass(frozen=True, slots=True)
 class DenseRoute:
-    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `lanes` (n,) the lane under each row."""
+    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `lanes` (n,) the lane under each row.
+
+    `town` is `lane_map` with its chains and passages.
+    """
 
     route: Route
     lane_map: LaneMap
@@ -35,16 +40,12 @@ class DenseRoute:
     s: Floats
     lanes: NDArray[np.int64]
     trigger_m: float
+    town: CompiledTown
 
     @property
     def length_m(self) -> float:
         """Length of the route in metres."""
         return float(self.s[-1])
-
-    @property
-    def town(self) -> CompiledTown:
-        """The town with its chains and passages."""
-        return compile_town(self.route.town)
 
     def chain(self) -> tuple[int, ...]:
         """The lanes of the route in order, prolonged to where the first road begins and the last one ends.
@@ -98,7 +99,16 @@ class DenseRoute:
             if changed or self.s[k] - last_s >= _MAX_PLAN_GAP_M or k == len(commands) - 1:
                 points.append(PlanPoint(float(self.rows[k, 0]), float(self.rows[k, 1]), command))
                 last_s = float(self.s[k])
-        return GlobalPlan(tuple(points))
+        return GlobalPlan(tuple(points), self._dense_plan(commands))
+
+    def _dense_plan(self, commands: list[RoadOption]) -> tuple[PlanPoint, ...]:
+        """Every row; of a lane change, which CARLA's planner makes in one step, the first and the last."""
+        within = {k for start, end, _ in self.lane_changes() for k in range(start + 1, end - 1)}
+        return tuple(
+            PlanPoint(float(x), float(y), command)
+            for k, ((x, y), command) in enumerate(zip(self.rows[:, :2], commands, strict=True))
+            if k not in within
+        )
 
     def _parts(self) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
         """Lanes before the route, of the route, after it."""
@@ -155,11 +165,16 @@ def _turn_command(lane_map: LaneMap, inside: tuple[int, ...]) -> RoadOption:
 
 
 def lay_route(route: Route) -> DenseRoute:
-    """Lay a route on its town. Raises `RouteError` when it leaves the town's driving lanes."""
+    """Lay a route on its town. Raises `RouteError` when it leaves the town's driving lanes.
+
+    For routes of the leaderboard, which name a town of CARLA's, the town is built around them.
+    """
     if len(route.waypoints) < 2:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
-    lane_map = compile_town(route.town).lane_map
-    line = resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
+    surveyed = survey(route) if is_official(route.town) else None
+    town = compile_town(route.town) if surveyed is None else surveyed.town
+    lane_map = town.lane_map
+    line = surveyed.line if surveyed else resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
     lanes = match_lanes(lane_map, line)
     if (lanes < 0).any():
         x, y = (float(value) for value in line[int(np.argmin(lanes)), :2])
@@ -171,5 +186,5 @@ def lay_route(route: Route) -> DenseRoute:
     limits = np.array([lane_map.lanes[k].speed_limit_mps for k in lanes])
     rows = np.column_stack([line, limits])
     trigger = route.scenario.trigger
-    trigger_m = project(line, trigger.x_m, trigger.y_m)[0]
-    return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m)
+    trigger_m = surveyed.trigger_m if surveyed else project(line, trigger.x_m, trigger.y_m)[0]
+    return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m, town)

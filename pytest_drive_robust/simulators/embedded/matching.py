@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
+from pytest_drive_robust.errors import RouteError
 
-__all__ = ["distance_to_lanes", "lane_change_side", "match_lanes"]
+__all__ = ["distance_to_lanes", "lane_change_side", "match_lanes", "nearest_way"]
 
 Floats = NDArray[np.float64]
 _BEYOND_EDGE_M = 0.5
@@ -15,6 +16,7 @@ _SAME_WAY = 0.5
 """Least cosine between the headings of a row and of its lane."""
 _NEXT_COST, _CHANGE_COST, _JUMP_COST = 0.05, 2.0, 50.0
 _TURN_COST_M = 3.0
+_SAME_COST_M = 0.3
 
 
 def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
@@ -38,6 +40,36 @@ def distance_to_lanes(lane_map: LaneMap, x_m: float, y_m: float) -> float:
     """Metres from a point to the middle of the nearest driving lane."""
     lanes = [lane.centre for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
     return float(min(np.hypot(centre[:, 0] - x_m, centre[:, 1] - y_m).min() for centre in lanes))
+
+
+def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float, float]) -> tuple[int, ...]:
+    """The row of driving lanes, one leading to the next, that comes nearest to `start` and then to `end`."""
+    driving = {lane.index: lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING}
+    from_m, at_from = _nearest(driving, start)
+    to_m, at_to = _nearest(driving, end)
+    best: tuple[float, tuple[int, ...]] | None = None
+    for first in driving:
+        ways = {first: (first,)}
+        waiting = [first]
+        while waiting:
+            here = waiting.pop(0)
+            backwards = here == first and at_to[here] < at_from[here]
+            cost = from_m[first] + to_m[here]
+            if not backwards and (best is None or cost < best[0] - _SAME_COST_M):
+                best = cost, ways[here]
+            for onward in driving[here].successors:
+                if onward in driving and onward not in ways:
+                    ways[onward] = (*ways[here], onward)
+                    waiting.append(onward)
+    if best is None:
+        raise RouteError(f"town {lane_map.name}: no lane leads from {start} to {end}")
+    return best[1]
+
+
+def _nearest(lanes: dict[int, Lane], point: tuple[float, float]) -> tuple[dict[int, float], dict[int, int]]:
+    """By lane: metres from a point to it, and the row of its centre line that is nearest."""
+    away = {k: np.hypot(lane.centre[:, 0] - point[0], lane.centre[:, 1] - point[1]) for k, lane in lanes.items()}
+    return {k: float(d.min()) for k, d in away.items()}, {k: int(d.argmin()) for k, d in away.items()}
 
 
 def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:

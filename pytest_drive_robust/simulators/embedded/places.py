@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.map import follow, join
+from pytest_drive_robust.simulators.embedded.matching import nearest_way
 from pytest_drive_robust.simulators.embedded.passages import Passage
 
 __all__ = ["Places"]
@@ -143,6 +144,21 @@ class Places:
                 return self._way_path(way)
         raise RouteError(
             f"route {self.dense.route.id}: no way from the {bearing} to {into!r} for scenario {self.spec.type}"
+        )
+
+    def given_flow(self) -> int | None:
+        """The path along the lanes from `start_actor_flow` to `end_actor_flow` of the route file; None without them.
+
+        Of all ways from lane to lane the one that comes nearest to both points is taken.
+        """
+        ends = [self.spec.parameters.get(f"{end}_actor_flow") for end in ("start", "end")]
+        if any(end is None or "x" not in end or "y" not in end for end in ends):
+            return None
+        lane_map = self.dense.lane_map
+        chain = nearest_way(lane_map, *((end["x"], end["y"]) for end in ends if end is not None))
+        before, after = follow(lane_map, chain[0]), follow(lane_map, chain[-1])
+        return self.add_path(
+            join(lane_map, (*before[: before.index(chain[0])], *chain, *after[after.index(chain[-1]) + 1 :]))
         )
 
     def first_passage(self) -> Passage:

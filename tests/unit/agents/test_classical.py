@@ -9,8 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from drive_robust_agents._corridor import Corridor, oncoming
+from drive_robust_agents._gap import Gap
 from drive_robust_agents._lane import LaneTracker
 from drive_robust_agents._light import Dusk, lamp_light
+from drive_robust_agents._overtake import Overtake
 from drive_robust_agents._route import PlanPath
 from drive_robust_agents._vision import CAMERA, Ground, ground_pixels, signals
 from drive_robust_agents.classical import Classical
@@ -305,9 +307,78 @@ def test_an_empty_plan_is_refused() -> None:
         agent.act(_observation(_road()))
 
 
-@pytest.mark.parametrize("route_id", ["801", "2501", "3801", "4001"])
+def test_it_enters_right_after_somebody_has_driven_past_and_away() -> None:
+    gap, image = Gap(), _road()
+    seen = [gap.open(np.array([near, near]), image) for near in np.arange(3.0, 20.0, 0.45)]
+    assert not any(seen[:20])
+    assert seen[-1]
+
+
+def test_somebody_who_has_just_set_off_has_others_close_behind() -> None:
+    gap, image = Gap(), _road()
+    assert not any(gap.open(np.array([near, near]), image) for near in np.arange(3.0, 20.0, 0.15))
+
+
+def test_it_does_not_enter_against_what_comes() -> None:
+    gap, image = Gap(), _road()
+    assert not any(gap.open(np.array([near, near]), image) for near in np.arange(40.0, 3.0, -0.45))
+
+
+def test_what_moves_far_ahead_closes_a_lane_that_nobody_was_seen_in() -> None:
+    empty, busy = Gap(), Gap()
+    still, moving = _road(), _road()
+    moving[72:76, 112:118] = TYRE
+    free = [empty.open(np.empty(0), still) for _ in range(140)]
+    taken = [busy.open(np.empty(0), moving if tick >= 100 else still) for tick in range(140)]
+    assert free[-1]
+    assert not taken[-1]
+
+
+_BLOCK = np.array([(8.0, 0.0), (8.0, 0.3)])
+
+
+def _stand(overtake: Overtake, image: NDArray[np.uint8], points: NDArray[np.float64] = _BLOCK) -> None:
+    """Seven seconds behind points (k, 2), metres along the lane and to its right."""
+    for _ in range(140):
+        overtake.update(image, *points.T, speed_mps=0.0, travelled_m=0.0, allowed=True)
+
+
+def test_it_goes_around_what_stands_in_its_lane_and_comes_back() -> None:
+    overtake = Overtake()
+    _stand(overtake, _road())
+    assert overtake.passing
+    nothing = np.empty(0)
+    offsets = []
+    for _ in range(70):
+        overtake.update(_road(), nothing, nothing, speed_mps=5.0, travelled_m=0.25, allowed=True)
+        offsets.append(overtake.offset_m)
+    assert min(offsets) < -3.0
+    assert offsets[-1] == 0.0
+    assert not overtake.passing
+
+
+def test_it_waits_behind_brake_lamps_and_in_front_of_a_lane_in_use() -> None:
+    braking, busy = Overtake(), Overtake()
+    image = _road()
+    image[80:84, 118:121] = (254, 46, 32)
+    _stand(braking, image)
+    _stand(busy, _road(), np.concatenate((_BLOCK, [(20.0, -3.5), (20.0, -3.0)])))
+    assert not braking.passing
+    assert not busy.passing
+
+
+def test_it_falls_back_when_what_stood_there_drives_off() -> None:
+    overtake = Overtake()
+    _stand(overtake, _road())
+    for tick in range(20):
+        ahead = np.full(2, 8.0 + 0.4 * tick)
+        overtake.update(_road(), ahead, np.array([0.0, 0.3]), speed_mps=1.0, travelled_m=0.05, allowed=True)
+    assert not overtake.passing
+
+
+@pytest.mark.parametrize("route_id", ["801", "2501", "3801", "4001", "101", "203", "2902"])
 def test_it_drives_a_route_of_each_kind_and_again_the_same_way(route_id: str) -> None:
-    """A pedestrian, a parked car, a stop sign, a red light; the second episode keeps nothing of the first."""
+    """A pedestrian, a parked car, a stop sign, a red light, two accidents, a parking lane; nothing is kept."""
     route = next(route for route in named_routes("full") if route.id == route_id)
     simulator, agent = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0)), Classical()
     first, second = (

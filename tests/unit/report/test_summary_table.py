@@ -9,7 +9,7 @@ from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.runner.run_result import RunResult
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Judged
+from pytest_drive_robust.store.events import Asked, Judged, Used
 
 
 def run_of(*groups, judged=()):
@@ -20,7 +20,7 @@ def run_of(*groups, judged=()):
         found.update(zip(keys, results, strict=True))
         asked.append(Asked("driver", "dev10", setting, (0,), keys, clean if setting != "clean" else ()))
         clean = keys if setting == "clean" else clean
-    return RunResult.of(Settings(), [*asked, *judged], found.get, versions={})
+    return RunResult.of(Settings(), [*asked, *judged, Used(tuple(found))], found.get, versions={})
 
 
 def verdict(setting, word):
@@ -65,6 +65,21 @@ def test_agent_errors_are_listed_once_per_reason():
     broken = [make_result(str(number), end=End.AGENT_CRASHED, end_detail="ValueError: no") for number in range(5)]
     text = run_summary(run_of(("clean", broken)), colour=False)
     assert "5 x agent error: ValueError: no (first driver on 0 under clean, seed 0)" in text.replace("\n", " ")
+    command = "drive-robust replay 0 --agent driver --setting clean --seed 0"
+    assert f"  replay (it ended after {broken[0].ticks} ticks):  {command}" in text.splitlines()
+
+
+def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():
+    def driven_on(route, machine):
+        return make_result(route, versions={"embedded": "1", "machine": machine, "machine torch": "same"})
+
+    alike = run_of(("clean", [driven_on("1", "aa"), driven_on("2", "aa"), make_result("3")]))
+    assert "machines" not in run_summary(alike, colour=False)
+    mixed = run_of(("clean", [driven_on("1", "aa"), driven_on("2", "bb"), driven_on("3", "aa")]))
+    told = "driven on machines whose numpy gives different bits (2 on aa, 1 on bb)"
+    assert told in run_summary(mixed, colour=False).replace("\n", " ")
+    assert any(told in note for note in run_as_json(mixed)["notes"])
+    assert "torch gives" not in run_summary(mixed, colour=False)
 
 
 def test_a_simulation_error_has_no_numbers():
@@ -84,7 +99,7 @@ def test_early_stops_are_mentioned():
 
 def test_an_interrupted_setting_says_how_much_is_there():
     asked = Asked("driver", "dev10", "clean", (0,), ("a", "b"), ())
-    run = RunResult.of(Settings(), [asked], {"a": make_result("1")}.get, versions={})
+    run = RunResult.of(Settings(), [asked, Used(("a",))], {"a": make_result("1")}.get, versions={})
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]
     assert "before all episodes of this setting were driven" in text

@@ -25,7 +25,7 @@ class Section:
     """The cross-section of a road, seen in its direction: lanes per way, widths, speed limit, what lies beside.
 
     `biking_m` is the width of a biking lane to the right of the driving lanes, 0 for none; `left_walk` puts a sidewalk
-    to the left of a one-way street.
+    to the left of a one-way street, `left_parking` a parking lane between it and the driving lanes.
     """
 
     forward: int
@@ -36,6 +36,7 @@ class Section:
     sidewalk: bool = True
     left_walk: bool = False
     biking_m: float = 0.0
+    left_parking: bool = False
 
 
 @dataclass(frozen=True, slots=True)

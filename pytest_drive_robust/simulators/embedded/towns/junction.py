@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.base import Arm, Control, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
 
-__all__ = ["Connection", "chains_through", "connect", "crosswalk", "draw_arms", "turn_between"]
+__all__ = ["Connection", "chains_through", "connect", "control_of", "crosswalk", "draw_arms", "turn_between"]
 
 _PLAIN = (LineType.NONE, LineType.NONE)
 _RIGHT_ANGLE = math.pi / 2.0
@@ -76,7 +76,7 @@ def connect(town: Town, arms: list[Arm], *, controls: dict[str, str]) -> list[Co
                 made.append(_connection(town, source, target, lane, junction=junction))
             if source.name in controls:
                 key = town.chains[source.inward(str(lane))][-1]
-                town.controls.append(_control(source, key, controls[source.name]))
+                town.controls.append(control_of(source, key, controls[source.name]))
     for source in arms:
         for target in arms:
             if source.section.biking_m and target is not source and turn_between(source, target) == "straight":
@@ -94,7 +94,7 @@ def chains_through(town: Town, connections: list[Connection]) -> None:
         ]
 
 
-def _control(arm: Arm, lane: LaneKey, what: str) -> Control:
+def control_of(arm: Arm, lane: LaneKey, what: str) -> Control:
     """A light stands in the far corner, halfway round the kerb along which cars turn right."""
     edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
     aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.truth import Lane, LaneKind, StopLine
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
 from pytest_drive_robust.simulators.embedded.towns.base import Control, LaneKey, Town
+from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 
 __all__ = ["draw_lanes", "stop_lines"]
 
@@ -62,6 +63,8 @@ def _lane(
 def _sample(town: Town, key: LaneKey) -> Floats:
     """What `lane.position` and `lane.heading_at` give for a row of distances, at once."""
     lane = town.network.get_lane(key)
+    if isinstance(lane, TracedLane):
+        return lane.centre
     count = max(2, round(lane.length) + 1)
     at = np.linspace(0.0, lane.length, count)
     if isinstance(lane, CircularLane):
@@ -71,7 +74,7 @@ def _sample(town: Town, key: LaneKey) -> Floats:
     if isinstance(lane, StraightLane):
         points = lane.start + at[:, None] * lane.direction
         return np.column_stack([points, np.full(count, lane.heading)])
-    raise TypeError(f"town {town.name}: lane {key} is a {type(lane).__name__}, expected a straight or circular lane")
+    raise TypeError(f"town {town.name}: lane {key} is a {type(lane).__name__}, expected straight, circular or traced")
 
 
 def _neighbours(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from highway_env.road.lane import AbstractLane, CircularLane, LineType, StraightLane
@@ -10,7 +12,7 @@ from highway_env.road.lane import AbstractLane, CircularLane, LineType, Straight
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.base import LaneKey, Pose, Section, Town
 
-__all__ = ["Piece", "advance", "beside", "piece", "retreat", "road", "winding"]
+__all__ = ["Piece", "advance", "beside", "draw_strips", "piece", "retreat", "road", "winding"]
 
 Piece = tuple[float, float]
 """(length in metres, curvature in 1/m, positive to the right)."""
@@ -79,21 +81,24 @@ def road(town: Town, name: str, start: Pose, pieces: list[Piece], section: Secti
     """
     pose = start
     for number, drawn in enumerate(pieces, start=first):
-        nodes = f"{name}{number}", f"{name}{number + 1}"
-        strips = _Strips(town, name, nodes, pose, drawn, section)
-        strips.draw()
+        draw_strips(town, name, number, partial(piece, pose, *drawn), section)
         pose = advance(pose, *drawn)
     return pose
+
+
+def draw_strips(town: Town, name: str, number: int, curve: Callable[..., AbstractLane], section: Section) -> None:
+    """Draw piece `number` of a road, whose lanes `curve` makes as `piece` does once it knows its reference piece."""
+    _Strips(town, name, (f"{name}{number}", f"{name}{number + 1}"), curve, section).draw()
 
 
 class _Strips:
     """Draws the lanes of one piece of road side by side and notes them as a slice of the town."""
 
     def __init__(
-        self, town: Town, name: str, nodes: tuple[str, str], pose: Pose, drawn: Piece, section: Section
+        self, town: Town, name: str, nodes: tuple[str, str], curve: Callable[..., AbstractLane], section: Section
     ) -> None:
         self._town, self._name, self._nodes = town, name, nodes
-        self._pose, self._piece, self._section = pose, drawn, section
+        self._curve, self._section = curve, section
         self._placed: list[tuple[float, LaneKey, bool]] = []
 
     def draw(self) -> None:
@@ -102,7 +107,10 @@ class _Strips:
         self._way("b", section.backward)
         if section.left_walk:
             # drawn against the traffic, so that its right side is where houses stand, as everywhere
-            self._lane("bwalk", _SIDEWALK_WIDTH_M / 2.0, _SIDEWALK_WIDTH_M, LaneKind.SIDEWALK, (_NONE, _NONE))
+            edge = _PARKING_WIDTH_M if section.left_parking else 0.0
+            self._lane("bwalk", edge + _SIDEWALK_WIDTH_M / 2.0, _SIDEWALK_WIDTH_M, LaneKind.SIDEWALK, (_NONE, _NONE))
+        if section.left_parking:
+            self._lane("fleft", -_PARKING_WIDTH_M / 2.0, _PARKING_WIDTH_M, LaneKind.PARKING, (_SOLID, _NONE))
         self._town.slices.append(tuple((key, along) for _, key, along in sorted(self._placed)))
 
     def _way(self, way: str, count: int) -> None:
@@ -128,11 +136,10 @@ class _Strips:
         backward = suffix.startswith("b")
         signed = -offset if backward else offset
         start, end = (f"{self._nodes[1]}r", f"{self._nodes[0]}r") if backward else self._nodes
-        lane = piece(
-            self._pose, *self._piece, signed, backward=backward, width=width, line_types=lines,
-            speed_limit=self._section.speed_mps,
-        )  # fmt: skip
-        marks = "" if kind is LaneKind.DRIVING else f"{suffix[0]}{kind.name.lower()}"
+        lane = self._curve(
+            signed, backward=backward, width=width, line_types=lines, speed_limit=self._section.speed_mps
+        )
+        marks = "" if kind is LaneKind.DRIVING else f"{suffix[0]}{kind.name.lower()}{'left' * (suffix == 'fleft')}"
         key = self._town.add(start + marks, end + marks, lane, kind=kind)
         chain = self._town.chains.setdefault(f"{self._name}.{suffix}", [])
         chain.insert(0, key) if backward else chain.append(key)

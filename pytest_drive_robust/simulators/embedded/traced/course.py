@@ -1,0 +1,133 @@
+"""What the waypoints of a dense route say: lines, the stretches without waypoints (junctions), lane changes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
+from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, smoothed
+
+__all__ = ["Course", "Shift", "read_course"]
+
+Floats = NDArray[np.float64]
+_GAP_M = 7.0
+_LEAST_M, _MOST_M, _FARTHEST_M = 20.0, 5000.0, 1.0e6
+_LONGEST_GAP_M = 500.0
+_SAME_M = 0.05
+_JUMP_RAD, _AFTER_JUMP_RAD = math.radians(15.0), math.radians(12.0)
+_LANE_M = (2.4, 4.6)
+_NEIGHBOURS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """A lane change: where along the line its middle is, and how far to the right it goes."""
+
+    at_m: float
+    right_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """`before` and `after` lie on both sides of the main stretch without waypoints; without one, `after` is None.
+
+    `shifts` are the lane changes that were taken out of `before`, which then is one lane from end to end.
+    """
+
+    before: Floats
+    after: Floats | None
+    shifts: tuple[Shift, ...]
+
+    @property
+    def start_m(self) -> float:
+        """Metres from the start of the route to the stretch without waypoints."""
+        return float(arc_lengths(self.before)[-1])
+
+    @property
+    def gap_m(self) -> float:
+        """Straight distance over the stretch without waypoints, 0 without one."""
+        return 0.0 if self.after is None else float(np.hypot(*(self.after[0, :2] - self.before[-1, :2])))
+
+    def whole(self) -> Floats:
+        """One line, with a smooth curve where waypoints are missing."""
+        if self.after is None:
+            return self.before
+        between = bridge(tuple(self.before[-1]), tuple(self.after[0]))
+        return joined(self.before, between[1:-1], self.after)
+
+
+def read_course(route: Route) -> Course:
+    """Read the waypoints of a route. Raises `RouteError` (without its id) for what cannot be a road."""
+    points = _points(route)
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    # where most steps are long the waypoints are sparse, and say nothing about junctions
+    gaps = np.flatnonzero(steps > _GAP_M) if np.median(steps) <= _GAP_M else np.array([], dtype=np.int64)
+    gaps = gaps[(gaps > 0) & (gaps < len(points) - 2)]
+    if len(gaps) == 0:
+        straightened, shifts = _without_shifts(points)
+        return Course(smoothed(straightened), None, shifts)
+    parts = [smoothed(part) for part in np.split(points, gaps + 1)]
+    scores = [_importance(a, b) for a, b in zip(parts, parts[1:])]
+    main = int(np.argmax(scores))
+    return Course(_chained(parts[: main + 1]), _chained(parts[main + 1 :]), ())
+
+
+def _points(route: Route) -> Floats:
+    points = np.array([[point.x_m, point.y_m] for point in route.waypoints])
+    if np.abs(points).max() > _FARTHEST_M:
+        raise RouteError(f"a waypoint lies {np.abs(points).max():.3g} m from the town's origin, expected 1000 km at most")
+    points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_M])]
+    if len(points) < 3:
+        raise RouteError(f"{len(points)} waypoint(s) at different places, expected at least 3")
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    if steps.max() > _LONGEST_GAP_M:
+        raise RouteError(f"two waypoints that follow each other are {steps.max():.0f} m apart, expected 500 m at most")
+    if not _LEAST_M <= steps.sum() <= _MOST_M:
+        raise RouteError(f"its waypoints are {steps.sum():.0f} m long, expected {_LEAST_M:.0f} to {_MOST_M:.0f} m")
+    heading = np.arctan2(*np.diff(points, axis=0).T[::-1])
+    turn = np.abs(np.remainder(np.diff(heading) + np.pi, 2.0 * np.pi) - np.pi)
+    if turn.max() > math.radians(120.0):
+        k = int(turn.argmax()) + 1
+        raise RouteError(
+            f"its way turns by {math.degrees(turn.max()):.0f} degrees at waypoint {k + 1} "
+            f"({points[k, 0]:.1f}, {points[k, 1]:.1f}), expected 120 at most"
+        )
+    return points
+
+
+def _importance(before: Floats, after: Floats) -> float:
+    turn = abs(math.remainder(after[0, 2] - before[-1, 2], math.tau))
+    return float(np.hypot(*(after[0, :2] - before[-1, :2]))) + 0.6 * math.degrees(turn)
+
+
+def _chained(parts: list[Floats]) -> Floats:
+    line = parts[0]
+    for part in parts[1:]:
+        line = joined(line, bridge(tuple(line[-1]), tuple(part[0]))[1:-1], part)
+    return line
+
+
+def _without_shifts(points: Floats) -> tuple[Floats, tuple[Shift, ...]]:
+    """The points with every jump to the next lane taken out, and the jumps."""
+    steps = np.diff(points, axis=0)
+    length = np.hypot(*steps.T)
+    s = np.concatenate([[0.0], np.cumsum(length)])
+    heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    moved = points.copy()
+    shifts: list[Shift] = []
+    for k in range(2, len(steps) - 2):
+        before = float(np.mean(heading[max(0, k - _NEIGHBOURS) : k]))
+        after = float(np.mean(heading[k + 1 : k + 1 + _NEIGHBOURS]))
+        aside = length[k] * math.sin(heading[k] - (before + after) / 2.0)
+        jumps = abs(heading[k] - before) > _JUMP_RAD and abs(heading[k] - after) > _JUMP_RAD
+        if jumps and abs(after - before) < _AFTER_JUMP_RAD and _LANE_M[0] <= abs(aside) <= _LANE_M[1]:
+            middle = (before + after) / 2.0
+            moved[k + 1 :] -= aside * np.array([-math.sin(middle), math.cos(middle)])
+            shifts.append(Shift(float(s[k] + length[k] / 2.0), float(aside)))
+    return moved, tuple(shifts)

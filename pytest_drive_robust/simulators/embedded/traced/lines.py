@@ -1,0 +1,126 @@
+"""Curves for roads that follow a given line: smoothed, prolonged, moved sideways, joined.
+
+Lines are (n, 3): x, y in metres, heading in radians, points about a metre apart. A pose is one row of a line.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
+
+__all__ = ["bridge", "crossing_point", "joined", "local", "moved", "prolonged", "shifted", "smoothed", "straight"]
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+_SIGMA_M = 4.0
+_REACH_M = 12
+_FIT_M = 10.0
+
+
+def smoothed(points: Floats) -> Floats:
+    """A line through points (n, 2) without their rounding: a Gaussian of 4 m along it."""
+    line = resample(points)
+    first, last = _end_heading(line), _end_heading(line[::-1]) + math.pi
+    steps = np.arange(1, _REACH_M + 1)[:, None]
+    before = line[0, :2] - steps[::-1] * [math.cos(first), math.sin(first)]
+    after = line[-1, :2] + steps * [math.cos(last), math.sin(last)]
+    padded = np.concatenate([before, line[:, :2], after])
+    weights = np.exp(-0.5 * (np.arange(-_REACH_M, _REACH_M + 1) / _SIGMA_M) ** 2)
+    weights /= weights.sum()
+    x, y = (np.convolve(padded[:, k], weights, mode="valid") for k in (0, 1))
+    return resample(np.column_stack([x, y]))
+
+
+def _end_heading(line: Floats) -> float:
+    """Heading of the straight line that fits the first metres best."""
+    near = line[arc_lengths(line) <= _FIT_M, :2]
+    if len(near) < 3:
+        near = line[:3, :2]
+    along = np.linalg.svd(near - near.mean(axis=0))[2][0]
+    if along @ (near[-1] - near[0]) < 0.0:
+        along = -along
+    return math.atan2(along[1], along[0])
+
+
+def straight(pose: Pose, length_m: float) -> Floats:
+    """A straight line that begins at `pose`."""
+    x, y, heading = pose
+    at = np.linspace(0.0, length_m, max(2, round(length_m) + 1))
+    return np.column_stack([x + at * math.cos(heading), y + at * math.sin(heading), np.full(len(at), heading)])
+
+
+def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> Floats:
+    """The line with straight metres at its ends."""
+    parts = [line]
+    if before_m > 0.5:
+        x, y, heading = line[0]
+        start = x - before_m * math.cos(heading), y - before_m * math.sin(heading), heading
+        parts.insert(0, straight(start, before_m)[:-1])
+    if after_m > 0.5:
+        parts.append(straight(tuple(line[-1]), after_m)[1:])
+    return joined(*parts)
+
+
+def joined(*lines: Floats) -> Floats:
+    """One line through several that follow each other."""
+    return resample(np.concatenate(lines))
+
+
+def shifted(line: Floats, right_m: float | Floats) -> Floats:
+    """The line moved to its right, everywhere by the same or by metres for each point; points stay one to one."""
+    right = np.asarray(right_m, dtype=float)
+    x = line[:, 0] - right * np.sin(line[:, 2])
+    y = line[:, 1] + right * np.cos(line[:, 2])
+    if right.ndim == 0:
+        return np.column_stack([x, y, line[:, 2]])
+    heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
+    return np.column_stack([x, y, heading])
+
+
+def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
+    """A pose so far ahead and to the right, heading the same way."""
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
+
+
+def local(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
+    """(metres ahead, metres to the right) of a point as seen from a pose."""
+    dx, dy = float(point[0]) - pose[0], float(point[1]) - pose[1]
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def bridge(start: Pose, end: Pose) -> Floats:
+    """A smooth line from one pose to another: nearly an arc where one fits."""
+    a, b = np.array(start[:2]), np.array(end[:2])
+    turn = abs(math.remainder(end[2] - start[2], math.tau))
+    reach = float(np.hypot(*(b - a)))
+    share = 1.0 / 3.0 if turn < 0.02 else 4.0 / 3.0 * math.tan(turn / 4.0) / (2.0 * math.sin(turn / 2.0))
+    first = last = min(share, 0.7) * reach
+    corner = crossing_point(start, end)
+    if corner is not None and turn > 0.5 and corner[0] > 1.0 and corner[1] > 1.0:
+        factor = 4.0 / 3.0 * math.tan(turn / 4.0) / math.tan(turn / 2.0)
+        first, last = factor * corner[0], factor * corner[1]
+    control_a = a + first * np.array([math.cos(start[2]), math.sin(start[2])])
+    control_b = b - last * np.array([math.cos(end[2]), math.sin(end[2])])
+    t = np.linspace(0.0, 1.0, max(30, round(2.0 * reach)))[:, None]
+    s = 1.0 - t
+    points = s**3 * a + 3.0 * s * s * t * control_a + 3.0 * s * t * t * control_b + t**3 * b
+    line = resample(points)
+    line[0, 2], line[-1, 2] = start[2], start[2] + math.remainder(end[2] - start[2], math.tau)
+    return line
+
+
+def crossing_point(start: Pose, end: Pose) -> tuple[float, float] | None:
+    """(metres ahead of `start`, metres before `end`) of the corner where their straight ways meet; None if parallel."""
+    ahead, right = local(start, end)
+    turn = end[2] - start[2]
+    if abs(math.sin(turn)) < 0.05:
+        return None
+    before_end = right / math.sin(turn)
+    return ahead - before_end * math.cos(turn), before_end

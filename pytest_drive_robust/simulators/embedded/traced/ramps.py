@@ -1,0 +1,189 @@
+"""Country roads and motorways where the ego gets off or on, or somebody else gets on beside it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.route import ScenarioSpec
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
+from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
+from pytest_drive_robust.simulators.embedded.traced.course import Course
+from pytest_drive_robust.simulators.embedded.traced.drawing import trace_road
+from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, moved, prolonged, shifted
+from pytest_drive_robust.simulators.embedded.traced.schema import Roads
+from pytest_drive_robust.simulators.embedded.traced.streets import LANE_M
+
+__all__ = ["draw_cut_in", "draw_entry", "draw_exit"]
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+_BEYOND_M = 160.0
+_BEHIND_M = 120.0
+_CHANGE_S, _CHANGE_M = 2.4, (20.0, 45.0)
+_SLOW_GAP_M = 80.0
+_SLOW_MPS, _RAMP_MPS, _LEAST_MPS = 14.0, 14.0, 7.0
+_SIDEWAYS_MPS2 = 3.0
+_SHARPEST = 1.0 / 50.0
+_PARALLEL_M = (50.0, 90.0)
+_BACK_TO_FLOW_M = 45.0
+_LEAST_GAP_M = 40.0
+
+
+def draw_exit(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
+    """The ego's lane, the lane beside it on the side of the exit, in which the flow is, and the ramp that leaves it.
+
+    The road goes on to the flow's end where the file says that it is not on the ramp.
+    """
+    before, after = _parts(course, spec)
+    gap, start = course.gap_m, course.start_m
+    own = _road_on(before, after, spec, gap)
+    side = 1.0 if project(own, *after[0, :2])[1] > 0.0 else -1.0
+    limit = roads.speed_mps if gap >= _SLOW_GAP_M else _SLOW_MPS
+    # room for the change of lanes before the ramp begins, and for the ramp to come away from the road
+    begins = trigger_m + 1.0
+    fork = min(max(start + 0.35 * gap, begins + _over_m(limit) + 2.0), start + 0.55 * gap)
+    over = min(_over_m(limit), fork - begins)
+    if over < _CHANGE_M[0] - 8.0:
+        raise RouteError(f"{fork - begins:.0f} m from the trigger to the exit are too few to change lanes")
+    target = shifted(own, side * LANE_M)
+    ramp_start = tuple(place(target, _level(own, fork, target)))
+    ramp = joined(bridge(ramp_start, tuple(after[0])), after[1:])
+    _road(town, own, limit, fork, extra_m=0.0, lanes=(3, 3, 3), own_lane=1)
+    section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
+    trace_road(town, "exit", shifted(prolonged(ramp, after_m=_BEYOND_M), -LANE_M / 2.0), section)
+    changing = _changing(own, begins, over, side)
+    return joined(changing[arc_lengths(own) < fork - 0.5], ramp)
+
+
+def draw_entry(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
+    """The lane in which the ego ends and the flow is, a lane beside it that begins and ends, the ego's ramp to that."""
+    before, after = _parts(course, spec)
+    gap = course.gap_m
+    main = _flow_road(after, spec)
+    joint = project(main, *after[0, :2])[0]
+    side = 1.0 if local(tuple(after[0]), before[-1])[1] > 0.0 else -1.0
+    parallel = min(max(0.6 * gap, _PARALLEL_M[0]), _PARALLEL_M[1], 0.85 * gap)
+    limit = roads.speed_mps if gap >= _SLOW_GAP_M else _SLOW_MPS
+    begins = joint - parallel
+    beside = shifted(main, side * LANE_M)
+    ramp = joined(before, bridge(tuple(before[-1]), place(beside, begins))[1:])
+    _road(town, main, limit, begins, extra_m=parallel + 15.0, lanes=(2, 3, 2), own_lane=1, side=side)
+    section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
+    trace_road(town, "ramp", shifted(prolonged(ramp, before_m=_BEHIND_M), -LANE_M / 2.0), section)
+    over = min(_over_m(limit), parallel - 8.0)
+    from_m = begins + min(12.0, parallel - over - 4.0)
+    s = arc_lengths(main)
+    back = shifted(main, side * LANE_M * _still_to_go(s, from_m, over))
+    end = joint + float(arc_lengths(after)[-1])
+    return joined(ramp, back[(s > begins + 0.5) & (s <= end)])
+
+
+def draw_cut_in(town: Town, course: Course, roads: Roads, spec: ScenarioSpec) -> Floats:
+    """The ego's lane straight on, and beside it a lane that comes from a ramp and ends."""
+    line = course.whole()
+    other = spec.parameters["other_actor_location"]
+    side = 1.0 if project(line, other["x"], other["y"])[1] > 0.0 else -1.0
+    whole = prolonged(line, before_m=_BEHIND_M, after_m=_BEYOND_M)
+    begins, ends = _BEHIND_M - 30.0, _BEHIND_M + course.start_m + max(course.gap_m, _LEAST_GAP_M)
+    _road(town, whole, roads.speed_mps, begins, extra_m=ends - begins, lanes=(2, 3, 2), own_lane=1, side=side)
+    joint = place(shifted(whole, side * LANE_M), begins)
+    away = moved(joint, -90.0, side * 14.0)
+    start = away[0], away[1], joint[2] - side * 0.25
+    ramp = joined(bridge(start, joint))
+    section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
+    trace_road(town, "ramp", shifted(prolonged(ramp, before_m=40.0), -LANE_M / 2.0), section)
+    return line
+
+
+def _parts(course: Course, spec: ScenarioSpec) -> tuple[Floats, Floats]:
+    if course.after is None or course.gap_m < _LEAST_GAP_M:
+        raise RouteError(
+            f"scenario {spec.type} needs a stretch of {_LEAST_GAP_M:.0f} m or more without waypoints, where its roads "
+            f"part or meet; the longest is {course.gap_m:.0f} m"
+        )
+    return course.before, course.after
+
+
+def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) -> Floats:
+    """The ego's lane from long before the route to far behind the exit: an arc beside the flow's end, else straight."""
+    start = tuple(before[-1])
+    curvature = 0.0
+    ahead, right = local(start, _point(spec, "end_actor_flow"))
+    on_ramp = math.hypot(*local(tuple(after[0]), _point(spec, "end_actor_flow"))) < 1.5 * LANE_M or (
+        abs(local(tuple(after[0]), _point(spec, "end_actor_flow"))[1]) < LANE_M / 2.0
+    )
+    if not on_ramp and ahead > 20.0:
+        # the flow's lane lies one lane on the side of the exit
+        right += LANE_M * (1.0 if right > local(start, after[0])[1] else -1.0) * 1.0
+        curvature = 2.0 * right / (ahead * ahead + right * right)
+        curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
+    steps = np.arange(1.0, gap_m + 30.0)
+    heading = start[2] + curvature * steps
+    arc = np.column_stack(
+        [start[0] + np.cumsum(np.cos(heading)), start[1] + np.cumsum(np.sin(heading)), heading]
+    )
+    return prolonged(joined(before, arc), after_m=_BEYOND_M)
+
+
+def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
+    """The lane in which the route ends, prolonged back to where the flow starts if that lies far enough behind."""
+    joint = tuple(after[0])
+    back = moved(joint, -_BACK_TO_FLOW_M)
+    straight_on = prolonged(after, before_m=_BACK_TO_FLOW_M, after_m=_BEYOND_M)
+    flow = _point(spec, "start_actor_flow")
+    ahead, right = local(back, flow)
+    if ahead > -30.0 or abs(right) > -0.8 * ahead or abs(right) < 1.5 * LANE_M:
+        return prolonged(straight_on, before_m=_BEHIND_M)
+    chord = math.atan2(-right, -ahead)
+    start = (*flow, back[2] + 2.0 * chord)
+    return prolonged(joined(bridge(start, back)[:-1], straight_on), before_m=_BEHIND_M / 2.0)
+
+
+def _road(
+    town: Town, line: Floats, speed_mps: float, split_m: float, *, extra_m: float, lanes: tuple[int, int, int],
+    own_lane: int, side: float = 1.0,
+) -> None:  # fmt: skip
+    """A one-way road of two or three stretches; a lane that only the middle one has lies on `side`."""
+    town.building_gap_m = (14.0, 35.0)
+    s = arc_lengths(line)
+    first = int(np.searchsorted(s, split_m))
+    last = int(np.searchsorted(s, split_m + extra_m)) if extra_m else first
+    own = own_lane if side > 0.0 or extra_m == 0.0 else own_lane - 1
+    parts = [(line[: first + 1], lanes[0], own), (line[first : last + 1], lanes[1], own_lane), (line[last:], lanes[2], own)]
+    for number, (part, count, own_number) in enumerate(parts):
+        if len(part) > 2:
+            section = Section(count, 0, LANE_M, speed_mps, sidewalk=False)
+            trace_road(town, "road", shifted(part, -(own_number + 0.5) * LANE_M), section, first=number)
+
+
+def _changing(line: Floats, from_m: float, over_m: float, side: float) -> Floats:
+    s = arc_lengths(line)
+    return shifted(line, side * LANE_M * (1.0 - _still_to_go(s, from_m, over_m)))
+
+
+def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
+    """1 before a change of lanes, 0 after it."""
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip((s - from_m) / over_m, 0.0, 1.0)))
+
+
+def _over_m(speed_mps: float) -> float:
+    return min(max(_CHANGE_S * speed_mps, _CHANGE_M[0]), _CHANGE_M[1])
+
+
+def _level(line: Floats, at_m: float, other: Floats) -> float:
+    return project(other, *place(line, at_m)[:2])[0]
+
+
+def _ramp_speed(ramp: Floats) -> float:
+    """As fast as its sharpest bend allows with 3 m/s2 sideways, 7 to 14 m/s."""
+    bend = np.abs(np.convolve(np.diff(ramp[:, 2]), np.full(8, 1.0 / 8.0), mode="same")).max()
+    return float(np.clip(math.sqrt(_SIDEWAYS_MPS2 / max(bend, 1e-3)), _LEAST_MPS, _RAMP_MPS))
+
+
+def _point(spec: ScenarioSpec, name: str) -> tuple[float, float]:
+    given = spec.parameters[name]
+    return given["x"], given["y"]

@@ -1,0 +1,217 @@
+"""What the leaderboard's route files say about each of the 44 scenario types, and which road it needs.
+
+Elements and which of them a file may leave out: Bench2Drive `leaderboard/data/bench2drive220.xml` and the
+constructors in `scenario_runner/srunner/scenarios`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from pytest_drive_robust.domain.route import ScenarioSpec
+from pytest_drive_robust.errors import nearest
+
+__all__ = ["SCHEMA", "Place", "Roads", "TypeSchema", "is_official", "problems_of"]
+
+_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{2}(?:HD)?(?:_Opt)?")
+
+
+def is_official(town: str) -> bool:
+    """Whether a town's name is one of the CARLA leaderboard's: `Town01` to `Town15`, `Town10HD`."""
+    return _OFFICIAL_TOWN.fullmatch(town) is not None
+
+
+class Place(Enum):
+    """The kind of road that a scenario type needs."""
+
+    STREET = "road"
+    JUNCTION = "junction"
+    EXIT = "exit from a lane beside"
+    ENTRY = "entry into a lane beside"
+    CUT_IN = "entry ramp beside"
+
+
+@dataclass(frozen=True, slots=True)
+class Roads:
+    """What is built around the route's lane.
+
+    `lanes` counts the lanes of a way, `own` the ego's from the left; `two_ways` gives a street oncoming lanes.
+    `arms` and `control` are of the junction; `control` maps to `"light"`, `"stop"` or None.
+    """
+
+    place: Place
+    lanes: int = 1
+    own: int = 0
+    two_ways: bool = True
+    parking: bool = False
+    biking: bool = False
+    arms: int = 4
+    control: str | None = None
+    speed_mps: float = 12.5
+
+
+@dataclass(frozen=True, slots=True)
+class TypeSchema:
+    """Ranges of the numbers of a type, the elements that it cannot do without, and its directions.
+
+    An element in `intervals` has `from` and `to` (or one `value`), one in `locations` has `x`, `y` and `z`.
+    """
+
+    roads: Roads
+    numbers: tuple[str, ...] = ()
+    intervals: tuple[str, ...] = ()
+    locations: tuple[str, ...] = ()
+    optional_locations: tuple[str, ...] = ()
+    directions: tuple[str, ...] = ()
+
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "distance": (0.0, 500.0),
+    "speed": (0.0, 200.0),
+    "flow_speed": (0.1, 50.0),
+    "flow_distance": (1.0, 500.0),
+    "crossing_angle": (-90.0, 90.0),
+    "offset": (-3.0, 3.0),
+    "front_vehicle_distance": (0.0, 100.0),
+    "behind_vehicle_distance": (0.0, 100.0),
+    "bicycle_drive_distance": (0.0, 1000.0),
+    "bicycle_speed": (0.1, 100.0),
+    "frequency": (1.0, 1000.0),
+    "source_dist_interval": (1.0, 1000.0),
+}
+"""Metres, km/h for `speed` and `bicycle_speed`, m/s for `flow_speed`, degrees for `crossing_angle`."""
+
+_SIDES = ("left", "right")
+_BEARINGS = ("left", "right", "opposite")
+_FLOW = ("start_actor_flow", "end_actor_flow")
+_OBSTACLE = Roads(Place.STREET, lanes=2, own=1, speed_mps=13.9)
+_NARROW = Roads(Place.STREET)
+_KERB = Roads(Place.STREET, parking=True)
+_CITY_SPEED_MPS, _COUNTRY_SPEED_MPS = 11.0, 20.0
+
+
+def _junction(control: str | None = None, *, arms: int = 4, biking: bool = False) -> Roads:
+    return Roads(Place.JUNCTION, arms=arms, control=control, biking=biking, speed_mps=_CITY_SPEED_MPS)
+
+
+def _obstacle(*numbers: str) -> TypeSchema:
+    return TypeSchema(_OBSTACLE, ("distance", "speed", *numbers), directions=_SIDES)
+
+
+def _two_ways(*numbers: str, roads: Roads = _NARROW) -> TypeSchema:
+    return TypeSchema(roads, ("distance", *numbers), ("frequency",))
+
+
+def _turn(control: str | None) -> TypeSchema:
+    return TypeSchema(_junction(control), ("flow_speed",), ("source_dist_interval",))
+
+
+def _given_flow(roads: Roads, directions: tuple[str, ...] = ()) -> TypeSchema:
+    return TypeSchema(roads, ("flow_speed",), ("source_dist_interval",), _FLOW, directions=directions)
+
+
+_EXIT = Roads(Place.EXIT, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS)
+_ENTRY = Roads(Place.ENTRY, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS)
+
+SCHEMA: dict[str, TypeSchema] = {
+    "Accident": _obstacle(),
+    "AccidentTwoWays": _two_ways(),
+    "BlockedIntersection": TypeSchema(_junction()),
+    "ConstructionObstacle": _obstacle(),
+    "ConstructionObstacleTwoWays": _two_ways(),
+    "ControlLoss": TypeSchema(_NARROW),
+    "CrossingBicycleFlow": _given_flow(_junction("light", biking=True)),
+    "DynamicObjectCrossing": TypeSchema(_NARROW, ("distance", "crossing_angle"), directions=_SIDES),
+    "EnterActorFlow": _given_flow(_junction()),
+    "HardBreakRoute": TypeSchema(_NARROW),
+    "HazardAtSideLane": _obstacle("bicycle_drive_distance", "bicycle_speed"),
+    "HazardAtSideLaneTwoWays": _two_ways("bicycle_drive_distance", "bicycle_speed"),
+    "HighwayCutIn": TypeSchema(
+        Roads(Place.CUT_IN, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS),
+        locations=("other_actor_location",),
+        optional_locations=("end_location",),
+    ),
+    "HighwayExit": _given_flow(_EXIT),
+    "InterurbanActorFlow": _given_flow(_EXIT),
+    "InterurbanAdvancedActorFlow": _given_flow(_ENTRY, _SIDES),
+    "InvadingTurn": TypeSchema(Roads(Place.STREET, speed_mps=_CITY_SPEED_MPS), ("distance", "offset")),
+    "MergerIntoSlowTraffic": _given_flow(_EXIT),
+    "MergerIntoSlowTrafficV2": _given_flow(_ENTRY),
+    "NonSignalizedJunctionLeftTurn": _turn(None),
+    "NonSignalizedJunctionLeftTurnEnterFlow": _turn(None),
+    "NonSignalizedJunctionRightTurn": _turn(None),
+    "OppositeVehicleRunningRedLight": TypeSchema(_junction("light"), directions=_BEARINGS),
+    "OppositeVehicleTakingPriority": TypeSchema(_junction(), directions=_BEARINGS),
+    "ParkedObstacle": _obstacle(),
+    "ParkedObstacleTwoWays": _two_ways(),
+    "ParkingCrossingPedestrian": TypeSchema(_KERB, ("distance", "crossing_angle"), directions=_SIDES),
+    "ParkingCutIn": TypeSchema(_KERB, ("distance",), directions=_SIDES),
+    "ParkingExit": TypeSchema(
+        _KERB, ("front_vehicle_distance", "behind_vehicle_distance", "flow_distance"), directions=_SIDES
+    ),
+    "PedestrianCrossing": TypeSchema(_junction()),
+    "SequentialLaneChange": TypeSchema(Roads(Place.STREET, lanes=3, own=1, two_ways=False, speed_mps=18.0)),
+    "SignalizedJunctionLeftTurn": _turn("light"),
+    "SignalizedJunctionLeftTurnEnterFlow": _turn("light"),
+    "SignalizedJunctionRightTurn": _turn("light"),
+    "StaticCutIn": TypeSchema(Roads(Place.STREET, lanes=2, own=0, speed_mps=13.9), ("distance",), directions=_SIDES),
+    "T_Junction": TypeSchema(_junction("light", arms=3)),
+    "VanillaNonSignalizedTurn": TypeSchema(_junction()),
+    "VanillaNonSignalizedTurnEncounterStopsign": TypeSchema(_junction("stop")),
+    "VanillaSignalizedTurnEncounterGreenLight": TypeSchema(_junction("light")),
+    "VanillaSignalizedTurnEncounterRedLight": TypeSchema(_junction("light")),
+    "VehicleOpensDoorTwoWays": _two_ways(roads=_KERB),
+    "VehicleTurningRoute": TypeSchema(_junction()),
+    "VehicleTurningRoutePedestrian": TypeSchema(_junction()),
+    "YieldToEmergencyVehicle": TypeSchema(Roads(Place.STREET, lanes=2, own=0, speed_mps=13.9), ("distance",)),
+}
+"""Every scenario type by its name in the route XML."""
+
+
+def problems_of(spec: ScenarioSpec) -> list[str]:
+    """What is wrong with a scenario of an official route file; empty when nothing is."""
+    schema = SCHEMA.get(spec.type)
+    if schema is None:
+        close = nearest(spec.type, sorted(SCHEMA))
+        hint = f", did you mean {close!r}?" if close else ""
+        return [f"unknown scenario type {spec.type!r}{hint} (44 are known: `drive-robust routes list full`)"]
+    found: list[str] = []
+    for name in schema.numbers:
+        found += _bad_numbers(spec, name, ("value",))
+    for name in schema.intervals:
+        found += _bad_numbers(spec, name, ("from", "to", "value"))
+    for name in (*schema.locations, *schema.optional_locations):
+        found += _bad_location(spec, name, needed=name in schema.locations)
+    direction = spec.texts.get("direction")
+    if "direction" in spec.parameters or (
+        direction is not None and schema.directions and direction not in schema.directions
+    ):
+        given = direction if direction is not None else spec.parameters["direction"]
+        found.append(f"<direction> is {given!r}, expected {' or '.join(schema.directions or _BEARINGS)}")
+    return found
+
+
+def _bad_numbers(spec: ScenarioSpec, name: str, attributes: tuple[str, ...]) -> list[str]:
+    if name in spec.texts:
+        return [f"<{name}> has value={spec.texts[name]!r}, expected a finite number"]
+    if name not in spec.parameters:
+        return []
+    given, (low, high) = spec.parameters[name], _RANGES[name]
+    if not any(attribute in given for attribute in attributes):
+        return [f"<{name}> has no {' or '.join(attributes)}"]
+    return [
+        f"<{name}> has {attribute}={given[attribute]:g}, expected {low:g} to {high:g}"
+        for attribute in attributes
+        if attribute in given and not low <= given[attribute] <= high
+    ]
+
+
+def _bad_location(spec: ScenarioSpec, name: str, *, needed: bool) -> list[str]:
+    given = spec.parameters.get(name)
+    if given is None:
+        return [f"scenario {spec.type} needs <{name} x= y= z=>, which is missing"] if needed else []
+    if "x" not in given or "y" not in given:
+        return [f"<{name}> has no finite x and y"]
+    return []
