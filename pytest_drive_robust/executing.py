@@ -36,10 +36,16 @@ def executor_of(
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.simulators.base import SimulatorOptions
 
+    width = execution.lockstep
     if execution.executor == "inline":
         from pytest_drive_robust.runner.executors import InlineExecutor
+        from pytest_drive_robust.runner.inline_lockstep import InlineLockstepExecutor
 
         options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
+        if width is not None:
+            return InlineLockstepExecutor(
+                default_registry(), simulator=settings.simulator, options=options, ticked=ticked, width=width
+            )
         return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.processes import ProcessExecutor
@@ -53,6 +59,17 @@ def executor_of(
         address, most = execution.ray_address, execution.workers
         return RayExecutor(lambda: _recipe(config, settings, agents()), limits, address=address, slots=most)
     slots = execution.slots(shared=shared)
+    if width is not None:
+        from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+        from pytest_drive_robust.runner.vetting import factory_offers_lockstep
+
+        return LockstepProcessExecutor(
+            lambda: _recipe(config, settings, agents()),
+            limits,
+            workers=slots,
+            width=width,
+            shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
+        )
     return ProcessExecutor(lambda: _recipe(config, settings, agents()), limits, slots=slots)
 
 

@@ -28,6 +28,13 @@ EXECUTION_OPTIONS = (
         "--pdb, --trace or -s",
     ),
     Option("--drive-workers", "drive_workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n"),
+    Option(
+        "--drive-lockstep",
+        "drive_lockstep",
+        "N",
+        "",
+        "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
+    ),
     Option("--drive-episode-timeout", "drive_episode_timeout", "TIME", "30m", "an episode must end within, as in 90s"),
     Option("--drive-act-timeout", "drive_act_timeout", "TIME", "60s", "a call of the agent must return within"),
     Option("--drive-memory", "drive_memory", "GB", "", "what the process of an episode may allocate, as in 4"),
@@ -54,13 +61,16 @@ EXECUTION_OPTIONS = (
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """The choices of one run about how its episodes are driven; none of them changes a number.
+    """The choices of one run about how its episodes are driven; none of them but `lockstep` changes a number.
 
-    `workers` is None for as many as fit; times are in seconds, None where there is no limit, and `memory_bytes` too.
+    `lockstep` is how many episodes of an agent share a batch, None where all are driven one by one: a batch may round
+    otherwise than a single call does. `workers` is None for as many as fit; times are in seconds, None where there is
+    no limit, and `memory_bytes` too.
     """
 
     executor: str = "auto"
     workers: int | None = None
+    lockstep: int | None = None
     episode_timeout_s: float | None = 1800.0
     act_timeout_s: float | None = 60.0
     memory_bytes: int | None = None
@@ -75,9 +85,16 @@ class Execution:
         executor = given["drive_executor"]
         if executor not in EXECUTORS:
             raise UnknownNameError.of("executor", executor, EXECUTORS, hint="Set it with --drive-executor.")
+        lockstep = _width(given["drive_lockstep"])
+        if lockstep is not None and executor == "ray":
+            raise UsageError(
+                "--drive-lockstep and --drive-executor ray exclude each other: Ray drives every episode in a process "
+                "of its own. Leave one of them out."
+            )
         return cls(
             executor=_executor_for(config) if executor == "auto" else executor,
             workers=_workers(given["drive_workers"]),
+            lockstep=lockstep,
             episode_timeout_s=_limit("--drive-episode-timeout", given["drive_episode_timeout"]),
             act_timeout_s=_limit("--drive-act-timeout", given["drive_act_timeout"]),
             memory_bytes=_bytes("--drive-memory", given["drive_memory"]),
@@ -123,6 +140,14 @@ def _workers(given: str) -> int | None:
         return None
     if not given.isdecimal() or int(given) < 1:
         raise UsageError(f"--drive-workers is {given!r}, expected a whole number >= 1, or auto.")
+    return int(given)
+
+
+def _width(given: str) -> int | None:
+    if given in ("", "none"):
+        return None
+    if not given.isdecimal() or int(given) < 4 or int(given) % 4:
+        raise UsageError(f"--drive-lockstep is {given!r}, expected a multiple of 4 such as 8.")
     return int(given)
 
 

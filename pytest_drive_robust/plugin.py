@@ -304,7 +304,14 @@ def _drive_here(
         executor = results = ResultsExecutor.read(execution.results, default_registry().perturbations())
         scopes = ResultScopes(settings, default_registry(), resolve_routes, results)
     else:
-        scopes = Scopes(settings, default_registry(), resolve_routes)
+        lockstep = execution.lockstep is not None
+        scopes = Scopes(
+            settings,
+            default_registry(),
+            resolve_routes,
+            lockstep=lockstep,
+            is_stored=lambda key: store.get(key) is not None,
+        )
         executor = executor_of(
             config, settings, execution, shared=shared, agents=lambda: scopes.agents, ticked=observer.ticked
         )

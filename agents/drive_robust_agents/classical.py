@@ -33,7 +33,7 @@ _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 12.0, 6.5, 8.5
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
 _LANE_SHARE = 0.85
 _OFF_LANE_M, _IN_LANE_M = 0.6, 0.8
-_PULL_OUT_MPS = 3.5
+_PULL_OUT_MPS, _SLOW_MPS = 3.5, 1.0
 _ROOM_TO_PULL_OUT_M = 3.5
 _ROAD_TO_PASS_M = 30.0
 _AHEAD_POINTS = 44
@@ -116,7 +116,8 @@ class Classical:
 
     def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, travelled: float) -> bool:
         """Move the way to the left of what stands in the lane; true while it is moved."""
-        along, right = beside(bases, self._way)
+        matters = self._overtake.passing or speed < _SLOW_MPS or not self._entered
+        along, right = beside(bases if matters else bases[:0], self._way)
         if not self._entered and not self._go:
             self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels)
         self._overtake.update(pixels, along, right, speed_mps=speed, travelled_m=travelled, allowed=self._may_pass)

@@ -39,12 +39,22 @@ class Verdicts:
 
 
 class Batches:
-    """The episodes of one child. `len` is how many of them have no result yet."""
+    """The episodes of one child. `len` is how many of them have no result yet.
 
-    def __init__(self, guard: LockstepGuard, verdicts: Verdicts, pool: Executor) -> None:
+    `heard(result, output)` is told of every episode and what its process has printed.
+    """
+
+    def __init__(
+        self,
+        guard: LockstepGuard,
+        verdicts: Verdicts,
+        pool: Executor,
+        heard: Callable[[EpisodeResult, str], object],
+    ) -> None:
         self.guard = guard
         self._verdicts = verdicts
         self._pool = pool
+        self._heard = heard
         self._lock = threading.Lock()
         self._waiting: list[Task] = []
         self._futures: dict[str, Future[EpisodeResult]] = {}
@@ -86,19 +96,25 @@ class Batches:
     def _drive(self, first: Task) -> None:
         agent, guard = first.episode.agent, self.guard
         if not self._verdicts.may_share(agent, lambda: guard.vet(first)):
-            self._ended(first, guard.drive(first))  # it breaks at once: the next one tells more of its agent
+            self._drive_alone(first)  # it breaks at once: the next one tells more of its agent
             return
         lost = guard.drive_together(first, lambda: self._take(agent), self._ended, news_fd=self._news_r)
         for task in lost:
-            try:
-                self._ended(task, guard.drive(task))
-            except UsageError as error:
-                self._ended(task, error)
+            self._drive_alone(task)
+
+    def _drive_alone(self, task: Task) -> None:
+        try:
+            result = self.guard.drive(task)
+        except UsageError as error:
+            self._ended(task, error)
+        else:
+            self._ended(task, result)
 
     def _ended(self, task: Task, result: EpisodeResult | UsageError) -> None:
         with self._lock:
             future = self._futures.pop(task.key)
         if isinstance(result, EpisodeResult):
+            self._heard(result, self.guard.output)
             future.set_result(result)
         else:
             future.set_exception(result)

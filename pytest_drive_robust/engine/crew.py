@@ -66,9 +66,7 @@ class Crew:
         outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
         if vetting.recorded:
             passed = vetting.problem is None
-            outcome, end = (
-                (Outcome.COMPLETED, End.COMPLETED) if passed else (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
-            )
+            outcome, end = (Outcome.COMPLETED, End.COMPLETED) if passed else (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
         return bare_result(order.route, order.episode, outcome=outcome, end=end, detail=vetting.problem or "")
 
     def drive_alone(self, order: Order, width: int) -> EpisodeResult:

@@ -77,6 +77,7 @@ class LockstepGuard(Guard):
         def hear(token: bytes, answer: Answer) -> None:
             nonlocal leaving
             task = under_way.pop(token)
+            self.output = stream.said
             leaving = leaving or bool(answer.leftovers) or self._grew(answer)
             if answer.result is None:
                 ended(task, refusal(answer.refused))

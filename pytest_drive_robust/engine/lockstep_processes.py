@@ -65,7 +65,7 @@ class LockstepProcessExecutor:
             self._nursery = Nursery(self._recipe())
             for _ in range(self._workers):
                 guard = LockstepGuard(self._nursery, self._limits, width=self._width)
-                self._batches.append(Batches(guard, self._verdicts, self._pool))
+                self._batches.append(Batches(guard, self._verdicts, self._pool, self._one_by_one.heard))
         return min(self._batches, key=len).add(task)
 
     def close(self, *, cancel: bool = False) -> None:
@@ -85,5 +85,4 @@ class LockstepProcessExecutor:
 
     def last_words(self) -> tuple[tuple[str, str], ...]:
         """(episode, what it printed at its end) of the first episodes that broke since this was asked last."""
-        words = [word for batches in self._batches for word in batches.last_words()]
-        return (*words, *self._one_by_one.last_words())
+        return self._one_by_one.last_words()

@@ -71,6 +71,15 @@ class ProcessExecutor:
             words, self._words = tuple(self._words), []
         return words
 
+    def heard(self, result: EpisodeResult, output: str) -> None:
+        """What a process printed in an episode: kept for people when the episode broke."""
+        said = output.strip()
+        if not said or result.outcome not in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+            return
+        with self._lock:
+            if len(self._words) < _MOST_EPISODES:
+                self._words.append((str(result.episode), said if len(said) <= _WORDS else f"...{said[-_WORDS:]}"))
+
     def _drive(self, task: Task) -> EpisodeResult:
         guard: Guard | None = getattr(self._own, "guard", None)
         if guard is None:
@@ -81,11 +90,5 @@ class ProcessExecutor:
                 if self._closed:
                     guard.stop()
         result = guard.drive(task)
-        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-            self._keep_words(str(task.episode), guard.output.strip())
+        self.heard(result, guard.output)
         return result
-
-    def _keep_words(self, episode: str, said: str) -> None:
-        with self._lock:
-            if said and len(self._words) < _MOST_EPISODES:
-                self._words.append((episode, said if len(said) <= _WORDS else f"...{said[-_WORDS:]}"))

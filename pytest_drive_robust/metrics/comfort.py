@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.smoothing import parabola_filter
 
 if TYPE_CHECKING:
     import numpy as np
@@ -147,11 +148,8 @@ def _slope(values: Floats, step_s: float) -> Floats:
 
 
 def _savitzky_golay(values: Floats, *, derivative: int, step_s: float) -> Floats:
-    from scipy.signal import savgol_filter
-
     window = min(_WINDOW_SAMPLES, values.shape[-1])
-    filtered: Floats = savgol_filter(values, window, _POLYNOMIAL_ORDER, deriv=derivative, delta=step_s, axis=-1)
-    return filtered
+    return parabola_filter(values, window, derivative=derivative, step_s=step_s)
 
 
 def _unwrapped(rates: Floats) -> Floats:

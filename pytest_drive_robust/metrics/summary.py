@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -17,7 +18,7 @@ from pytest_drive_robust.metrics.score import driving_score, is_success
 __all__ = ["Summary", "summarize"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Summary:
     """One row of a result table.
 
@@ -29,10 +30,17 @@ class Summary:
     ds: float
     sr: float
     efficiency: float | None
-    comfort: float | None
     abilities: Mapping[str, float | None]
     episodes: int
     agent_errors: int
+    _results: tuple[EpisodeResult, ...] = field(repr=False, compare=False)
+    _mode: str = field(repr=False, compare=False)
+
+    @cached_property
+    def comfort(self) -> float | None:
+        """Percent of the segments; computed when first asked for, since it takes the trace of every episode."""
+        comforts = values_by_route(self._results, lambda result: comfort(result, mode=self._mode))
+        return mean(list(comforts.values())) if comforts else None
 
     @property
     def mean_ability(self) -> float | None:
@@ -49,13 +57,13 @@ def summarize(results: Sequence[EpisodeResult], *, mode: str = "bench2drive") ->
     require_mode(mode)
     require_scorable(results)
     efficiencies = values_by_route(results, lambda result: efficiency(result, mode=mode))
-    comforts = values_by_route(results, lambda result: comfort(result, mode=mode))
     return Summary(
         ds=mean(list(values_by_route(results, driving_score).values())),
         sr=mean(list(values_by_route(results, is_success).values())),
         efficiency=mean(list(efficiencies.values())) if efficiencies else None,
-        comfort=mean(list(comforts.values())) if comforts else None,
         abilities=abilities(results),
         episodes=len(results),
         agent_errors=sum(result.outcome is Outcome.AGENT_ERROR for result in results),
+        _results=tuple(results),
+        _mode=mode,
     )

@@ -16,7 +16,7 @@ from pytest_drive_robust.errors import AgentError, DriveRobustError, UsageError
 from pytest_drive_robust.official_agents.commands import control_of
 from pytest_drive_robust.official_agents.payloads import Payloads, frame_number, game_time_s
 from pytest_drive_robust.official_agents.plans import STRAIGHT_PLAN, gps_plan, world_plan
-from pytest_drive_robust.official_agents.rig import read_rig
+from pytest_drive_robust.official_agents.rig import Rig, read_rig
 from pytest_drive_robust.official_agents.world import SeenWorld, show_world
 
 __all__ = ["OfficialAgent"]
@@ -45,8 +45,7 @@ class OfficialAgent:
         self._agent: Any = None
         self._world = SeenWorld()
         try:
-            self._wake(STRAIGHT_PLAN, "sensors")
-            self._rig = read_rig(self._agent.sensors(), agent=name)
+            self._rig = self._wake(STRAIGHT_PLAN, "sensors")
         except DriveRobustError:
             raise
         except (Exception, SystemExit) as error:
@@ -67,9 +66,7 @@ class OfficialAgent:
         plan = hashlib.blake2b(repr(route.points).encode(), digest_size=6).hexdigest()
         self._world = SeenWorld()
         self._payloads = Payloads(self._rig, seed=seed, route=plan)
-        self._wake(route, plan)
-        rig = read_rig(self._agent.sensors(), agent=self._name)
-        if rig != self._rig:
+        if self._wake(route, plan) != self._rig:
             raise AgentError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
 
     def act(self, observation: Observation) -> Control:
@@ -82,12 +79,13 @@ class OfficialAgent:
             self._agent.hero_actor = self._world.hero
         return control_of(self._agent.run_step(self._payloads.of(observation), time_s))
 
-    def _wake(self, plan: GlobalPlan, route: str) -> None:
+    def _wake(self, plan: GlobalPlan, route: str) -> Rig:
         agent = self._class(_HOST, _PORT, False)
         self._agent = agent
         self._destroy = weakref.finalize(self, _quietly, agent.destroy)
         agent.set_global_plan(gps_plan(plan), world_plan(plan))
         agent.setup(_config(self._config, route))
+        return read_rig(agent.sensors(), agent=self._name)
 
     def _end(self) -> None:
         finish, self._destroy, self._agent = self._destroy, None, None

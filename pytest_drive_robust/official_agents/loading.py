@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import os
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -73,25 +74,19 @@ def _imported(file: Path) -> ModuleType:
 
 
 def _module_name(file: Path) -> str:
-    """The stem, as in the leaderboard; made unique where another module has that name already."""
-    known = sys.modules.get(file.stem)
-    if known is None and importlib.util.find_spec(file.stem) is not None:
-        importable = importlib.util.find_spec(file.stem)
-        origin = importable.origin if importable is not None else None
-        same = origin is not None and Path(origin).resolve() == file
-        return file.stem if same else _unique(file)
-    if known is None or _is_file(known, file):
-        return file.stem
-    return _unique(file)
-
-
-def _unique(file: Path) -> str:
-    return f"{file.stem}_{hashlib.blake2b(str(file).encode(), digest_size=4).hexdigest()}"
-
-
-def _is_file(module: ModuleType, file: Path) -> bool:
-    path = getattr(module, "__file__", None)
-    return path is not None and Path(path).resolve() == file
+    """The stem, as in the leaderboard; made unique where something else has that name already."""
+    name = re.sub(r"\W", "_", file.stem)
+    known = sys.modules.get(name)
+    if known is not None:
+        origin = getattr(known, "__file__", None)
+    else:
+        spec = importlib.util.find_spec(name)
+        origin = None if spec is None else spec.origin or "a package"
+        if spec is None:
+            return name
+    if origin is not None and Path(origin).resolve() == file:
+        return name
+    return f"{name}_{hashlib.blake2b(str(file).encode(), digest_size=4).hexdigest()}"
 
 
 def _shown(file: Path) -> str:

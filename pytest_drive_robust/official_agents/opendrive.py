@@ -6,7 +6,8 @@ way that lanes lead, but no lane changes. OpenDRIVE's y points north, ours south
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -22,14 +23,20 @@ _TYPES: Mapping[LaneKind, str] = {
     LaneKind.BIKING: "biking",
 }
 _MARKS: Mapping[str, str] = {"none": "none", "striped": "broken", "solid": "solid"}
+_FIRST_END = 50_000
+_END_ROWS = 3
 _FIRST_JUNCTION = 100_000
 _SHORTEST_M = 1e-6
 
 
 def opendrive_of(lane_map: LaneMap) -> str:
-    """The map in OpenDRIVE 1.4; road k is lane k."""
-    junctions = _junctions(lane_map)
-    before = {after: lane.index for lane in lane_map.lanes for after in lane.successors}
+    """The map in OpenDRIVE 1.4; road k is lane k.
+
+    The end of a lane that leads nowhere is one more road, because CARLA's planner knows only roads that lead on.
+    """
+    lanes = _with_ends(lane_map.lanes)
+    junctions = _junctions(lanes)
+    before = {after: lane.index for lane in lanes for after in lane.successors}
     inside = {road: number for number, group in junctions.items() for road in group}
     parts = [
         '<?xml version="1.0" standalone="yes"?>',
@@ -37,14 +44,27 @@ def opendrive_of(lane_map: LaneMap) -> str:
         f'<header revMajor="1" revMinor="4" name={quoteattr(lane_map.name)} version="1.00" north="0" south="0" '
         'east="0" west="0"><geoReference><![CDATA[+proj=tmerc +lat_0=0 +lon_0=0]]></geoReference></header>',
     ]
-    for lane in lane_map.lanes:
+    for lane in lanes:
         parts += _road(lane, inside, before.get(lane.index))
     for number, group in junctions.items():
-        parts += _junction(number, group, lane_map)
+        parts += _junction(number, group, lanes)
     return "\n".join([*parts, "</OpenDRIVE>"])
 
 
-def _junctions(lane_map: LaneMap) -> dict[int, list[int]]:
+def _with_ends(lanes: Sequence[Lane]) -> list[Lane]:
+    """The same with the last stretch of each lane without a successor cut off; its number is `_FIRST_END` higher."""
+    found: list[Lane] = []
+    for lane in lanes:
+        if lane.successors or len(lane.centre) <= 2 * _END_ROWS:
+            found.append(lane)
+            continue
+        end = _FIRST_END + lane.index
+        found.append(replace(lane, centre=lane.centre[:-_END_ROWS], successors=(end,)))
+        found.append(replace(lane, index=end, centre=lane.centre[-_END_ROWS - 1 :], junction=False))
+    return found
+
+
+def _junctions(lanes: Sequence[Lane]) -> dict[int, list[int]]:
     """The lanes inside each junction: those flagged so, and all that follow a lane which leads to more than one."""
     home: dict[int, int] = {}
 
@@ -53,7 +73,7 @@ def _junctions(lane_map: LaneMap) -> dict[int, list[int]]:
             road = home[road]
         return road
 
-    for lane in lane_map.lanes:
+    for lane in lanes:
         if lane.junction:
             find(lane.index)
         if len(lane.successors) > 1:
@@ -115,9 +135,9 @@ def _mark(line: str) -> str:
     return f'<roadMark sOffset="0" type="{kind}" weight="standard" color="standard" width="0.12" laneChange="none"/>'
 
 
-def _junction(number: int, group: list[int], lane_map: LaneMap) -> Iterator[str]:
+def _junction(number: int, group: Sequence[int], lanes: Sequence[Lane]) -> Iterator[str]:
     yield f'<junction id="{number}" name="junction {number}">'
-    ways = [(lane.index, after) for lane in lane_map.lanes for after in lane.successors if after in group]
+    ways = [(lane.index, after) for lane in lanes for after in lane.successors if after in group]
     for way, (comes, goes) in enumerate(ways):
         yield (
             f'<connection id="{way}" incomingRoad="{comes}" connectingRoad="{goes}" contactPoint="start">'

@@ -87,9 +87,17 @@ def read_rig(specs: object, *, agent: str) -> Rig:
 
 
 def _sensor(kind: str, name: str, numbers: Mapping[str, float]) -> Sensor:
-    wide, high = (numbers.get(field, 30.0) for field in _RADAR_NUMBERS)
-    place = (numbers[field] for field in ("x", "y", "z", "pitch", "yaw"))
-    return Sensor(kind, name, *place, horizontal_fov_deg=wide, vertical_fov_deg=high)
+    return Sensor(
+        kind,
+        name,
+        x_m=numbers["x"],
+        y_m=numbers["y"],
+        z_m=numbers["z"],
+        pitch_deg=numbers["pitch"],
+        yaw_deg=numbers["yaw"],
+        horizontal_fov_deg=numbers.get("horizontal_fov", 30.0),
+        vertical_fov_deg=numbers.get("vertical_fov", 30.0),
+    )
 
 
 def _camera(name: str, numbers: Mapping[str, float]) -> CameraSpec:

@@ -135,8 +135,10 @@ class Campaign:
         need = scope.need(requirement.setting, clean=requirement.needs_clean)
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
-        with self._driving():
-            decision, count = read_until_decided(requirement, ruling, routes, self._reader(routes), mode=self._metrics)
+        asked: list[Task] = []
+        with self._driving(), self._kept_in_view(asked):
+            reader = self._reader(routes, asked)
+            decision, count = read_until_decided(requirement, ruling, routes, reader, mode=self._metrics)
             read, rest = routes[:count], tuple(task for route in routes[count:] for task in route.tasks)
             if self._whole:
                 self._ensure(rest)
@@ -173,7 +175,7 @@ class Campaign:
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
         """The clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
-        with self._driving():
+        with self._driving(), self._kept_in_view(need.tasks):
             self._ensure(need.tasks)
         return self._use(need.clean), self._use(need.perturbed)
 
@@ -181,13 +183,27 @@ class Campaign:
         for asked in _asked(scope, need):
             self._observer(asked)
 
-    def _reader(self, routes: Sequence[RouteTasks]) -> Drive:
-        """What gives the results of one route after the other, while free slots drive the routes behind it."""
+    @contextmanager
+    def _kept_in_view(self, tasks: Sequence[Task]) -> Iterator[None]:
+        """When no verdict comes of it, those of `tasks` that are finished belong to the run all the same: an error or
+        an interrupt is to be read beside what led to it."""
+        try:
+            yield
+        except BaseException:
+            self._observer(Used(tuple(dict.fromkeys(task.key for task in tasks if self._store.get(task.key)))))
+            raise
+
+    def _reader(self, routes: Sequence[RouteTasks], asked: list[Task]) -> Drive:
+        """What gives the results of one route after the other, while free slots drive the routes behind it.
+
+        `asked` gets every task that was asked for.
+        """
         order = [task for route in routes for task in route.tasks]
         place = {task.key: number for number, task in enumerate(order)}
 
         def read(tasks: tuple[Task, ...]) -> Results:
             if tasks:
+                asked.extend(tasks)
                 behind = range(place[tasks[-1].key] + 1, len(order))
                 self._ensure(tasks, (order[number] for number in behind))
             return self._finished(tasks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
@@ -82,7 +83,8 @@ class InlineLockstepExecutor:
         if self._driving is None:
             return
         try:
-            task, result = next(self._driving)
+            with self._seeded():
+                task, result = next(self._driving)
         except StopIteration:
             self._driving = None
         except UsageError as error:
@@ -92,7 +94,8 @@ class InlineLockstepExecutor:
             self._driving = None
             raise
         else:
-            self._futures.pop(task.key)[1].set_result(self._final(task, result))
+            future = self._futures.pop(task.key)[1]
+            future.set_result(self._final(task, result))
 
     def close(self, *, cancel: bool = False) -> None:
         """Close the simulators and drop the agents; without `cancel`, what was submitted is driven first."""
@@ -105,9 +108,7 @@ class InlineLockstepExecutor:
         """The drive of everything of this agent that waits, or will before it ends. Raises `UsageError`."""
         if self._lockstep is None or self._lockstep.agent_name not in (None, agent):
             self._stop()
-            self._lockstep = Lockstep(
-                self._make_world, self._make_agent, width=self._width, ticked=self._ticked
-            )
+            self._lockstep = Lockstep(self._make_world, self._make_agent, width=self._width, ticked=self._ticked)
         first = self._waiting[0]
         if self._may_share(agent, first):
             return self._lockstep.drive(_Waiting(agent, self._waiting))
@@ -119,15 +120,21 @@ class InlineLockstepExecutor:
         assert self._lockstep is not None
         for _ in range(DRIVEN_AGAIN):
             if result.outcome is Outcome.INFRA_ERROR:
-                ((_, result),) = self._lockstep.drive([task])
+                with self._seeded():
+                    ((_, result),) = self._lockstep.drive([task])
         return with_machine(result, self._sample)
 
     def _make_agent(self) -> Agent:
         """One more, the same as the others: what it draws from global generators is seeded."""
         assert self._agent is not None
-        with borrowed_generators(Episode(self._agent, "", "", 0)):
-            self._sample = self._registry.agent(self._agent)
-        return self._sample
+        with self._seeded():
+            agent = self._sample = self._registry.agent(self._agent)
+        return agent
+
+    def _seeded(self) -> AbstractContextManager[None]:
+        """Around everything that runs code of the agent: the global generators of this process are not ours."""
+        assert self._agent is not None
+        return borrowed_generators(Episode(self._agent, "", "", 0))
 
     def _may_share(self, agent: str, task: Task) -> bool:
         """False when the episode has nothing to ask about. Raises `UsageError` for an agent that is refused."""
@@ -137,7 +144,8 @@ class InlineLockstepExecutor:
             raise self._refused[agent]
         world = self._make_world()
         try:
-            vetting = vet(world, self._make_agent, task, width=self._width)
+            with self._seeded():
+                vetting = vet(world, self._make_agent, task, width=self._width)
         finally:
             world.close()
         if vetting.problem is not None:

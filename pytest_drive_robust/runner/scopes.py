@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.runner.identity import identify, identity_of
 from pytest_drive_robust.runner.plan import Scope, Task
 from pytest_drive_robust.runner.routes import default_spec, routes_for
+from pytest_drive_robust.runner.vetting import factory_offers_lockstep
 from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
     from pytest_drive_robust.store.events import Identified
@@ -25,12 +26,27 @@ __all__ = ["Scopes"]
 
 
 class Scopes:
-    """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes."""
+    """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.
 
-    def __init__(self, settings: Settings, registry: Registry, load_routes: Callable[[str], tuple[Route, ...]]) -> None:
+    `lockstep`: agents that offer `act_batch` are driven in lockstep, which is a part of what identifies an episode.
+    `is_stored` tells whether the episode of a key was driven before: its route need not be checked again.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        registry: Registry,
+        load_routes: Callable[[str], tuple[Route, ...]],
+        *,
+        lockstep: bool = False,
+        is_stored: Callable[[str], bool] = lambda key: False,
+    ) -> None:
         self._settings = settings
         self._registry = registry
         self._load_routes = load_routes
+        self._lockstep = lockstep
+        self._is_stored = is_stored
+        self._checked: dict[str, RouteError | None] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._known: set[tuple[str, str]] = set()
         self._identities: dict[str, str] = {}
@@ -39,16 +55,20 @@ class Scopes:
         """The routes of a spec. Raises `UsageError` when there is no such set or file."""
         if spec not in self._routes:
             self._routes[spec] = routes_for(spec, self._simulator, self._load_routes)
-            self._check_routes(self._routes[spec])
         return self._routes[spec]
 
     def of(self, marker: MarkerOptions) -> Scope:
-        """The scope of a test with this marker. Raises `UsageError` for unknown agents or routes, lost weights."""
+        """The scope of a test with this marker.
+
+        Raises `UsageError` for unknown agents, lost weights, and routes that are unknown or cannot be driven.
+        """
         agent = marker.agent or self._settings.agent
         self._require("agents", agent)
         routes_spec = marker.routes or default_spec(self._settings, self._simulator)
         routes, seeds = self.routes(routes_spec), marker.seeds or self._settings.seeds
-        return Scope(agent, routes_spec, routes, seeds, self._identity(agent))
+        scope = Scope(agent, routes_spec, routes, seeds, self._identity(agent))
+        self._check_routes(scope)
+        return scope
 
     def identify(self, scope: Scope) -> Identified:
         """What the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not read."""
@@ -78,23 +98,36 @@ class Scopes:
 
     def _identity(self, agent: str) -> str:
         if agent not in self._identities:
+            together = self._lockstep and factory_offers_lockstep(agent, self._registry)
             self._identities[agent] = identity_of(
                 agent,
                 self._registry,
                 simulator=self._settings.simulator,
                 world=self._simulator,
                 options=SimulatorOptions(stuck_stop_s=self._settings.stuck_stop_s),
+                mode="lockstep" if together else "single",
             )
         return self._identities[agent]
 
-    def _check_routes(self, routes: tuple[Route, ...]) -> None:
+    def _check_routes(self, scope: Scope) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""
+        if scope.routes_spec not in self._checked:
+            self._checked[scope.routes_spec] = self._problem_of(scope)
+        problem = self._checked[scope.routes_spec]
+        if problem is not None:
+            raise problem
+
+    def _problem_of(self, scope: Scope) -> RouteError | None:
         check = getattr(self._simulator, "check_route", None)
         if check is None:
-            return
-        problems = [problem for route in routes if (problem := _problem(check, route)) is not None]
-        if problems:
-            raise RouteError("\n  ".join([f"{len(problems)} of {len(routes)} routes cannot be driven:", *problems]))
+            return None
+        tasks = scope.need(Setting.CLEAN, clean=False).perturbed
+        driven = {task.route.id for task in tasks if self._is_stored(task.key)}
+        unsure = [route for route in scope.routes if route.id not in driven]
+        problems = [problem for route in unsure if (problem := _problem(check, route)) is not None]
+        if not problems:
+            return None
+        return RouteError("\n  ".join([f"{len(problems)} of {len(scope.routes)} routes cannot be driven:", *problems]))
 
     @cached_property
     def _simulator(self) -> Simulator:

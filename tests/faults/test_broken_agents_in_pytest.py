@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +54,9 @@ class Breaking(LoggedSimulator):
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_collection(session):
-    from pytest_drive_robust.registry import default_registry
-
-    default_registry().register_simulator("breaking", Breaking)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("breaking", lambda options: Breaking(replace(options, tick_cap=60)))
 """
 
 
@@ -126,9 +126,12 @@ def test_a_world_that_breaks_is_tried_three_times_and_then_an_error_that_says_wh
     )
     assert result.ret == 1
     result.assert_outcomes(errors=1)
-    assert "3 of 3 episodes ended with infra_error and are never scored" in result.stdout.str().replace("\n", " ")
-    result.stdout.fnmatch_lines(["3 x simulation error, never scored: the simulation raised RuntimeError: no map*"])
-    assert driven() == [f"{route} 0" for route in "123" for _ in range(3)]
+    text = " ".join(result.stdout.str().split())
+    assert "1 of 1 episodes ended with infra_error and are never scored, first: steady on" in text
+    assert "1 x simulation error, never scored: the simulation raised RuntimeError: no map (conftest.py:" in text
+    begun = Counter(driven())  # with two at a time, the next route may have begun
+    assert set(begun.values()) <= {1, 2, 3}
+    assert 3 in begun.values()
 
 
 def test_a_world_that_works_again_is_no_error(suite, driven):
@@ -138,26 +141,32 @@ def test_a_world_that_works_again_is_no_error(suite, driven):
     assert len(driven()) == 5
 
 
-def test_an_agent_that_only_this_process_can_import_is_a_usage_error_with_advice(suite, driven):
+def test_an_agent_that_only_this_process_can_import_is_a_usage_error_with_advice(suite, driven, monkeypatch):
     folder = suite("DS under clean >= 90")
     folder.makepyfile(
         shy_agent="""
         import sys
-        if "pytest" not in sys.modules:
+        if "pytest" not in sys.argv[0]:
             raise ImportError("only where pytest runs")
-        from pytest_drive_robust.testing import ScriptedAgent
+        from guarded_agents import Steady
         """
     )
-    result = folder.runpytest_subprocess(*PROCESSES, "--drive-agent=shy_agent:ScriptedAgent")
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    result = folder.runpytest_subprocess(*PROCESSES, "--drive-agent=shy_agent:Steady")
     assert result.ret == 1
     assert driven() == []
     text = result.stdout.str().replace("\n", " ")
-    assert "'shy_agent:ScriptedAgent'" in text
+    assert "'shy_agent:Steady'" in text
     assert "does not load: ImportError: only where pytest runs" in text
 
 
-def test_a_setting_that_no_other_process_can_have_is_an_error_with_advice(suite, driven):
-    test = """
+@pytest.mark.parametrize(
+    ("severity", "said"),
+    [("", "--drive-executor inline"), ("lock: object = field(default_factory=threading.Lock)", "expected a number")],
+    ids=["class", "severity"],
+)
+def test_a_setting_that_no_other_process_can_have_is_an_error_with_advice(suite, driven, severity, said):
+    test = f"""
 from dataclasses import dataclass, field
 import threading
 from pytest_drive_robust import Perturbation
@@ -166,11 +175,12 @@ def test_local(drive):
     @dataclass
     class Local(Perturbation):
         phrase = "local trouble"
-        lock: object = field(default_factory=threading.Lock)
+        {severity}
 
     drive.ds(Local())
 """
     result = suite(test=test).runpytest_subprocess(*PROCESSES)
     assert result.ret == 1
-    assert "--drive-executor inline" in result.stdout.str().replace("\n", " ")
-    assert driven() == []
+    assert said in result.stdout.str().replace("\n", " ")
+    assert "INTERNALERROR" not in result.stdout.str()
+    assert set(driven()) <= {"1 0", "2 0", "3 0"}  # the clean twins

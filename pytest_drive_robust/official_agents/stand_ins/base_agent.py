@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from enum import Enum
 from typing import Any
 
@@ -10,7 +11,7 @@ from pytest_drive_robust.official_agents.stand_ins.downsampling import downsampl
 __all__ = ["AutonomousAgent", "Track"]
 
 _PLAN_GAP_M = 50.0
-"""As in Bench2Drive (`leaderboard/autoagents/autonomous_agent.py`); the leaderboard itself keeps a point every 200 m."""
+"""As in Bench2Drive (`leaderboard/autoagents/autonomous_agent.py`); the leaderboard itself keeps one every 200 m."""
 
 
 class Track(Enum):
@@ -42,8 +43,7 @@ class AutonomousAgent:
 
     def run_step(self, input_data: dict[str, Any], timestamp: float) -> Any:
         """The `carla.VehicleControl` for this tick: here one that does nothing."""
-        import carla
-
+        carla: Any = importlib.import_module("carla")
         return carla.VehicleControl()
 
     def destroy(self) -> None:

@@ -19,7 +19,7 @@ class CarlaDataProvider:
         return CarlaDataProvider._world
 
     @staticmethod
-    def get_map(world: object = None) -> Any:
+    def get_map(world: Any = None) -> Any:
         """A `carla.Map` where the carla package is installed."""
         given = CarlaDataProvider._world if world is None else world
         return given.get_map()

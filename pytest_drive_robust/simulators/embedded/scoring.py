@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.world import DT_S, World
+from pytest_drive_robust.simulators.embedded.state import DT_S
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.simulators.embedded.world import World
 
 __all__ = ["ENDS", "score_of"]
 

@@ -1,9 +1,15 @@
-"""The default backend: `World`, its sensors and its criteria behind the `Simulator` protocol."""
+"""The default backend: `World`, its sensors and its criteria behind the `Simulator` protocol.
+
+The world is imported by the first `reset` or `check_route`: a run whose episodes are all stored only asks a simulator
+for its name, its tick and its versions, and need not wait for numba and highway-env.
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from importlib import metadata
+from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
@@ -15,8 +21,10 @@ from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scoring import ENDS, score_of
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
-from pytest_drive_robust.simulators.embedded.state import State
-from pytest_drive_robust.simulators.embedded.world import DT_S, World
+from pytest_drive_robust.simulators.embedded.state import DT_S, State
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.simulators.embedded.world import World
 
 __all__ = ["EmbeddedSimulator", "Snapshot"]
 
@@ -56,6 +64,8 @@ class EmbeddedSimulator:
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
+        from pytest_drive_robust.simulators.embedded.world import World
+
         world = World(route, seed=seed, options=self.options)
         self._sensors = Sensors(
             cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S
@@ -66,6 +76,8 @@ class EmbeddedSimulator:
 
     def check_route(self, route: Route) -> None:
         """Raise `UsageError` when the route's town, way or scenario cannot be built; builds it once to see."""
+        from pytest_drive_robust.simulators.embedded.world import World
+
         World(route, seed=0, options=self.options)
 
     def plan(self) -> GlobalPlan:
@@ -133,19 +145,25 @@ class EmbeddedSimulator:
 
     def versions(self) -> Mapping[str, str]:
         """Backend and the libraries that compute."""
-        import cv2
-        import highway_env
-        import numba
-        import numpy as np
-
-        return {
-            "simulator": f"{self.name} {self.version}",
-            "highway-env": str(getattr(highway_env, "__version__", "unknown")),
-            "numba": str(numba.__version__),
-            "numpy": str(np.__version__),
-            "opencv": str(cv2.__version__),
-        }
+        return {"simulator": f"{self.name} {self.version}", **_libraries()}
 
     def close(self) -> None:
         """Forget the current world."""
         self._world = self._sensors = self._frame = None
+
+
+@functools.cache
+def _libraries() -> Mapping[str, str]:
+    import cv2
+    import numpy as np
+
+    versions = {"highway-env": _installed("highway-env"), "numba": _installed("numba")}
+    return {**versions, "numpy": np.__version__, "opencv": cv2.__version__}
+
+
+def _installed(distribution: str) -> str:
+    """Without the import, which takes half a second."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "unknown"

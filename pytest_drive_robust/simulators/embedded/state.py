@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EVENT_CAPACITY", "State", "Statics", "copy_state"]
+__all__ = ["DT_S", "EVENT_CAPACITY", "State", "Statics", "copy_state"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+DT_S = 0.05
 EVENT_CAPACITY = 256
 
 # --- ego: one row of floats ---

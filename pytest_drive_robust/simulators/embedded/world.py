@@ -17,11 +17,10 @@ from pytest_drive_robust.simulators.embedded.kernels.entry import actor_rows, fi
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
 from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.state import State, Statics, copy_state
+from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics, copy_state
 
 __all__ = ["DT_S", "EGO_LENGTH_M", "EGO_WIDTH_M", "World"]
 
-DT_S = 0.05
 EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
 """`vehicle.lincoln.mkz_2020`, the leaderboard's ego."""
 

@@ -10,7 +10,7 @@ import math
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import ahead, road_edge_m, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import ahead, right_hand, road_edge_m, scenery
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -23,6 +23,8 @@ __all__ = [
 ]
 
 _BEFORE_M = (30.0, 40.0)
+_LATER_S = 0.02
+"""For every degree by which somebody does not walk straight across."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
 """Places of a parked row, seen from where somebody steps out between two cars."""
 
@@ -43,15 +45,15 @@ def dynamic_object_crossing(stage: Stage) -> None:
     Every 5 degrees of `crossing_angle` make it 0.1 s more.
     """
     at = ahead(stage, 45.0)
-    angle = min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
-    edge = stage.lane_width_m / 2.0
-    stage.stand(ActorKind.CONTAINER, at - 2.2, edge + 1.2)
+    angle, side = _angle_deg(stage), right_hand(stage)
+    edge = _near_edge_m(stage, at)
+    stage.stand(ActorKind.CONTAINER, at - 2.2, side * (edge + 1.2))
     stage.walker(
         at,
-        from_right_m=edge + 1.6,
-        walks_m=edge + 1.6 + road_edge_m(stage, "left", at) + 1.5,
+        from_right_m=side * (edge + 1.6),
+        walks_m=edge + 1.6 + road_edge_m(stage, _far_side(stage), at) + 1.5,
         speed_mps=2.0,
-        trigger=Arrival(2.1 + 0.02 * abs(angle), 6.0),
+        trigger=Arrival(2.1 + _LATER_S * abs(angle), 6.0),
         slant_rad=math.radians(angle),
     )
     scenery(stage)
@@ -70,14 +72,22 @@ def dynamic_object_crossing(stage: Stage) -> None:
 def parking_crossing_pedestrian(stage: Stage) -> None:
     """A pedestrian at 2 m/s from behind a parked van; starts when the ego is 2.15 s or 6 m away.
 
-    They cross the whole road, where Bench2Drive's vanish after 8 m.
+    They cross the whole road, where Bench2Drive's vanish after 8 m. Every 5 degrees of `crossing_angle` make it 0.1 s
+    more.
     """
     at = ahead(stage, 40.0)
+    angle, side = _angle_deg(stage), right_hand(stage)
     kerb = stage.lane_width_m / 2.0 + 1.2
     for k, further in enumerate(_PARKED_M):
-        stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, kerb)
-    across = kerb + 0.6 + road_edge_m(stage, "left", at) + 1.0
-    stage.walker(at, from_right_m=kerb + 0.6, walks_m=across, speed_mps=2.0, trigger=Arrival(2.15, 6.0))
+        stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, side * kerb)
+    stage.walker(
+        at,
+        from_right_m=side * (kerb + 0.6),
+        walks_m=kerb + 0.6 + road_edge_m(stage, _far_side(stage), at) + 1.0,
+        speed_mps=2.0,
+        trigger=Arrival(2.15 + _LATER_S * abs(angle), 6.0),
+        slant_rad=math.radians(angle),
+    )
     scenery(stage)
     stage.end_m = stage.trigger_m + at + 20.0
 
@@ -135,6 +145,21 @@ def vehicle_turning_route(stage: Stage) -> None:
 def vehicle_turning_route_pedestrian(stage: Stage) -> None:
     """A pedestrian crosses at the exit of the turn at 1.8 m/s; starts when the ego is 2.2 s or 6 m away."""
     _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0))
+
+
+def _angle_deg(stage: Stage) -> float:
+    """The element `crossing_angle`, at most so much that somebody still gets across."""
+    return min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
+
+
+def _far_side(stage: Stage) -> str:
+    """Towards which side somebody walks."""
+    return "left" if right_hand(stage) > 0.0 else "right"
+
+
+def _near_edge_m(stage: Stage, at_m: float) -> float:
+    """From the middle of the ego's lane to where somebody comes from: its edge, to the left that of the road."""
+    return stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at_m)
 
 
 def _crosses_after_turn(stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival) -> None:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import Script
+from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import KMH, ahead, rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import KMH, ahead, right_hand, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
 
 __all__ = ["highway_cut_in", "parking_cut_in", "static_cut_in"]
 
+_BEFORE_LANE_END_M = 45.0
 _ROW_STEP_M = 11.0
 _ROW = (-2, -1, 1, 2, 3)
 """Standing cars behind the one that cuts in, and ahead of it."""
@@ -31,7 +33,7 @@ _ROW = (-2, -1, 1, 2, 3)
 def parking_cut_in(stage: Stage) -> None:
     """A parked car 35 m ahead pulls out from behind another one at 28 m; it starts at 2.35 s or 10 m."""
     at = ahead(stage, 35.0)
-    kerb = stage.lane_width_m / 2.0 + 1.2
+    kerb = right_hand(stage) * (stage.lane_width_m / 2.0 + 1.2)
     stage.stand(ActorKind.VAN, at - 7.0, kerb)
     for k in range(1, 4):
         stage.stand(ActorKind.CAR, at + 14.0 + 9.0 * k, kerb)
@@ -61,7 +63,7 @@ def parking_cut_in(stage: Stage) -> None:
 def static_cut_in(stage: Stage) -> None:
     """Out of a standing row on the next lane one car cuts in at 60 km/h; it starts at 2.7 s or 15 m."""
     at = ahead(stage, 50.0, at_least_m=30.0)
-    beside = stage.lane_width_m if stage.has_lane_beside("right") else -stage.lane_width_m
+    beside = stage.lane_width_m if _stands_right(stage) else -stage.lane_width_m
     for k in _ROW:
         stage.stand(ActorKind.CAR if k % 2 else ActorKind.VAN, at + _ROW_STEP_M * k, beside)
     cutter = stage.drive(
@@ -87,11 +89,11 @@ def highway_cut_in(stage: Stage) -> None:
 
     The ego starts rolling.
     """
-    at = max(stage.spec.number("distance", 40.0), 10.0)
-    width = stage.lane_width_m
+    at = _merges_ahead_m(stage)
+    width = _side_of_other(stage) * stage.lane_width_m
     cutter = stage.drive(
         ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0), rolling_start(stage), right_m=width,
-        lateral_mps=width / 2.0, sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
+        lateral_mps=stage.lane_width_m / 2.0, sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
     )  # fmt: skip
     stage.cast.script(
         cutter,
@@ -101,3 +103,26 @@ def highway_cut_in(stage: Stage) -> None:
     if stage.has_lane_beside("left"):
         stage.flow(stage.beside("left"), speed_mps=0.95 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)
     stage.end_m = stage.trigger_m + at + 70.0
+
+
+def _stands_right(stage: Stage) -> bool:
+    """Whether the standing row is on the lane to the right: where the file says so or there is only that one."""
+    right, left = stage.has_lane_beside("right"), stage.has_lane_beside("left")
+    return right and (right_hand(stage) > 0.0 or not left)
+
+
+def _merges_ahead_m(stage: Stage) -> float:
+    """Metres from the trigger to where the cut-in begins: the element `distance`, or so long before `end_location`."""
+    end = stage.spec.parameters.get("end_location")
+    if end is None or "x" not in end or "y" not in end:
+        return max(stage.spec.number("distance", 40.0), 10.0)
+    lane_end_m = project(stage.paths[stage.ego_path], end["x"], end["y"])[0] - stage.on_ego_path(0.0)
+    return min(max(lane_end_m - _BEFORE_LANE_END_M, 10.0), stage.dense.length_m - stage.trigger_m - 10.0)
+
+
+def _side_of_other(stage: Stage) -> float:
+    """1 when the other car is to the right, as it is unless `other_actor_location` says something else, or -1."""
+    other = stage.spec.parameters.get("other_actor_location")
+    if other is None or "x" not in other or "y" not in other:
+        return 1.0
+    return 1.0 if project(stage.paths[stage.ego_path], other["x"], other["y"])[1] > 0.0 else -1.0

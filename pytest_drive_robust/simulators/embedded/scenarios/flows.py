@@ -185,11 +185,12 @@ def non_signalized_right_turn(stage: Stage) -> None:
     blocked_test_off=True,
 )
 def enter_actor_flow(stage: Stage) -> None:
-    """Turn into a fast flow from the left; where there are lights, both have green."""
+    """Turn into a fast flow from the left, or from where the file says; where there are lights, both have green."""
     stage.lights(ego=GREEN, opposite=GREEN, crossing=GREEN)
+    given = stage.given_flow()
     route_flow(
         stage,
-        stage.from_arm("left", into="exit"),
+        stage.from_arm("left", into="exit") if given is None else given,
         speed_mps=(12.0, 19.0),
         gap_m=(17.0, 39.0),
         meets_ahead_m=stage.junction_ahead_m(),

@@ -16,6 +16,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenari
 from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
     ahead,
     oncoming_gaps,
+    right_hand,
     scenery,
     side_traffic,
     speed,
@@ -144,7 +145,7 @@ def _bicycles(stage: Stage) -> float:
     at = ahead(stage, 43.0)
     ride = speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
     drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
-    edge = _BICYCLE_SHIFT * stage.lane_width_m / 2.0
+    edge = right_hand(stage) * _BICYCLE_SHIFT * stage.lane_width_m / 2.0
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
         bicycle = stage.drive(

@@ -6,12 +6,14 @@ misses it does not come near their end.
 
 from __future__ import annotations
 
+from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import route_end_ahead_m, route_flow
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = [
+    "flow_in_last_lane",
     "highway_exit",
     "merger_into_slow_traffic",
     "merger_into_slow_traffic_v2",
@@ -43,7 +45,7 @@ def _before_a_turn(chain: str) -> Site:
 def highway_exit(stage: Stage) -> None:
     """Leave the motorway through a flow in the exit lane that stays slower than the road."""
     stage.start_mps = _ROLLING * stage.speed_limit_mps
-    _flow_in_last_lane(stage, speed_mps=(10.0, 15.0), gap_m=(11.0, 46.0))
+    flow_in_last_lane(stage, speed_mps=(10.0, 15.0), gap_m=(11.0, 46.0))
 
 
 @scenario(
@@ -59,7 +61,7 @@ def highway_exit(stage: Stage) -> None:
 def merger_into_slow_traffic(stage: Stage) -> None:
     """Merge from the acceleration lane into traffic that crawls at half the limit."""
     stage.start_mps = _RAMP_ROLLING * stage.speed_limit_mps
-    _flow_in_last_lane(stage, speed_mps=(9.0, 10.0), gap_m=(14.0, 42.0))
+    flow_in_last_lane(stage, speed_mps=(9.0, 10.0), gap_m=(14.0, 42.0))
 
 
 @scenario(
@@ -75,7 +77,7 @@ def merger_into_slow_traffic(stage: Stage) -> None:
 def merger_into_slow_traffic_v2(stage: Stage) -> None:
     """Merge into the slow traffic of a lane that is only for the exit."""
     stage.start_mps = _RAMP_ROLLING * stage.speed_limit_mps
-    _flow_in_last_lane(stage, speed_mps=(10.0, 10.0), gap_m=(11.0, 34.0))
+    flow_in_last_lane(stage, speed_mps=(10.0, 10.0), gap_m=(11.0, 34.0))
 
 
 @scenario(
@@ -112,14 +114,26 @@ def sequential_lane_change(stage: Stage) -> None:
     stage.end_m = stage.dense.length_m - _LAST_M
 
 
-def _flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tuple[float, float]) -> None:
-    """The flow of the route file in the lane in which the route ends; background traffic farther left."""
+def flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tuple[float, float]) -> None:
+    """The flow of the route file in the lane in which the route ends, or from where to where the file says.
+
+    There is background traffic farther left, or to the right where the flow is to the left.
+    """
     end = route_end_ahead_m(stage)
-    route_flow(stage, stage.own(end), speed_mps=speed_mps, gap_m=gap_m, meets_ahead_m=end)
+    given = stage.given_flow()
+    route_flow(stage, stage.own(end) if given is None else given, speed_mps=speed_mps, gap_m=gap_m, meets_ahead_m=end)
     level = 0.0 if stage.has_lane_beside("left") else end
-    if stage.has_lane_beside("left", level):
+    free = "left" if given is None or not _is_beside(stage, given, "left", level) else "right"
+    if stage.has_lane_beside(free, level):
         stage.flow(
-            stage.beside("left", level), speed_mps=0.85 * stage.lane_at(level).speed_limit_mps, gap_m=(50.0, 100.0),
+            stage.beside(free, level), speed_mps=0.85 * stage.lane_at(level).speed_limit_mps, gap_m=(50.0, 100.0),
             background=True,
         )  # fmt: skip
     stage.end_m = stage.dense.length_m - _LAST_M
+
+
+def _is_beside(stage: Stage, path: int, side: str, ahead_m: float) -> bool:
+    """Whether a path leads along the lane to the `"left"` or `"right"` of the route's."""
+    width = stage.lane_at(ahead_m).width_m
+    x, y = stage.spot(ahead_m, -width if side == "left" else width)
+    return abs(project(stage.paths[path], x, y)[1]) < width / 2.0

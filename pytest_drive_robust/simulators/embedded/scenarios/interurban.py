@@ -7,6 +7,7 @@ Source: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py` (`Interurb
 from __future__ import annotations
 
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.highway import flow_in_last_lane
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, route_flow
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
@@ -26,8 +27,14 @@ _START_MPS = 8.0
     blocked_test_off=True,
 )
 def interurban_actor_flow(stage: Stage) -> None:
-    """Turn left off a country road, across the flow that comes the other way."""
+    """Turn left off a country road, across the flow that comes the other way.
+
+    Where the road parts without a junction, the flow is in the lane beside the ego's that has to be crossed.
+    """
     stage.start_mps = _START_MPS
+    if stage.dense.first_junction_row() is None:
+        flow_in_last_lane(stage, speed_mps=(15.0, 16.0), gap_m=(42.0, 98.0))
+        return
     route_flow(
         stage,
         stage.from_arm("opposite"),
@@ -50,8 +57,14 @@ def interurban_actor_flow(stage: Stage) -> None:
     blocked_test_off=True,
 )
 def interurban_advanced_actor_flow(stage: Stage) -> None:
-    """Turn left onto a country road: cross the flow from the left, join the one from the right."""
+    """Turn left onto a country road: cross the flow from the left, join the one from the right.
+
+    Where the roads meet without a junction, there is the one flow of the route file to join.
+    """
     stage.start_mps = _START_MPS
+    if stage.dense.first_junction_row() is None:
+        flow_in_last_lane(stage, speed_mps=(16.0, 18.0), gap_m=(36.0, 94.0))
+        return
     for bearing in ("left", "right"):
         route_flow(
             stage,

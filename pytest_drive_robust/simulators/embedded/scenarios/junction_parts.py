@@ -111,13 +111,17 @@ def _green_between(start_s: float, end_s: float) -> Program:
     )
 
 
-def meeting_point(stage: Stage, path: int) -> tuple[float, float] | None:
-    """(metres ahead on the ego's way, metres along `path`) where the two first meet within the junction, or None."""
+def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tuple[float, float] | None:
+    """(metres ahead on the ego's way, metres along `path`) where the two first meet within the junction, or None.
+
+    They meet where they are nearer than `within_m`; with an infinite distance where they are nearest.
+    """
     ahead = np.arange(stage.junction_ahead_m() - 2.0, stage.exit_ahead_m() + 2.0, 0.5)
     places = np.array([stage.spot(float(a)) for a in ahead])
     line = stage.paths[path]
     away = np.hypot(line[None, :, 0] - places[:, :1], line[None, :, 1] - places[:, 1:])
-    met = np.flatnonzero(away.min(axis=1) < _MEET_M)
+    nearest = away.min(axis=1)
+    met = np.flatnonzero(nearest <= nearest.min() if np.isinf(within_m) else nearest < within_m)
     if len(met) == 0:
         return None
     at = float(ahead[met[0]])

@@ -10,7 +10,12 @@ import math
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import ahead, oncoming_gaps, side_traffic
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+    ahead,
+    oncoming_gaps,
+    right_hand,
+    side_traffic,
+)
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = [
@@ -133,7 +138,7 @@ def parked_obstacle_two_ways(stage: Stage) -> None:
 def _crashed_cars(stage: Stage) -> float:
     """A police car, crashed cars 10 and 16 m behind it; metres from the trigger to the last one."""
     at = ahead(stage, 42.0)
-    shift = _ACCIDENT_SHIFT * stage.lane_width_m / 2.0
+    shift = right_hand(stage) * _ACCIDENT_SHIFT * stage.lane_width_m / 2.0
     stage.stand(ActorKind.EMERGENCY, at, shift)
     for k, further in enumerate((10.0, 16.0)):
         stage.stand(ActorKind.CAR, at + further, shift, yaw_rad=stage.draw(f"crashed {k}", -0.3, 0.3))
@@ -143,19 +148,19 @@ def _crashed_cars(stage: Stage) -> float:
 def _building_site(stage: Stage) -> float:
     """Sign, three cones across the lane, debris, four cones along its left edge; metres to the last one."""
     at = ahead(stage, 42.0)
-    half = stage.lane_width_m / 2.0
+    half, side = stage.lane_width_m / 2.0, right_hand(stage)
     stage.stand(ActorKind.WARNING_SIGN, at - 5.0)
     for k in range(3):
-        stage.stand(ActorKind.CONE, at, half - 0.5 - k)
+        stage.stand(ActorKind.CONE, at, side * (half - 0.5 - k))
     stage.stand(ActorKind.BARRIER, at + 2.0, yaw_rad=math.pi / 2.0)
     for k in range(4):
-        stage.stand(ActorKind.CONE, at + 2.0 * k, 0.4 - half)
+        stage.stand(ActorKind.CONE, at + 2.0 * k, side * (0.4 - half))
     return at + 6.0
 
 
 def _badly_parked_car(stage: Stage) -> float:
     """A car that reaches into the lane; metres from the trigger to it."""
     at = ahead(stage, 41.0)
-    car = stage.stand(ActorKind.CAR, at, _PARKED_SHIFT * stage.lane_width_m / 2.0)
+    car = stage.stand(ActorKind.CAR, at, right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0)
     stage.cast.ints[car][c.I_STATE] = int(ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
     return at

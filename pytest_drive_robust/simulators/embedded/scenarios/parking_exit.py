@@ -8,7 +8,7 @@ from __future__ import annotations
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import scenery
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import right_hand, scenery
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["parking_exit"]
@@ -33,7 +33,7 @@ _ROW_STEP_M = 8.0
 )
 def parking_exit(stage: Stage) -> None:
     """Parked cars 9 m ahead and behind, a car beside the ego drives off, traffic follows 25 m apart."""
-    kerb = stage.lane_width_m / 2.0 + 1.2
+    kerb = right_hand(stage) * (stage.lane_width_m / 2.0 + 1.2)
     stage.start_right_m = kerb
     front = max(stage.spec.number("front_vehicle_distance", 9.0), _AT_LEAST_M) - stage.trigger_m
     behind = max(stage.spec.number("behind_vehicle_distance", 9.0), _AT_LEAST_M) + stage.trigger_m

@@ -5,6 +5,7 @@ Source: Bench2Drive `scenario_runner/srunner/scenarios/opposite_vehicle_taking_p
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 
 from pytest_drive_robust.domain.truth import ActorKind
@@ -80,6 +81,8 @@ def _take_priority(stage: Stage, kind: ActorKind) -> None:
 def _way(stage: Stage) -> tuple[int, float, float]:
     """(path, metres ahead, metres on the path) of the way from the file's `direction`, else the first that crosses.
 
+    Nobody need cross: the ego may turn right in front of who comes from there.
+
     Raises `RouteError` when none does.
     """
     asked = stage.spec.texts.get("direction")
@@ -89,10 +92,20 @@ def _way(stage: Stage) -> tuple[int, float, float]:
             met = meeting_point(stage, path)
             if met is not None:
                 return path, *met
+    if asked is not None:
+        with suppress(RouteError, KeyError):  # who turns right only passes by who comes from there
+            path = stage.from_arm(asked)
+            return path, *_nearest_point(stage, path)
     raise RouteError(
         f"route {stage.dense.route.id}: nobody from {asked or 'anywhere'!r} crosses the route's first junction for "
         f"scenario {stage.spec.type}; directions are {', '.join(_BEARINGS)}"
     )
+
+
+def _nearest_point(stage: Stage, path: int) -> tuple[float, float]:
+    nearest = meeting_point(stage, path, within_m=math.inf)
+    assert nearest is not None
+    return nearest
 
 
 def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:

@@ -8,7 +8,17 @@ from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = ["KMH", "ahead", "oncoming_gaps", "road_edge_m", "rolling_start", "scenery", "side_traffic", "speed"]
+__all__ = [
+    "KMH",
+    "ahead",
+    "oncoming_gaps",
+    "right_hand",
+    "road_edge_m",
+    "rolling_start",
+    "scenery",
+    "side_traffic",
+    "speed",
+]
 
 KMH = 1.0 / 3.6
 """A kilometre per hour in metres per second."""
@@ -24,6 +34,11 @@ def ahead(stage: Stage, default_m: float, *, at_least_m: float = 20.0) -> float:
 def speed(stage: Stage, element: str, default_kmh: float, *, at_least_kmh: float = 3.0) -> float:
     """An element that holds kilometres per hour, in metres per second; at most what a car can drive."""
     return min(max(stage.spec.number(element, default_kmh), at_least_kmh), 150.0) * KMH
+
+
+def right_hand(stage: Stage) -> float:
+    """1 where things come from the right or stand there, -1 where the element `direction` is `left`."""
+    return -1.0 if stage.spec.texts.get("direction") == "left" else 1.0
 
 
 def road_edge_m(stage: Stage, side: str, ahead_m: float = 0.0) -> float:
@@ -43,13 +58,14 @@ def road_edge_m(stage: Stage, side: str, ahead_m: float = 0.0) -> float:
 
 
 def side_traffic(stage: Stage, default_kmh: float) -> None:
-    """One-way obstacles: the lane to the left is in use, at the element `speed`.
+    """One-way obstacles: the lane to the left is in use (the right one for obstacles to the left), at element `speed`.
 
     Bench2Drive slows that lane down five seconds after the ego came near; ours has that speed all the time, and long
     gaps among the short ones (`scenario_runner/srunner/scenarios/route_obstacles.py`).
     """
     limit = min(speed(stage, "speed", default_kmh, at_least_kmh=10.0), stage.speed_limit_mps)
-    stage.flow(stage.beside("left"), speed_mps=limit, gap_m=(35.0, 70.0), background=True)
+    beside = stage.beside("left" if right_hand(stage) > 0.0 else "right")
+    stage.flow(beside, speed_mps=limit, gap_m=(35.0, 70.0), background=True)
     scenery(stage)
 
 

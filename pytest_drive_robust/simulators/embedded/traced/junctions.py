@@ -36,6 +36,7 @@ Pose = tuple[float, float, float]
 _ARM_M = 120.0
 _BIKING_M = 1.6
 _BOX_M = (9.5, 16.0)
+_SMALLEST_M = 7.0
 _TURN_RAD = math.radians(45.0)
 _WAKE_BEFORE_M = 9.5
 """The scenario wakes up so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
@@ -93,7 +94,8 @@ def _turning(course: Course, trigger_m: float) -> _Ways | None:
     if corner is None or not _TURN_RAD < abs(turn) < math.pi - _TURN_RAD or min(corner) < 4.0:
         return None
     room = corner[0] - (trigger_m + _WAKE_BEFORE_M - course.start_m)
-    box = min(max(min(*corner, room, _BOX_M[1]), _BOX_M[0]), max(min(corner), _BOX_M[0] - 2.0))
+    least = min(max(course.start_m + corner[0] - _WAKE_BEFORE_M - 0.5, _SMALLEST_M), _BOX_M[0])
+    box = min(max(min(*corner, room, _BOX_M[1]), least), max(min(corner), _SMALLEST_M))
     entry = prolonged(before, after_m=corner[0] - box) if corner[0] > box else before
     leave = prolonged(after, before_m=corner[1] - box) if corner[1] > box else after
     own, onward = moved(tuple(entry[-1]), 0.0, -LANE_M / 2.0), moved(tuple(leave[0]), 0.0, -LANE_M / 2.0)
@@ -129,7 +131,7 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
     others = [("ahead", ways.across_rad[0], own), ("back", ways.across_rad[1], plain)]
     if not turns:
         others = [("left", ways.across_rad[0], plain), ("right", ways.across_rad[1], plain)]
-    for (name, heading, section), like in zip(others, arms, strict=True):
+    for (name, heading, section), like in zip(others, tuple(arms), strict=True):
         box = like[0].box_m if turns else max(arms[0][0].box_m, arms[1][0].box_m)
         edge = moved((*ways.centre, heading), box)
         arms.append(_arm(name, straight(edge, _ARM_M), ways.centre, section))

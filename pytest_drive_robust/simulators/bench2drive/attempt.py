@@ -1,0 +1,144 @@
+"""One start of the official evaluator, watched from the outside until it and everything that it started are gone."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["Attempt", "Patience", "attempt"]
+
+_KEEPER = Path(__file__).with_name("keeper.py")
+_MARK = "PDR_ATTEMPT"
+_SERVER_SIGN = b"-carla-rpc-port="
+_POLL_S = 0.1
+_LOOK_S = 2.0
+_ENDING_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long to wait, in seconds of wall time.
+
+    `route_s` for a whole route; `silence_s` without a line of output, which agents print every tick: longer than the
+    evaluator's own 600 s, so that it can speak first; `server_s` with a dead server, which it may not notice.
+    """
+
+    route_s: float = 6 * 3600.0
+    silence_s: float = 1200.0
+    server_s: float = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """How it ended. `code` is the evaluator's exit code, `trouble` why we ended it ourselves (else empty)."""
+
+    code: int
+    trouble: str
+    wall_s: float
+
+
+def attempt(
+    command: Sequence[str],
+    *,
+    environment: Mapping[str, str],
+    folder: Path,
+    log: Path,
+    patience: Patience,
+    stop: threading.Event | None = None,
+) -> Attempt:
+    """Run the command in `folder`, its output in `log`, until it ends or patience does. Nothing of it is left then.
+
+    Ends early, with the trouble "stopped", once `stop` is set.
+    """
+    mark = uuid.uuid4().hex
+    started_s = time.monotonic()
+    trouble = ""
+    with log.open("ab") as output:
+        keeper = subprocess.Popen(
+            [sys.executable, "-I", str(_KEEPER), *command],
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env={**environment, _MARK: mark},
+            start_new_session=True,
+        )
+    try:
+        watch = _Watch(mark, log, patience, started_s)
+        while keeper.poll() is None and not trouble:
+            trouble = "stopped" if stop is not None and stop.is_set() else watch.trouble()
+            time.sleep(_POLL_S)
+    finally:
+        _end(keeper, mark)
+    return Attempt(keeper.returncode, trouble, time.monotonic() - started_s)
+
+
+class _Watch:
+    def __init__(self, mark: str, log: Path, patience: Patience, now_s: float) -> None:
+        self._mark = mark
+        self._log = log
+        self._patience = patience
+        self._started_s = now_s
+        self._spoke_s = now_s
+        self._size = -1
+        self._looked_s = now_s
+        self._server_s: float | None = None
+
+    def trouble(self) -> str:
+        """Why to give up, or nothing."""
+        now_s = time.monotonic()
+        if now_s - self._started_s > self._patience.route_s:
+            return f"the route took longer than {self._patience.route_s:g} s"
+        size = self._log.stat().st_size
+        if size != self._size:
+            self._size, self._spoke_s = size, now_s
+        if now_s - self._spoke_s > self._patience.silence_s:
+            return f"the evaluator said nothing for {self._patience.silence_s:g} s"
+        if now_s - self._looked_s >= min(_LOOK_S, self._patience.server_s):
+            self._looked_s = now_s
+            if any(_SERVER_SIGN in _read(pid, "cmdline") for pid in _marked(self._mark)):
+                self._server_s = now_s
+        if self._server_s is not None and now_s - self._server_s > self._patience.server_s + _LOOK_S:
+            return "the CARLA server died"
+        return ""
+
+
+def _end(keeper: subprocess.Popen[bytes], mark: str) -> None:
+    """The keeper kills what is below it. Only if somebody killed the keeper is there anything left for us to find."""
+    assert keeper.stdin is not None
+    with contextlib.suppress(OSError):
+        keeper.stdin.close()
+    try:
+        keeper.wait(_ENDING_S)
+    except subprocess.TimeoutExpired:
+        keeper.kill()
+        keeper.wait()
+    while left := _marked(mark):
+        for pid in left:
+            with contextlib.suppress(OSError):
+                os.kill(pid, signal.SIGKILL)
+        time.sleep(0.02)
+
+
+def _marked(mark: str) -> list[int]:
+    """The processes that inherited the mark, dead ones excepted."""
+    if not os.path.isdir("/proc"):
+        return []
+    sign = f"{_MARK}={mark}".encode()
+    return [int(name) for name in os.listdir("/proc") if name.isdecimal() and sign in _read(int(name), "environ")]
+
+
+def _read(pid: int, name: str) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/{name}").read_bytes()
+    except OSError:
+        return b""

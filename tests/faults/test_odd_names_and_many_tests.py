@@ -1,0 +1,127 @@
+"""Route ids that no file could be called, and more tests than anybody reads, through the front door."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from pytest_drive_robust.store.folder import FolderStore
+
+WORKERS = pytest.mark.parametrize(
+    "workers", [("--drive-executor=inline",), ("--drive-executor=processes",), ("-n2",)], ids=["inline", "pool", "xdist"]
+)
+ODD = """
+
+IDS = [
+    "../../up", "/etc/passwd", "C:\\\\\\\\win", "CON", "a/b", "nul\\0byte", "\\udcff\\udc80 surrogate", "\\ud83d half",
+    "\\U0001f697 car", "line\\nbreak", "\\x1b[31mred", " ", "'; rm -rf", "%s%d{0}", "x" * 300, "y" * 10_000, "e\\u0301", "\\u00e9",
+]
+
+
+class Odd(LoggedSimulator):
+    name = "odd"
+
+    def routes(self, names):
+        from pytest_drive_robust.testing import fake_route
+        return tuple(fake_route(name, length_m=10.0) for name in IDS if not names or name in names)
+
+    def reset(self, route, *, seed, cameras):
+        with LOG.open("a", encoding="utf-8", errors="surrogatepass") as log:
+            log.write(ascii(route.id)[:50] + " 0\\\\n")
+        return FakeSimulator.reset(self, route, seed=seed, cameras=cameras)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("odd", lambda options: Odd(replace(options, tick_cap=40)))
+""".replace("\\\\n", "\\n").replace("\\\\\\\\", "\\\\")
+COUNT = 18
+ODD_TESTS = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.parametrize("name", ["a/b", "\\udcff", "\\U0001f697", "x" * 300, "nul\\0byte", "line\\nbreak"])
+def test_named(drive, name):
+    drive.check(requirement("DS") >= 99.9)
+
+def test_broken(drive):
+    from pytest_drive_robust import Setting
+    drive.check(requirement("RD", Setting.parse("throttle 0.1")) <= 0.01)
+"""
+MANY = """
+import pytest
+from pytest_drive_robust import requirement, Setting
+
+LIMITS = [requirement("DS", Setting.parse(f"throttle {number / 10_000:.4f}")) >= 0 for number in range(1, 10_001)]
+
+@pytest.mark.parametrize("wanted", LIMITS)
+def test_many(drive, wanted):
+    drive.check(wanted)
+"""
+MEASURED = """
+
+def pytest_unconfigure(config):
+    import resource
+    Path("peak.txt").write_text(str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
+"""
+
+
+@WORKERS
+def test_names_of_routes_are_only_ever_text(suite, driven, workers):
+    folder = suite(test=ODD_TESTS, conftest=ODD)
+    ini = folder.path / "tox.ini"
+    ini.write_text(ini.read_text().replace("drive_routes = routes.xml\n", ""))
+    files = ("--drive-json=run.json", "--drive-csv=run.csv", "--junit-xml=run.xml")
+    arguments = ("--drive-robust", "--drive-sim=odd", "-p", "no:hypothesispytest", *files, *workers)
+    before = {path.name for path in folder.path.iterdir()}
+    result = folder.runpytest_subprocess(*arguments)
+    result.assert_outcomes(passed=6, failed=1)
+    assert result.ret == 1
+    assert "INTERNALERROR" not in result.stdout.str()
+    episodes = json.loads((folder.path / "run.json").read_text())["episodes"]
+    assert len({item["route_id"] for item in episodes}) == COUNT
+    assert len(episodes) == len(driven()) == 2 * COUNT
+    with (folder.path / "run.csv").open(newline="", encoding="utf-8") as file:
+        assert len(list(csv.DictReader(file))) == 2 * COUNT
+    ElementTree.parse(folder.path / "run.xml")
+    new = {path.name for path in folder.path.iterdir()} - before - {"__pycache__", ".pytest_cache", "driven.log"}
+    assert new == {".drive-robust", "run.json", "run.csv", "run.xml"}
+    names = [path.name for path in (folder.path / ".drive-robust").glob("episodes/*/*")]
+    assert all(re.fullmatch(r"[0-9a-f]+\.episode", name) for name in names)
+    stored = {FolderStore(folder.path / ".drive-robust").get(name.removesuffix(".episode")) for name in names}
+    assert len({item.episode.route_id for item in stored if item is not None}) == COUNT
+    assert folder.runpytest_subprocess(*arguments).ret == 1
+    assert len(driven()) == 2 * COUNT
+
+
+@pytest.mark.parametrize("mode", ["--collect-only", "--drive-plan"])
+def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suite, driven, mode):
+    resource = pytest.importorskip("resource")
+    folder = suite(test=MANY, conftest=MEASURED)
+    before_s = resource.getrusage(resource.RUSAGE_CHILDREN)
+    result = folder.runpytest_subprocess("--drive-robust", "-q", "-p", "no:hypothesispytest", mode)
+    after_s = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert result.ret == 0
+    assert driven() == []
+    used_s = after_s.ru_utime + after_s.ru_stime - before_s.ru_utime - before_s.ru_stime
+    assert used_s < 60.0  # a square of ten thousand would take far longer
+    unit = 1 if sys.platform == "darwin" else 1024
+    assert int((folder.path / "peak.txt").read_text()) * unit < 600e6
+
+
+@pytest.mark.slow
+def test_ten_thousand_requirements_are_judged_in_flat_memory(suite):
+    test = MANY.replace("throttle {number / 10_000:.4f}", "throttle 0.5")
+    folder = suite(test=test.replace(">= 0 for", ">= number / 1e9 for"), conftest=MEASURED)
+    peaks = []
+    for selected in ("test_suite.py::test_many[ds-throttle-0.5-ge-1e-09]", "test_suite.py"):
+        result = folder.runpytest_subprocess("--drive-robust", "-q", "-p", "no:hypothesispytest", selected)
+        assert result.ret == 0, result.stdout.str()[-2000:]
+        peaks.append(int((folder.path / "peak.txt").read_text()))
+    assert peaks[1] - peaks[0] < 10_000 * 40  # at most 40 kB for each test, pytest's own items and reports included
