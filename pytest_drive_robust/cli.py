@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 
-from pytest_drive_robust import cli_regression, cli_replay, cli_routes, cli_score, cli_store
+from pytest_drive_robust import cli_doctor, cli_regression, cli_replay, cli_routes, cli_score, cli_store
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
 
 __all__ = ["main"]
@@ -39,6 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     cli_routes.add_commands(commands)
     cli_regression.add_commands(commands)
     cli_score.add_commands(commands)
+    cli_doctor.add_command(commands)
 
     check = commands.add_parser("check-agent", help="does an agent keep the contract?")
     check.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")

@@ -20,11 +20,13 @@ _SPEC_HELP = "a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id;
 
 
 def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `routes list` and `routes draw` to the commands of a parser."""
-    routes = commands.add_parser("routes", help="list routes, or draw them from above")
+    """Add `routes list`, `routes check` and `routes draw` to the commands of a parser."""
+    routes = commands.add_parser("routes", help="list routes, check that they can be driven, or draw them from above")
     what = routes.add_subparsers(required=True, metavar="WHAT")
     listing = what.add_parser("list", help="id, scenario, town, length and weather of each route")
     listing.set_defaults(command=_list)
+    check = what.add_parser("check", help="what was understood of each route, or why it cannot be driven")
+    check.set_defaults(command=_check)
     draw = what.add_parser("draw", help="a contact sheet: each route from above when its scenario is on")
     draw.add_argument("-o", "--output", default="routes.png", metavar="FILE.png", help="default: routes.png")
     draw.add_argument("--camera", action="store_true", help="beside each the view of a front camera")
@@ -32,8 +34,9 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
     draw.add_argument("--columns", type=int, default=None, metavar="N", help="default: 8, with cameras 3")
     draw.add_argument("--seed", type=int, default=0, help="default: 0")
     draw.set_defaults(command=_draw)
-    for command in (listing, draw):
+    for command in (listing, check, draw):
         command.add_argument("routes", nargs="?", metavar="SET", help=_SPEC_HELP)
+    draw.add_argument("ids", nargs="*", metavar="ID", help="only these of them")
 
 
 def print_sets() -> None:
@@ -55,6 +58,37 @@ def _list(options: argparse.Namespace) -> int:
         for route in routes
     ]
     _print_table(f"{spec}: {len(routes)} route{'s' * (len(routes) != 1)}", columns, rows)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    """A row for every route that can be driven; then one error that names all others."""
+    from pytest_drive_robust.errors import RouteError
+
+    spec, routes = _routes(options)
+    from pytest_drive_robust.simulators.embedded.route_words import describe_parameters, describe_road
+    from pytest_drive_robust.simulators.embedded.world import World
+
+    rows: list[tuple[str, ...]] = []
+    problems: list[str] = []
+    for route in routes:
+        try:
+            dense = World(route, seed=0).dense
+        except UsageError as error:
+            problems.append(str(error))
+            continue
+        rows.append(
+            (
+                route.id, route.scenario.type, route.town, f"{dense.length_m:.0f}", f"{dense.trigger_m:.0f}",
+                describe_road(dense), describe_parameters(route.scenario),
+            )
+        )  # fmt: skip
+    columns = {"id": "right", "scenario": "left", "town": "left", "m": "right", "at": "right"}
+    columns |= {"road": "left", "the file says": "left"}
+    if rows:
+        _print_table(f"{spec}: {len(rows)} of {len(routes)} routes can be driven", columns, rows)
+    if problems:
+        raise RouteError("\n  ".join([f"{len(problems)} of {len(routes)} routes cannot be driven:", *problems]))
     return 0
 
 
@@ -95,6 +129,9 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
     from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
 
     spec = options.routes or DEFAULT_ROUTES
+    ids = getattr(options, "ids", ())
+    if ids:
+        spec = f"{spec}:{','.join(ids)}"
     return spec, resolve_routes(spec)
 
 

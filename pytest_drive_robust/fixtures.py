@@ -12,7 +12,7 @@ import pytest
 
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.marker import MarkerOptions
-from pytest_drive_robust.report.numbers import interval_text
+from pytest_drive_robust.report.numbers import interval_text, legible
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -226,7 +226,7 @@ class Drive:
             yield
         except (BudgetSpentError, ComparisonError, UsageError) as error:
             self._item.user_properties.append(("drive_verdict", "error"))
-            raise NotJudgedError(f"ERROR: not judged: {what}\n{error}", pytrace=False) from None
+            raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
 
     def _record(self, judgement: Judgement) -> None:
         """Plain finite Python numbers only: nothing else can travel from a worker and be read from a JUnit file."""
@@ -263,12 +263,13 @@ class Drive:
     def _text(self, judgement: Judgement) -> str:
         from pytest_drive_robust.report.failure import failure_text
 
-        return failure_text(
+        text = failure_text(
             judgement.verdict,
             self._driver.settings,
             routes_spec=self._scope.routes_spec,
             privileged=judgement.privileged,
-        ) + self._reach(judgement.verdict.requirement)
+        )
+        return legible(text + self._reach(judgement.verdict.requirement))
 
     def _reach(self, requirement: Requirement) -> str:
         """How far the agent does get, where a margin was asked for."""

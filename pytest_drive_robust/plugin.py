@@ -31,6 +31,7 @@ from pytest_drive_robust.keeping import new_run_name, open_store
 from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
 from pytest_drive_robust.planning import PlanPlugin, check_plan_alone
 from pytest_drive_robust.regression.choices import REGRESSION_OPTIONS, Choices
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.selection import everything_ran
 from pytest_drive_robust.settings import DEFAULT_SIMULATOR, OPTIONS, Settings
 
@@ -174,7 +175,9 @@ class DrivingPlugin:
                 crash.message = str(error).partition("   (")[0].partition("\n")[0]
             if isinstance(error, NotJudgedError):
                 vars(report)[_NOT_JUDGED] = True  # a plain attribute: it travels from workers
-            report.sections += [(f"printed by {episode}", text) for episode, text in self._last_words()]
+            report.sections += [
+                (legible(f"printed by {episode}"), legible(text)) for episode, text in self._last_words()
+            ]
         return report
 
     def pytest_unconfigure(self) -> None:
@@ -241,6 +244,7 @@ def _activate(config: pytest.Config) -> None:
     from pytest_drive_robust.owner import LocalRecord, RunOwner
     from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.screen import progress_for
+    from pytest_drive_robust.stopping import StopPlugin
     from pytest_drive_robust.waiving import WaivingPlugin
 
     settings = Settings.from_pytest_config(config)
@@ -250,6 +254,7 @@ def _activate(config: pytest.Config) -> None:
     choices = Choices.from_pytest_config(config, config.rootpath)
     waivers = Waivers.of(choices.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
+    config.pluginmanager.register(StopPlugin(), "drive_robust_stopping")
     if distributed.is_worker(config):
         distributed.join_run(config, settings, partial(_drive_here, config, settings, execution, choices, shared=True))
         return

@@ -11,7 +11,7 @@ module         what it holds
 `plans`        a plan as `set_global_plan` wants it
 `commands`     a `carla.VehicleControl` as our `Control`
 `rays`         distances along rays among boxes: `lidar` and `radar`
-`opendrive`    the map of a world as OpenDRIVE
+`opendrive`    the map of a world as OpenDRIVE; `roads` puts its lanes side by side
 `world`        what an agent finds that asks CARLA's world about itself and others
 `adapter`      an agent of the leaderboard behind our `Agent` protocol
 `factory`      what the registry calls, and what makes the agent the same agent for the store

@@ -12,7 +12,7 @@ from typing import Any
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.errors import AgentError, DriveRobustError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.official_agents.commands import control_of
 from pytest_drive_robust.official_agents.payloads import Payloads, frame_number, game_time_s
 from pytest_drive_robust.official_agents.plans import STRAIGHT_PLAN, gps_plan, world_plan
@@ -67,7 +67,7 @@ class OfficialAgent:
         self._world = SeenWorld()
         self._payloads = Payloads(self._rig, seed=seed, route=plan)
         if self._wake(route, plan) != self._rig:
-            raise AgentError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
+            raise ValueError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
 
     def act(self, observation: Observation) -> Control:
         """One `run_step`."""
@@ -77,7 +77,9 @@ class OfficialAgent:
         show_world(self._world, frame=frame_number(tick), time_s=time_s)
         if hasattr(self._agent, "get_hero"):
             self._agent.hero_actor = self._world.hero
-        return control_of(self._agent.run_step(self._payloads.of(observation), time_s))
+        control = control_of(self._agent.run_step(self._payloads.of(observation), time_s))
+        self._world.hero.command = control
+        return control
 
     def _wake(self, plan: GlobalPlan, route: str) -> Rig:
         agent = self._class(_HOST, _PORT, False)

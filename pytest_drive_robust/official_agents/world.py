@@ -16,8 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind, Frame
-from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.official_agents.opendrive import opendrive_of
 from pytest_drive_robust.official_agents.stand_ins.finder import is_stand_in
 
@@ -61,6 +61,7 @@ class Actor:
     acceleration: tuple[float, float] = (0.0, 0.0)  # forward and to the right, m/s2
     yaw_rate_radps: float = 0.0
     size_m: tuple[float, float, float] = (4.9, 1.84, _HERO_HEIGHT_M)
+    command: Control = Control.NEUTRAL
     world: SeenWorld | None = None
     is_alive: bool = True
 
@@ -87,6 +88,11 @@ class Actor:
     def get_angular_velocity(self) -> Any:
         """Degrees per second, as CARLA gives it."""
         return _carla().Vector3D(x=0.0, y=0.0, z=math.degrees(self.yaw_rate_radps))
+
+    def get_control(self) -> Any:
+        """The command of the last tick."""
+        given = self.command
+        return _carla().VehicleControl(throttle=given.throttle, steer=given.steer, brake=given.brake)
 
     @property
     def bounding_box(self) -> Any:
@@ -162,11 +168,11 @@ class SeenWorld:
         return ActorList([self.hero, *others])
 
     def get_map(self) -> Any:
-        """A real `carla.Map` of the roads here. Raises `AgentError` without the carla package or the ground truth."""
+        """A real `carla.Map` of the roads here. Raises `RuntimeError` without the carla package or the ground truth."""
         if self._truth is None:
-            raise AgentError("the map of the world is given only to agents whose file imports CarlaDataProvider")
+            raise RuntimeError("the map of the world is given only to agents whose file imports CarlaDataProvider")
         if is_stand_in(_carla()):
-            raise AgentError("the map of the world is a carla.Map: install the carla package (pip install carla)")
+            raise RuntimeError("the map of the world is a carla.Map: install the carla package (pip install carla)")
         return _carla_map(_Known(self._truth.lane_map))
 
     def speed_limit_mps(self) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def csv_text(run: RunResult) -> str:
     for key, result in run.episodes.items():
         fields = {**_fields(result), "key": key}
         writer.writerow([fields[column] for column in COLUMNS])
-    return stream.getvalue()
+    return legible(stream.getvalue(), controls=True)
 
 
 def _fields(result: EpisodeResult) -> dict[str, object]:

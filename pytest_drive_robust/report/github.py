@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.report.numbers import interval_text, shown
+from pytest_drive_robust.report.numbers import interval_text, legible, shown
 from pytest_drive_robust.report.terminal import footnotes, numbers_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def append_step_summary(run: RunResult, environ: Mapping[str, str]) -> None:
     text = step_summary(run)
     if path and text:
         with Path(path).open("a", encoding="utf-8") as file:
-            file.write(text)
+            file.write(legible(text))
 
 
 def step_summary(run: RunResult) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["interval_text", "shown"]
+__all__ = ["interval_text", "legible", "shown"]
+
+_CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) not in "\t\n"}
 
 _SHARES = ("RD", "SR")
 
@@ -24,3 +26,12 @@ def interval_text(metric: str, low: float, high: float, *, confidence: float = 0
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{name} unknown"
     return f"{name} {shown(metric, low)} to {shown(metric, high)}"
+
+
+def legible(text: str, *, controls: bool = False) -> str:
+    """`text` as every terminal, file and channel takes it: half characters (lone surrogates), which names of routes and
+    words of agents may hold, are spelled out, and so are control characters but tab and line feed unless they are
+    meant (`controls`).
+    """
+    plain = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return plain if controls else plain.translate(_CONTROLS)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.machines import mixed_machines
-from pytest_drive_robust.report.numbers import shown
+from pytest_drive_robust.report.numbers import legible, shown
 from pytest_drive_robust.requirements.touched import immunity
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     console.print(_table(run, colour=colour))
     for line in footnotes(run):
         console.print(line, soft_wrap=line.startswith(_REPLAY))  # a command is there to be copied
-    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+    return legible("\n".join(line.rstrip() for line in stream.getvalue().splitlines()), controls=colour)
 
 
 def _table(run: RunResult, *, colour: bool) -> Table:

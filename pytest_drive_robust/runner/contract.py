@@ -27,6 +27,7 @@ _MOST_CHARACTERS = 500
 """An exception may hold megabytes."""
 _CALLERS = (
     "pytest_drive_robust.engine.",
+    "pytest_drive_robust.official_agents.",
     "pytest_drive_robust.runner.",
     "pytest_drive_robust.testing.",
     "pytest_drive_robust.perturbations.running",

@@ -44,7 +44,7 @@ def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_
 
 def _draw(*texts: str) -> float:
     """A number in 0..1 named by texts: the same in every process, unlike `hash()`."""
-    digest = hashlib.sha256("\x00".join(texts).encode()).digest()
+    digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:6], "big") / 2.0**48
 
 

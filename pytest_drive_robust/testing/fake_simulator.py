@@ -78,7 +78,7 @@ class FakeSimulator:
             camera.name: np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint8) for camera in cameras
         }
         self._captured = dict.fromkeys(self._buffers, 0)
-        parked_x_m = random.Random(f"{route.id} {seed}").uniform(10.0, 50.0)
+        parked_x_m = random.Random(f"{route.id} {seed}".encode("utf-8", "surrogatepass")).uniform(10.0, 50.0)
         self._actors = np.array([[7.0, 0.0, parked_x_m, 4.0, 0.0, 0.0, 4.5, 1.9, 1.5, 0.0]])
         return self._frame()
 

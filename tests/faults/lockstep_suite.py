@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.route import GlobalPlan
+
 LOCKSTEP_CONFTEST = '''
 import ctypes
 import os
@@ -89,3 +96,22 @@ def made_elsewhere() -> Row:
 
 AGENTS += [Row, Segfaults, LeavesAtOnce, Hangs, Raises, RaisesAtOnce, Social, made_elsewhere]
 '''
+
+
+class HangsTogether:
+    """Never comes back from the first tick of an episode with seed 1."""
+
+    def sensors(self) -> list[CameraSpec]:
+        return []
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        self.seed = seed
+
+    def act(self, observation: Observation) -> Control:
+        return Control(throttle=1.0)
+
+    @classmethod
+    def act_batch(cls, agents: Sequence[HangsTogether], observations: Sequence[Observation]) -> list[Control]:
+        if any(agent.seed == 1 for agent in agents):
+            time.sleep(600.0)
+        return [agent.act(seen) for agent, seen in zip(agents, observations, strict=True)]

@@ -15,8 +15,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
-from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.store.record import decode_episode, encode_episode
+from pytest_drive_robust.testing import fake_route
 
 SENTENCES = ("DS under clean >= 1", "DS under throttle 0.9 >= 1", "DS under 100 ms latency >= 1")
 
@@ -69,6 +69,7 @@ def test_an_agent_without_act_batch_is_driven_as_ever(suite, pytester):
         assert not any("lockstep" in decode_episode(path.read_bytes()).versions for path in kept)
 
 
+@pytest.mark.slow
 def test_two_workers_of_xdist_share_the_episodes(suite, pytester, driven):
     drive(suite, "Row", "alone")
     (pytester.path / "driven.log").unlink()
@@ -142,21 +143,20 @@ def test_lockstep_and_ray_exclude_each_other(suite):
     result.stderr.fnmatch_lines(["*--drive-lockstep and --drive-executor ray exclude each other*"])
 
 
-def test_a_driver_that_is_closed_gives_back_what_hangs(nursery_recipe) -> None:
+def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:
+    made = recipe()
+    hanging, alone = "lockstep_suite:HangsTogether", "guarded_agents:Steady"
     executor = LockstepProcessExecutor(
-        lambda: nursery_recipe, Limits(), workers=2, width=4, shares=lambda agent: agent != "guarded_agents:Steady"
+        lambda: made, Limits(), workers=2, width=4, shares=lambda agent: agent == hanging
     )
     assert executor.slots == 8
-    futures = [executor.submit(replace(task("Hangs"), identity=str(number))) for number in range(4)]
-    alone = executor.submit(task("Steady"))
-    assert executor.slots in (8, 5), "an episode that is driven alone takes the place of a batch"
-    assert alone.result().outcome is Outcome.COMPLETED
+    early = executor.submit(task(hanging))
+    assert early.result().versions["lockstep"] == "4"
+    late = [executor.submit(task(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
+    single = executor.submit(task(alone))
+    assert single.done() or executor.slots == 5, "what is driven alone takes the place of a batch"
+    assert single.result().outcome is Outcome.COMPLETED
     executor.close(cancel=True)
     executor.close()
-    for future in futures:
-        assert isinstance(future.exception(timeout=1.0), Stopped)
-
-
-@pytest.fixture
-def nursery_recipe() -> Recipe:
-    return recipe()
+    assert isinstance(late[0].exception(timeout=1.0), Stopped)
+    assert all(future.done() for future in late)

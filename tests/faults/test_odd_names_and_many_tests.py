@@ -13,7 +13,9 @@ import pytest
 from pytest_drive_robust.store.folder import FolderStore
 
 WORKERS = pytest.mark.parametrize(
-    "workers", [("--drive-executor=inline",), ("--drive-executor=processes",), ("-n2",)], ids=["inline", "pool", "xdist"]
+    "workers",
+    [("--drive-executor=inline",), ("--drive-executor=processes",), ("-n2",)],
+    ids=["inline", "pool", "xdist"],
 )
 ODD = """
 
@@ -39,26 +41,26 @@ class Odd(LoggedSimulator):
 @pytest.hookimpl(optionalhook=True)
 def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
     _known(registry)
-    registry.register_simulator("odd", lambda options: Odd(replace(options, tick_cap=40)))
+    registry.register_simulator("odd", lambda options: Odd(replace(options, tick_cap=60)))
 """.replace("\\\\n", "\\n").replace("\\\\\\\\", "\\\\")
 COUNT = 18
 ODD_TESTS = """
 import pytest
-from pytest_drive_robust import requirement
+from pytest_drive_robust import requirement, requirements
 
-@pytest.mark.parametrize("name", ["a/b", "\\udcff", "\\U0001f697", "x" * 300, "nul\\0byte", "line\\nbreak"])
+@pytest.mark.parametrize("name", ["a/b", "\\U0001f697", "x" * 300, "nul\\0byte", "line\\nbreak", "e\\u0301"])
 def test_named(drive, name):
     drive.check(requirement("DS") >= 99.9)
 
-def test_broken(drive):
-    from pytest_drive_robust import Setting
-    drive.check(requirement("RD", Setting.parse("throttle 0.1")) <= 0.01)
+@pytest.mark.parametrize("wanted", requirements("RD under throttle 0.1 <= 0.01"))
+def test_broken(drive, wanted):
+    drive.check(wanted)
 """
 MANY = """
 import pytest
-from pytest_drive_robust import requirement, Setting
+from pytest_drive_robust import requirements
 
-LIMITS = [requirement("DS", Setting.parse(f"throttle {number / 10_000:.4f}")) >= 0 for number in range(1, 10_001)]
+LIMITS = requirements("\\n".join(f"DS under throttle {number / 10_000:.4f} >= 0" for number in range(1, 10_001)))
 
 @pytest.mark.parametrize("wanted", LIMITS)
 def test_many(drive, wanted):

@@ -84,9 +84,8 @@ def test_control_c_ends_soon_and_keeps_what_is_finished(campaign, engine, times)
         if number:
             time.sleep(0.1)
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process of the job
-    started = time.monotonic()
-    assert process.wait(timeout=20) == 2, (campaign.folder / "output.txt").read_text()
-    assert time.monotonic() - started < 10.0
+    # Ending its workers takes pytest-xdist up to ten seconds, whatever they do.
+    assert process.wait(timeout=60 if engine == "xdist" else 10) == 2, (campaign.folder / "output.txt").read_text()
     assert left_alive(below) == []
     output = (campaign.folder / "output.txt").read_text()
     assert "KeyboardInterrupt" in output

@@ -28,7 +28,10 @@ _INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command. Returns 0 when every route has a score, 1 when harness errors left some without, 4 for misuse."""
+    """Run one command.
+
+    Returns 0 when every route has a score, 1 when harness errors left some without, 4 for misuse, 130 when interrupted.
+    """
     options = _parser().parse_args(arguments)
     try:
         return _run(options)
@@ -145,14 +148,7 @@ def _routes(spec: str) -> tuple[Path, list[str]]:
 
 def _claim(folder: Path, job: Job) -> None:
     """Results of different drives must not get into one folder. Raises `UsageError`."""
-    own = {
-        "agent": str(job.agent),
-        "config": job.config,
-        "setting": str(job.setting),
-        "seed": job.seed,
-        "routes": str(job.routes),
-        "root": str(job.checkout.root),
-    }
+    own = job.identity
     path = folder / "run.json"
     if path.is_file():
         try:

@@ -103,11 +103,12 @@ class _Watch:
             self._size, self._spoke_s = size, now_s
         if now_s - self._spoke_s > self._patience.silence_s:
             return f"the evaluator said nothing for {self._patience.silence_s:g} s"
-        if now_s - self._looked_s >= min(_LOOK_S, self._patience.server_s):
+        look_s = min(_LOOK_S, self._patience.server_s)
+        if now_s - self._looked_s >= look_s:
             self._looked_s = now_s
             if any(_SERVER_SIGN in _read(pid, "cmdline") for pid in _marked(self._mark)):
                 self._server_s = now_s
-        if self._server_s is not None and now_s - self._server_s > self._patience.server_s + _LOOK_S:
+        if self._server_s is not None and now_s - self._server_s > self._patience.server_s + look_s:
             return "the CARLA server died"
         return ""
 

@@ -145,14 +145,14 @@ def _python(checkout: Checkout) -> Iterator[Check]:
         yield Check("python", False, f"{checkout.python}: {type(error).__name__}", hint)
         return
     version = tuple(told["python"])
-    known = (3, 7) <= version
+    known = version >= (3, 7)
     yield Check("python", known, f"{checkout.python}, version {version[0]}.{version[1]}", hint)
     missing = dict(told["missing"])
     client = missing.pop("carla", "")
     eggs = ", ".join(egg.name for egg in checkout.eggs) or "no egg in PythonAPI/carla/dist"
     yield Check(
         "client", not client, client or f"carla {told.get('carla') or 'of unknown version'} ({eggs})",
-        f"{checkout.python} -m pip install carla=={_CARLA} (Python 3.7 to 3.10), or use a Python that fits the egg: {eggs}.",
+        f"{checkout.python} -m pip install carla=={_CARLA} (Python 3.7 to 3.10), or a Python that fits the egg.",
     )  # fmt: skip
     planner = missing.pop("agents.navigation.global_route_planner", "")
     if planner and not client:

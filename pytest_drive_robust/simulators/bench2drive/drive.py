@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -45,6 +46,20 @@ class Job:
     port: int = 2000
     tries: int = 3
     patience: Patience = field(default_factory=Patience)
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What decides the results, as text by name: drives of which one differs must not be mixed."""
+        return {
+            "agent": str(self.agent),
+            "agent file": _digest(self.agent),
+            "config": self.config,
+            "config file": _stamp(Path(self.config)) if self.config else "",
+            "setting": str(self.setting),
+            "seed": str(self.seed),
+            "routes": f"{self.routes} {_digest(self.routes)}",
+            "root": str(self.checkout.root),
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +122,7 @@ def drive_route(job: Job, route: str, places: Places, *, slot: int = 0, stop: th
         log = places.log(route, number)
         record, trouble = _reading(places.work(route) / "result.json", route, ended)
         if record is not None and _is_innocent(record, ended, log):
-            record, trouble = None, f"{record.status}, after the CARLA server was lost"
+            trouble, record = f"{record.status}, after the CARLA server was lost", None
         if record is not None:
             _keep(places, route)
             shutil.rmtree(places.work(route), ignore_errors=True)
@@ -127,6 +142,19 @@ def read_finished(places: Places, route: str) -> Driven | None:
     if record is None:
         raise UsageError(f"{str(path)!r} is no finished result: {trouble}. Remove it to drive the route again.")
     return Driven(route, record, (), _injected(places.injected(route)), record.wall_s, resumed=True)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
+
+
+def _stamp(path: Path) -> str:
+    """Weights are too large to be read each time."""
+    try:
+        status = path.stat()
+    except OSError:
+        return ""
+    return f"{status.st_size} bytes of {status.st_mtime_ns}" if path.is_file() else ""
 
 
 def _once(job: Job, route: str, places: Places, number: int, slot: int, stop: threading.Event | None) -> Attempt:

@@ -155,7 +155,7 @@ class Bench2DriveExecutor:
 
 
 def _name_of(task: Task, job: Job) -> str:
-    """A folder for each agent, configuration, setting, seed and route file: what is in it is of the same kind."""
-    parts = (str(job.agent), job.config, str(task.setting), str(task.episode.seed), str(job.routes), task.identity)
+    """A folder for everything that decides the results: what is in it is of the same kind."""
+    parts = (*job.identity.values(), task.identity)
     digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
     return f"{job.agent.stem}-seed{task.episode.seed}-{digest}"

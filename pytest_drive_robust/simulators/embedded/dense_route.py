@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from itertools import groupby, islice
+from itertools import groupby, islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ __all__ = ["DenseRoute", "lay_route"]
 
 Floats = NDArray[np.float64]
 _MAX_PLAN_GAP_M = 50.0
+_LONGEST_M = 20_000.0
 _OFF_CENTRE_M = 0.1
 """A lane change begins and ends where the route is nearer than this to the centre of a lane."""
 _TURN_RAD = np.radians(35.0)
@@ -171,6 +173,12 @@ def lay_route(route: Route) -> DenseRoute:
     """
     if len(route.waypoints) < 2:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
+    steps = pairwise(route.waypoints)
+    length = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in steps)
+    if not length <= _LONGEST_M:
+        raise RouteError(
+            f"route {route.id}: its waypoints are {length:.3g} m long, expected {_LONGEST_M:.0f} m at most"
+        )
     surveyed = survey(route) if is_official(route.town) else None
     town = compile_town(route.town) if surveyed is None else surveyed.town
     lane_map = town.lane_map

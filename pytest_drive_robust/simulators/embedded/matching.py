@@ -49,7 +49,7 @@ def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float,
     to_m, at_to = _nearest(driving, end)
     best: tuple[float, tuple[int, ...]] | None = None
     for first in driving:
-        ways = {first: (first,)}
+        ways: dict[int, tuple[int, ...]] = {first: (first,)}
         waiting = [first]
         while waiting:
             here = waiting.pop(0)

@@ -14,12 +14,23 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.traced.schema import is_official, problems_of
 
 __all__ = ["load_routes", "save_routes"]
 
+_WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
+"""Degrees; all others are percentages."""
+_CARLA_DEFAULT = -1.0
+"""A percentage of -1 leaves the choice to CARLA; ours is then the default, too."""
+
 
 def load_routes(path: Path) -> tuple[Route, ...]:
-    """Every route of a file, in its order. Raises `RouteError` that names file, route and element."""
+    """Every route of a file, in its order.
+
+    Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Files
+    of the leaderboard are checked for what their scenario types need, too; where anything is wrong, also for whether a
+    road can be built around their waypoints, so that one reading tells everything.
+    """
     from defusedxml.common import DefusedXmlException
     from defusedxml.ElementTree import parse
 
@@ -33,15 +44,48 @@ def load_routes(path: Path) -> tuple[Route, ...]:
         raise RouteError(f"{path}: not a route XML file: {error}") from None
     if root.tag != "routes":
         raise RouteError(f"{path}: the outermost element is <{root.tag}>, expected <routes>")
-    routes = tuple(_route(element, path) for element in root.findall("route"))
-    if not routes:
+    elements = root.findall("route")
+    if not elements:
         raise RouteError(f"{path}: holds no <route>")
+    routes, problems = _read(elements)
+    if problems:
+        problems += [problem for route in routes if (problem := _misfit(route)) is not None]
+        several = f"{len(problems)} of {len(elements)} routes cannot be read:\n  "
+        raise RouteError(f"{path}: {several if len(problems) > 1 else ''}" + "\n  ".join(problems))
+    return tuple(routes)
+
+
+def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
+    """The routes without a mistake in them, and one line for every other."""
+    routes: list[Route] = []
+    problems: list[str] = []
     seen: set[str] = set()
-    for route in routes:
-        if route.id in seen:
-            raise RouteError(f"{path}: two routes have the id {route.id!r}")
-        seen.add(route.id)
-    return routes
+    for element in elements:
+        try:
+            route = _route(element)
+            if route.id in seen:
+                raise RouteError(f"two routes have the id {route.id!r}")
+            wrong = problems_of(route.scenario) if is_official(route.town) else []
+            if wrong:
+                raise RouteError(f"route {route.id}: {'; '.join(wrong)}")
+        except RouteError as error:
+            problems.append(str(error))
+        else:
+            seen.add(route.id)
+            routes.append(route)
+    return routes, problems
+
+
+def _misfit(route: Route) -> str | None:
+    """Why no road can be built around a route of the leaderboard, or None."""
+    from pytest_drive_robust.simulators.embedded.traced.survey import survey
+
+    if is_official(route.town):
+        try:
+            survey(route)
+        except RouteError as error:
+            return str(error)
+    return None
 
 
 def save_routes(routes: Iterable[Route], path: Path) -> None:
@@ -73,11 +117,11 @@ def _write_scenario(parent: ElementTree.Element, scenario: ScenarioSpec) -> None
         ElementTree.SubElement(element, name, value=text)
 
 
-def _route(element: ElementTree.Element, path: Path) -> Route:
+def _route(element: ElementTree.Element) -> Route:
     route_id = element.get("id")
     if not route_id:
-        raise RouteError(f"{path}: a <route> has no id")
-    where = f"{path}: route {route_id}"
+        raise RouteError("a <route> has no id")
+    where = f"route {route_id}"
     town = element.get("town")
     if not town:
         raise RouteError(f"{where}: <route> has no town")
@@ -119,7 +163,15 @@ def _weather(element: ElementTree.Element, where: str) -> Weather:
     if first is None:
         return Weather()
     names = [field.name for field in fields(Weather)]
-    return Weather(**{name: _number(first, name, where) for name in names if name in first.attrib})
+    given = {name: _number(first, name, where) for name in names if name in first.attrib}
+    for name, number in tuple(given.items()):
+        if number == _CARLA_DEFAULT and name not in _WEATHER_RANGES:
+            del given[name]
+            continue
+        low, high = _WEATHER_RANGES.get(name, (0.0, 100.0))
+        if not low <= number <= high:
+            raise RouteError(f"{where}: <weather> has {name}={number:g}, expected {low:g} to {high:g}")
+    return Weather(**given)
 
 
 def _number(element: ElementTree.Element, name: str, where: str) -> float:

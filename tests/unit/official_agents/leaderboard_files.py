@@ -7,7 +7,7 @@ import numpy as np
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Observation, Speed
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, GroundTruth, Lane, LaneKind, LaneMap
 
-AGENT = '''
+AGENT = """
 import carla
 from leaderboard.autoagents import autonomous_agent
 from leaderboard.autoagents.autonomous_agent import Track
@@ -45,7 +45,7 @@ class NoisyAgent(autonomous_agent.AutonomousAgent):
 
     def destroy(self):
         self.calls.append(("destroy", self.config))
-'''
+"""
 
 
 def observation(tick=0, *, x_m=0.0, y_m=0.0, yaw_rad=0.0, truth=None, cameras=("CAM_FRONT",)):

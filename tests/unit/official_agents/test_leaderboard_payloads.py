@@ -12,7 +12,6 @@ from leaderboard_files import AGENT, CAR_AHEAD, observation, truth_with
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.geodesy import to_geodetic, to_metric
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
-from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.official_agents.commands import control_of
 from pytest_drive_robust.official_agents.payloads import Payloads
 from pytest_drive_robust.official_agents.rig import read_rig
@@ -155,9 +154,9 @@ def test_anything_with_the_fields_is_taken_and_held_within_range(given, expected
 
 
 def test_what_is_no_command_is_named():
-    with pytest.raises(AgentError, match="run_step returned None of type NoneType whose throttle is None"):
+    with pytest.raises(TypeError, match="run_step returned None of type NoneType whose throttle is None"):
         control_of(None)
-    with pytest.raises(AgentError, match="reverse gear"):
+    with pytest.raises(ValueError, match="reverse gear"):
         control_of(SimpleNamespace(throttle=0.3, steer=0.0, brake=0.0, reverse=True))
     assert control_of(SimpleNamespace(throttle=math.nan, steer=0.0, brake=0.0)).problem() is not None
 

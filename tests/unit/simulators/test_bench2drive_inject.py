@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import json
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -285,5 +287,7 @@ def test_the_module_is_one_file_of_python_3_7_with_numpy_alone() -> None:
         "nextafter",
     }
     assert not later & {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    unions = [node for node in ast.walk(tree) if isinstance(node, ast.NamedExpr)]
-    assert not unions
+    assert not [node for node in ast.walk(tree) if isinstance(node, ast.NamedExpr)]
+    if importlib.util.find_spec("vermin") is not None:
+        command = [sys.executable, "-m", "vermin", "--target=3.7-", "--no-tips", "--no-eval-annotations"]
+        subprocess.run([*command, inject.__file__], check=True)

@@ -9,7 +9,13 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import Script
 from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import KMH, ahead, right_hand, rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+    KMH,
+    ahead,
+    right_hand,
+    rolling_start,
+    scenery,
+)
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ Floats = NDArray[np.float64]
 _CLEAR_M = 0.8
 """Least distance between a wall and the edge of any lane in a city; in the country it is the least gap."""
 _STEP_M = 22
+_NEAR_M = 50.0
+"""More than half the diagonal of the largest house and the widest lane and gap together."""
 
 
 def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
@@ -35,9 +38,15 @@ def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
             gap = rng.uniform(*town.building_gap_m) + 0.05
             pose = place(lane.centre, float(start + 8), gap + depth / 2.0 + lane.width_m / 2.0)
             row = [*pose, float(length), float(depth), float(height)]
-            if bool((_outside(row, points) > clear).all()) and _apart(row, rows):
+            near = _is_near(row, points)
+            if bool((_outside(row, points[near]) > clear[near]).all()) and _apart(row, rows):
                 rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, 6)
+
+
+def _is_near(row: list[float], points: Floats) -> NDArray[np.bool_]:
+    """Points that may be too close to a house: the exact distance is worked out for these only."""
+    return np.asarray(np.abs(points - row[:2]).max(axis=1) < _NEAR_M)
 
 
 def _outside(row: list[float], points: Floats) -> Floats:
@@ -50,8 +59,8 @@ def _outside(row: list[float], points: Floats) -> Floats:
 
 
 def _apart(row: list[float], rows: list[list[float]]) -> bool:
-    reach = np.hypot(row[3], row[4]) / 2.0
+    reach = math.hypot(row[3], row[4]) / 2.0
     return all(
-        np.hypot(row[0] - other[0], row[1] - other[1]) > reach + np.hypot(other[3], other[4]) / 2.0 - 4.0
+        math.hypot(row[0] - other[0], row[1] - other[1]) > reach + math.hypot(other[3], other[4]) / 2.0 - 4.0
         for other in rows
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,7 @@ def read_course(route: Route) -> Course:
         straightened, shifts = _without_shifts(points)
         return Course(smoothed(straightened), None, shifts)
     parts = [smoothed(part) for part in np.split(points, gaps + 1)]
-    scores = [_importance(a, b) for a, b in zip(parts, parts[1:])]
+    scores = [_importance(a, b) for a, b in pairwise(parts)]
     main = int(np.argmax(scores))
     return Course(_chained(parts[: main + 1]), _chained(parts[main + 1 :]), ())
 
@@ -81,7 +82,9 @@ def read_course(route: Route) -> Course:
 def _points(route: Route) -> Floats:
     points = np.array([[point.x_m, point.y_m] for point in route.waypoints])
     if np.abs(points).max() > _FARTHEST_M:
-        raise RouteError(f"a waypoint lies {np.abs(points).max():.3g} m from the town's origin, expected 1000 km at most")
+        raise RouteError(
+            f"a waypoint lies {np.abs(points).max():.3g} m from the town's origin, expected 1000 km at most"
+        )
     points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_M])]
     if len(points) < 3:
         raise RouteError(f"{len(points)} waypoint(s) at different places, expected at least 3")

@@ -39,24 +39,25 @@ def draw_exit(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trig
     The road goes on to the flow's end where the file says that it is not on the ramp.
     """
     before, after = _parts(course, spec)
-    gap, start = course.gap_m, course.start_m
+    gap, start = course.gap_m, course.start_m + _BEHIND_M
     own = _road_on(before, after, spec, gap)
     side = 1.0 if project(own, *after[0, :2])[1] > 0.0 else -1.0
     limit = roads.speed_mps if gap >= _SLOW_GAP_M else _SLOW_MPS
     # room for the change of lanes before the ramp begins, and for the ramp to come away from the road
-    begins = trigger_m + 1.0
+    begins = _BEHIND_M + trigger_m + 1.0
     fork = min(max(start + 0.35 * gap, begins + _over_m(limit) + 2.0), start + 0.55 * gap)
     over = min(_over_m(limit), fork - begins)
     if over < _CHANGE_M[0] - 8.0:
         raise RouteError(f"{fork - begins:.0f} m from the trigger to the exit are too few to change lanes")
     target = shifted(own, side * LANE_M)
-    ramp_start = tuple(place(target, _level(own, fork, target)))
+    ramp_start = place(target, _level(own, fork, target))
     ramp = joined(bridge(ramp_start, tuple(after[0])), after[1:])
     _road(town, own, limit, fork, extra_m=0.0, lanes=(3, 3, 3), own_lane=1)
     section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
     trace_road(town, "exit", shifted(prolonged(ramp, after_m=_BEYOND_M), -LANE_M / 2.0), section)
     changing = _changing(own, begins, over, side)
-    return joined(changing[arc_lengths(own) < fork - 0.5], ramp)
+    s = arc_lengths(own)
+    return joined(changing[(s > _BEHIND_M - 0.5) & (s < fork - 0.5)], ramp)
 
 
 def draw_entry(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
@@ -123,10 +124,8 @@ def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) ->
         curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
     steps = np.arange(1.0, gap_m + 30.0)
     heading = start[2] + curvature * steps
-    arc = np.column_stack(
-        [start[0] + np.cumsum(np.cos(heading)), start[1] + np.cumsum(np.sin(heading)), heading]
-    )
-    return prolonged(joined(before, arc), after_m=_BEYOND_M)
+    arc = np.column_stack([start[0] + np.cumsum(np.cos(heading)), start[1] + np.cumsum(np.sin(heading)), heading])
+    return prolonged(joined(before, arc), before_m=_BEHIND_M, after_m=_BEYOND_M)
 
 
 def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
@@ -153,7 +152,11 @@ def _road(
     first = int(np.searchsorted(s, split_m))
     last = int(np.searchsorted(s, split_m + extra_m)) if extra_m else first
     own = own_lane if side > 0.0 or extra_m == 0.0 else own_lane - 1
-    parts = [(line[: first + 1], lanes[0], own), (line[first : last + 1], lanes[1], own_lane), (line[last:], lanes[2], own)]
+    parts = [
+        (line[: first + 1], lanes[0], own),
+        (line[first : last + 1], lanes[1], own_lane),
+        (line[last:], lanes[2], own),
+    ]
     for number, (part, count, own_number) in enumerate(parts):
         if len(part) > 2:
             section = Section(count, 0, LANE_M, speed_mps, sidewalk=False)

@@ -88,7 +88,7 @@ _BEARINGS = ("left", "right", "opposite")
 _FLOW = ("start_actor_flow", "end_actor_flow")
 _OBSTACLE = Roads(Place.STREET, lanes=2, own=1, speed_mps=13.9)
 _NARROW = Roads(Place.STREET)
-_KERB = Roads(Place.STREET, parking=True)
+_KERB = Roads(Place.STREET, parking=True, speed_mps=11.0)
 _CITY_SPEED_MPS, _COUNTRY_SPEED_MPS = 11.0, 20.0
 
 

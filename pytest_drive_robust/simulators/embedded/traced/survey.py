@@ -59,7 +59,7 @@ class _Key:
         return isinstance(other, _Key) and self.text == other.text
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _survey(key: _Key) -> Survey:
     route, spec = key.route, key.route.scenario
     problems = problems_of(spec)
