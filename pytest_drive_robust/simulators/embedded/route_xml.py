@@ -61,19 +61,24 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
     problems: list[str] = []
     seen: set[str] = set()
     for element in elements:
-        try:
-            route = _route(element)
-            if route.id in seen:
-                raise RouteError(f"two routes have the id {route.id!r}")
-            wrong = problems_of(route.scenario) if is_official(route.town) else []
-            if wrong:
-                raise RouteError(f"route {route.id}: {'; '.join(wrong)}")
-        except RouteError as error:
-            problems.append(str(error))
+        read = _route_or_problem(element)
+        if isinstance(read, str):
+            problems.append(read)
+        elif read.id in seen:
+            problems.append(f"two routes have the id {read.id!r}")
         else:
-            seen.add(route.id)
-            routes.append(route)
+            seen.add(read.id)
+            routes.append(read)
     return routes, problems
+
+
+def _route_or_problem(element: ElementTree.Element) -> Route | str:
+    try:
+        route = _route(element)
+    except RouteError as error:
+        return str(error)
+    wrong = problems_of(route.scenario) if is_official(route.town) else []
+    return f"route {route.id}: {'; '.join(wrong)}" if wrong else route
 
 
 def _misfit(route: Route) -> str | None:

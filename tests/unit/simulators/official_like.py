@@ -33,7 +33,7 @@ class Shape:
 def shape_for(kind: str, number: int = 0) -> Shape:
     """Something that a type can use; other numbers give other headings, sizes and sides."""
     place, odd = SCHEMA[kind].roads.place, number % 2 == 1
-    turn = -90.0 if any(kind.startswith(name) for name in LEFT) or odd and "RightTurn" not in kind else 90.0
+    turn = -90.0 if any(kind.startswith(name) for name in LEFT) or (odd and "RightTurn" not in kind) else 90.0
     heading, at = 37.0 * number, (1234.5 + 511.0 * number, -876.5)
     if place is Place.STREET:
         return Shape(turn_deg=-40.0 if odd else 0.0, heading_deg=heading, at=at)

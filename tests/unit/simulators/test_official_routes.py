@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_robust_agents.expert import Expert
 from official_like import Shape, draw, shape_for
 
+from drive_robust_agents.expert import Expert
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError

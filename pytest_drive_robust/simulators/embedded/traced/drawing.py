@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from highway_env.road.lane import AbstractLane
 from numpy.typing import NDArray
@@ -13,7 +11,7 @@ from pytest_drive_robust.simulators.embedded.geometry import resample
 from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import draw_strips
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
-from pytest_drive_robust.simulators.embedded.traced.lines import shifted
+from pytest_drive_robust.simulators.embedded.traced.lines import reversed_line, shifted
 
 __all__ = ["trace_road"]
 
@@ -32,7 +30,7 @@ def trace_road(town: Town, name: str, line: Floats, section: Section, *, first: 
         if (along <= 0.0).any():
             raise RouteError(f"its road bends so tightly that no lane fits {abs(offset):.1f} m beside its middle")
         if backward:
-            beside = beside[::-1] + [0.0, 0.0, math.pi]
+            beside = reversed_line(beside)
         centre = resample(beside)
         centre[0, 2], centre[-1, 2] = beside[0, 2], beside[-1, 2]
         return TracedLane(centre, **lane)  # type: ignore[arg-type]

@@ -23,6 +23,7 @@ from pytest_drive_robust.simulators.embedded.traced.lines import (
     joined,
     moved,
     prolonged,
+    reversed_line,
     shifted,
     straight,
 )
@@ -124,7 +125,7 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
     """(arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
     plain = Section(1, 1, LANE_M, roads.speed_mps)
     own = Section(1, 1, LANE_M, roads.speed_mps, biking_m=_BIKING_M if roads.biking else 0.0)
-    entry = shifted(prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0)[::-1] + [0.0, 0.0, math.pi]
+    entry = reversed_line(shifted(prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
     leave = shifted(prolonged(ways.after, after_m=_ARM_M), -LANE_M / 2.0)
     turns = abs(math.remainder(leave[0, 2] - entry[0, 2] - math.pi, math.tau)) > _TURN_RAD
     arms = [_arm("in", entry, ways.centre, own), _arm("out", leave, ways.centre, plain if turns else own)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
 
-__all__ = ["bridge", "crossing_point", "joined", "local", "moved", "prolonged", "shifted", "smoothed", "straight"]
+__all__ = ["bridge", "crossing_point", "joined", "local", "moved", "prolonged", "reversed_line", "shifted", "smoothed", "straight"]
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -79,6 +79,11 @@ def shifted(line: Floats, right_m: float | Floats) -> Floats:
         return np.column_stack([x, y, line[:, 2]])
     heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
     return np.column_stack([x, y, heading])
+
+
+def reversed_line(line: Floats) -> Floats:
+    """The same line, driven from its end to its start."""
+    return np.asarray(line[::-1] + np.array([0.0, 0.0, math.pi]))
 
 
 def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
