@@ -46,6 +46,9 @@ EXECUTION_OPTIONS = (
         "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
     ),
     Option(
+        "--drive-b2d-root", "drive_b2d_root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"
+    ),
+    Option(
         "--drive-results",
         "drive_results",
         "LIST",
@@ -76,6 +79,7 @@ class Execution:
     memory_bytes: int | None = None
     budget_s: float | None = None
     results: str = ""
+    b2d_root: str = ""
     ray_address: str = ""
 
     @classmethod
@@ -100,6 +104,7 @@ class Execution:
             memory_bytes=_bytes("--drive-memory", given["drive_memory"]),
             budget_s=_limit("--drive-budget", given["drive_budget"]),
             results=given["drive_results"],
+            b2d_root=given["drive_b2d_root"],
             ray_address=given["drive_ray_address"],
         )
 

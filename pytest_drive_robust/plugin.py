@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from pytest_drive_robust import distributed, errors
+from pytest_drive_robust.crewing import crew_of, is_outside, outside_settings
 from pytest_drive_robust.execution import EXECUTION_OPTIONS, Execution
 from pytest_drive_robust.fixtures import (
     DRIVER,
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.owner import Record, RunOwner
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.campaign import Observer
-    from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.store.base import EpisodeStore
 
@@ -50,8 +50,6 @@ _FIXTURES = frozenset({"drive", "drive_agent"})
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 """Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
 
-_RESULTS = "results"
-"""What stands for a simulator, and for an agent without a name, when nothing is driven here."""
 _PLANNING = "drive_robust_planning"
 _ADVICE = pytest.StashKey["dict[str, None]"]()
 """What the routes of the selected tests cannot show, each sentence once."""
@@ -63,7 +61,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
     group.addoption("--drive-probe", action="store_true", help="drive one clean episode twice: does one seed suffice?")
     group.addoption("--drive-fresh", action="store_true", help="drive again what earlier runs left in the store")
-    group.addoption("--drive-plan", action="store_true", help="show which episodes are needed and stored; drive nothing")
+    group.addoption(
+        "--drive-plan", action="store_true", help="show which episodes are needed and stored; drive nothing"
+    )
     for option in (*OPTIONS, *EXECUTION_OPTIONS, *REGRESSION_OPTIONS):
         default = f" (default: {option.default})" if option.default else ""
         bare = {"nargs": "?", "const": option.bare} if option.bare else {}
@@ -249,8 +249,7 @@ def _activate(config: pytest.Config) -> None:
 
     settings = Settings.from_pytest_config(config)
     execution = Execution.from_pytest_config(config)
-    if execution.results:
-        settings = _of_results(config, settings)
+    settings = outside_settings(config, settings, execution)
     choices = Choices.from_pytest_config(config, config.rootpath)
     waivers = Waivers.of(choices.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
@@ -278,12 +277,6 @@ def _activate(config: pytest.Config) -> None:
         config.pluginmanager.register(ProbePlugin(config, settings, owner), "drive_robust_probing")
 
 
-def _of_results(config: pytest.Config, settings: Settings) -> Settings:
-    """The settings of a run that judges what was driven elsewhere: no world, nothing to keep, any name for the agent."""
-    agent = config.getoption("drive_agent") or config.getini("drive_agent") or _RESULTS
-    return replace(settings, agent=agent, simulator=_RESULTS, store="off")
-
-
 def _drive_here(
     config: pytest.Config,
     settings: Settings,
@@ -294,32 +287,9 @@ def _drive_here(
     *,
     shared: bool,
 ) -> None:
-    from pytest_drive_robust.executing import executor_of
-    from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.campaign import Campaign
-    from pytest_drive_robust.runner.routes import resolve_routes
-    from pytest_drive_robust.runner.scopes import Scopes
 
-    scopes: Scopes
-    executor: Executor
-    if execution.results:
-        from pytest_drive_robust.official.result_scopes import ResultScopes
-        from pytest_drive_robust.official.supply import ResultsExecutor
-
-        executor = results = ResultsExecutor.read(execution.results, default_registry().perturbations())
-        scopes = ResultScopes(settings, default_registry(), resolve_routes, results)
-    else:
-        lockstep = execution.lockstep is not None
-        scopes = Scopes(
-            settings,
-            default_registry(),
-            resolve_routes,
-            lockstep=lockstep,
-            is_stored=lambda key: store.get(key) is not None,
-        )
-        executor = executor_of(
-            config, settings, execution, shared=shared, agents=lambda: scopes.agents, ticked=observer.ticked
-        )
+    scopes, executor = crew_of(config, settings, execution, shared=shared, store=store, ticked=observer.ticked)
     campaign = Campaign(
         store, executor, observer, metrics=settings.metrics, whole=choices.drives_all, budget_s=execution.budget_s
     )
@@ -408,8 +378,8 @@ def _routes_in_words(settings: Settings) -> str:
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
 
-    if settings.simulator == _RESULTS:
-        return settings.routes if settings.routes_given else "all of the results"
+    if is_outside(settings):
+        return settings.routes if settings.routes_given else f"all of {settings.simulator}"
     if settings.simulator == DEFAULT_SIMULATOR:
         return f"{len(resolve_routes(settings.routes))} ({settings.routes})"
     try:

@@ -43,7 +43,9 @@ def value_text(metric: str, setting: str, value: float) -> str:
     return f"{metric} under {setting} = {shown(metric, value)}"
 
 
-def replay_command(worst: WorstRoute | Episode, agent: str, setting: str, settings: Settings, *, routes_spec: str) -> str:
+def replay_command(
+    worst: WorstRoute | Episode, agent: str, setting: str, settings: Settings, *, routes_spec: str
+) -> str:
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
     words = ["drive-robust", "replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]

@@ -83,7 +83,8 @@ def _of_torch_in_one_thread(torch: Any) -> str:
         kernel = square[:9, :9].reshape(3, 3, 3, 3)
         results = [
             torch.tanh(line), torch.exp(line), torch.sigmoid(line), torch.softmax(square, 1), square @ line,
-            square @ square, torch.nn.functional.conv2d(image, kernel), torch.nn.functional.layer_norm(square, (_SIZE,)),
+            square @ square, torch.nn.functional.conv2d(image, kernel),
+            torch.nn.functional.layer_norm(square, (_SIZE,)),
         ]  # fmt: skip
         return _digest(result.contiguous().numpy().tobytes() for result in results)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 
 from pytest_drive_robust.cli import main
 from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.embedded.routes import save_routes
 
 
 @pytest.fixture(autouse=True)
@@ -68,3 +70,34 @@ def test_a_long_list_goes_on_on_a_second_sheet(
 def test_what_cannot_be_used_exits_with_4(arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["routes", *arguments]) == 4
     assert told in capsys.readouterr().err
+
+
+def test_a_check_says_what_was_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    chosen = resolve_routes("one-per-scenario")[:3]
+    assert main(["routes", "check", ",".join(route.id for route in chosen)]) == 0
+    shown = capsys.readouterr().out
+    assert "3 of 3 routes can be driven" in shown
+    assert "lanes" in shown
+    assert f"{chosen[0].id} {chosen[0].scenario.type}" in shown
+
+
+def test_a_check_names_every_route_that_cannot_be_driven(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good, *bad = resolve_routes("one-per-scenario")[:3]
+    moved = [
+        replace(route, waypoints=tuple(replace(point, x_m=point.x_m + 5000.0) for point in route.waypoints))
+        for route in bad
+    ]
+    save_routes([good, *moved], tmp_path / "mixed.xml")
+    assert main(["routes", "check", "mixed.xml"]) == 4
+    shown = capsys.readouterr()
+    assert "1 of 3 routes can be driven" in shown.out
+    assert "2 of 3 routes cannot be driven" in shown.err
+    for route in bad:
+        assert f"route {route.id}: " in shown.err
+
+
+def test_single_routes_of_a_file_are_drawn(tmp_path: Path) -> None:
+    routes = resolve_routes("one-per-scenario")[:3]
+    save_routes(routes, tmp_path / "three.xml")
+    assert main(["routes", "draw", "three.xml", routes[1].id, "-o", "one.png", "--size", "96"]) == 0
+    assert cv2.imread(str(tmp_path / "one.png")).shape[1] < 2 * 96

@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
 
-__all__ = ["bridge", "crossing_point", "joined", "local", "moved", "prolonged", "reversed_line", "shifted", "smoothed", "straight"]
+__all__ = [
+    "bridge",
+    "crossing_point",
+    "joined",
+    "local",
+    "moved",
+    "prolonged",
+    "reversed_line",
+    "shifted",
+    "smoothed",
+    "straight",
+]
 
 Floats = NDArray[np.float64]
 Pose = tuple[float, float, float]

@@ -1,12 +1,11 @@
-"""What each test judges when the results were produced elsewhere: no agent is loaded and no world is built."""
+"""What each test judges when none of our worlds is driven: the official evaluator drives, or has driven before."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.official.supply import ResultsExecutor
 from pytest_drive_robust.runner.identity import route_digest
 from pytest_drive_robust.runner.plan import Scope, Task
 from pytest_drive_robust.runner.scopes import Scopes
@@ -19,25 +18,36 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry import Registry
     from pytest_drive_robust.settings import Settings
 
-__all__ = ["RESULTS", "ResultScopes"]
+__all__ = ["OutsideScopes", "Supply"]
 
-RESULTS = "results"
-"""What stands in the place of a simulator's name."""
 _TICK_S = 0.05
 
 
-class ResultScopes(Scopes):
-    """As `Scopes`, over the routes of result files. Agents are only names here."""
+class Supply(Protocol):
+    """An executor that has routes of its own, and knows which tasks it cannot answer."""
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """All its routes."""
+        ...
+
+    def check(self, tasks: Iterable[Task]) -> None:
+        """Raise one `UsageError` that names everything that cannot be answered."""
+        ...
+
+
+class OutsideScopes(Scopes):
+    """As `Scopes`, over the routes of a `Supply`. Agents are only names here; none is loaded and no world is built."""
 
     def __init__(
         self,
         settings: Settings,
         registry: Registry,
         load_routes: Callable[[str], tuple[Route, ...]],
-        results: ResultsExecutor,
+        supply: Supply,
     ) -> None:
         super().__init__(settings, registry, load_routes)
-        self._results = results
+        self._supply = supply
 
     @property
     def dt_s(self) -> float:
@@ -46,14 +56,15 @@ class ResultScopes(Scopes):
 
     def of(self, marker: MarkerOptions) -> Scope:
         """The scope of a test with this marker. Raises `UsageError` for unknown routes."""
-        spec = marker.routes or (self._settings.routes if self._settings.routes_given else RESULTS)
+        own = self._settings.simulator
+        spec = marker.routes or (self._settings.routes if self._settings.routes_given else own)
         agent, seeds = marker.agent or self._settings.agent, marker.seeds or self._settings.seeds
-        return Scope(agent, spec, self.routes(spec), seeds, RESULTS)
+        return Scope(agent, spec, self.routes(spec), seeds, own)
 
     def routes(self, spec: str) -> tuple[Route, ...]:
-        """All routes of the results, some of them by id, or those of a route file. Raises `UsageError`."""
-        if spec == RESULTS:
-            return self._results.routes
+        """All routes, some of them by id, or those of a route file. Raises `UsageError`."""
+        if spec == self._settings.simulator:
+            return self._supply.routes
         try:
             return self._named([name.strip() for name in spec.split(",")])
         except UnknownNameError:
@@ -62,22 +73,24 @@ class ResultScopes(Scopes):
     def identify(self, scope: Scope) -> Identified:
         """What is known about an agent that drove elsewhere: its routes."""
         routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
-        return Identified(agent=scope.agent, distribution=RESULTS, source="", weights="", routes=routes)
+        return Identified(
+            agent=scope.agent, distribution=self._settings.simulator, source="", weights="", routes=routes
+        )
 
     def check(self) -> None:
-        """Nothing but results is needed, and those were read."""
+        """The supply was made: there is nothing else to look at."""
 
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""
         setting.start(route_id="", seed=0, dt_s=_TICK_S, cameras=())
 
     def check_tasks(self, tasks: Iterable[Task]) -> None:
-        """Raise one `UsageError` that names everything that the results do not hold."""
-        self._results.check(tasks)
+        """Raise one `UsageError` that names everything that the supply cannot answer."""
+        self._supply.check(tasks)
 
     def _named(self, names: Sequence[str]) -> tuple[Route, ...]:
-        by_id = {route.id: route for route in self._results.routes}
+        by_id = {route.id: route for route in self._supply.routes}
         unknown = [name for name in names if name not in by_id]
         if unknown:
-            raise UnknownNameError.of("route in the results", unknown[0], by_id)
+            raise UnknownNameError.of(f"route of {self._settings.simulator}", unknown[0], by_id)
         return tuple(by_id[name] for name in dict.fromkeys(names))
