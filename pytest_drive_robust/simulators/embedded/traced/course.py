@@ -101,7 +101,7 @@ def _points(route: Route) -> Floats:
             f"its way turns by {math.degrees(turn.max()):.0f} degrees at waypoint {k + 1} "
             f"({points[k, 0]:.1f}, {points[k, 1]:.1f}), expected 120 at most"
         )
-    return points
+    return np.asarray(points, np.float64)
 
 
 def _importance(before: Floats, after: Floats) -> float:
