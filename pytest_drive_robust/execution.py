@@ -128,7 +128,7 @@ def available_cores() -> int:
 
 
 def parse_duration_s(given: str, *, source: str) -> float:
-    """`"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds. Raises `UsageError`, naming `source`, for anything but times > 0."""
+    """`"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds. Raises `UsageError`, naming `source`, for all but times > 0."""
     match = _DURATION.fullmatch(given.strip())
     seconds = float(match["number"]) * _SECONDS[(match["unit"] or "s").lower()] if match else math.nan
     if not (math.isfinite(seconds) and seconds > 0):

@@ -9,6 +9,7 @@ import numbers
 import re
 import types
 import typing
+import weakref
 
 from pytest_drive_robust.errors import PerturbationError
 
@@ -18,6 +19,9 @@ _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _WORD = re.compile(r"[A-Za-z_][\w.+-]*", re.ASCII)
 _CONSTANTS = {"true": True, "false": False, "none": None}
 _RESERVED = {*_CONSTANTS, "nan", "inf", "infinity"}
+
+_FIELD_TYPES: weakref.WeakKeyDictionary[type, dict[str, object]] = weakref.WeakKeyDictionary()
+"""Resolving annotations is slow, and a suite may hold thousands of sentences."""
 
 
 def render_value(value: object) -> str:
@@ -67,13 +71,18 @@ def parse_value(text: str, kind: object) -> object:
 
 def field_types(cls: type) -> dict[str, object]:
     """The type of each dataclass field that the constructor takes; `object` where the annotation does not resolve."""
+    if cls in _FIELD_TYPES:
+        return dict(_FIELD_TYPES[cls])
     try:
         hints = typing.get_type_hints(cls)
     except (NameError, TypeError, AttributeError):  # a class made inside a function, or under TYPE_CHECKING
         hints = {}
     if not dataclasses.is_dataclass(cls):
         return {}
-    return {field.name: hints.get(field.name, object) for field in dataclasses.fields(cls) if field.init}
+    types = {field.name: hints.get(field.name, object) for field in dataclasses.fields(cls) if field.init}
+    if hints and "__dataclass_fields__" in vars(cls):  # nothing about it can change any more
+        _FIELD_TYPES[cls] = types
+    return dict(types)
 
 
 def is_number_type(kind: object) -> bool:

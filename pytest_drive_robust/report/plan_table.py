@@ -1,4 +1,4 @@
-"""What `--drive-plan` shows: which episodes the selected tests may need, how many are stored, how long the rest takes."""
+"""What `--drive-plan` shows: which episodes the selected tests may need, which are stored, how long the rest takes."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def plan_text(tasks: Iterable[Task], find: Callable[[str], EpisodeResult | None]
     for (agent, setting), (needed, stored_count) in counts.items():
         table.add_row(agent, setting, str(needed), str(stored_count), str(needed - stored_count))
     stream = StringIO()
-    Console(
-        file=stream, width=_WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
-    ).print(table)
+    Console(file=stream, width=_WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour).print(
+        table
+    )
     lines = [line.rstrip() for line in stream.getvalue().splitlines()]
     return "\n".join([*lines, _sentence(counts.values(), walls, slots)])
 

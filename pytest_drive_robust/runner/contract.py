@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
 
 _LARGEST_SIDE_PX = 4096
-_MOST_CHARACTERS = 500
+_MOST_CHARACTERS = 20_000
 """An exception may hold megabytes."""
 _CALLERS = (
     "pytest_drive_robust.engine.",

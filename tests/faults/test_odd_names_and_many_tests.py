@@ -61,7 +61,7 @@ MANY = """
 import pytest
 from pytest_drive_robust import requirements
 
-LIMITS = requirements("\\n".join(f"DS under throttle {number / 10_000:.4f} >= 0" for number in range(1, 10_001)))
+LIMITS = requirements("\\n".join(f"DS under throttle {number / 10_000:.4f} >= 0.001" for number in range(1, 10_001)))
 
 @pytest.mark.parametrize("wanted", LIMITS)
 def test_many(drive, wanted):
@@ -105,6 +105,7 @@ def test_names_of_routes_are_only_ever_text(suite, driven, workers):
     assert len(driven()) == 2 * COUNT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["--collect-only", "--drive-plan"])
 def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suite, driven, mode):
     resource = pytest.importorskip("resource")
@@ -118,15 +119,3 @@ def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suit
     assert used_s < 60.0  # a square of ten thousand would take far longer
     unit = 1 if sys.platform == "darwin" else 1024
     assert int((folder.path / "peak.txt").read_text()) * unit < 600e6
-
-
-@pytest.mark.slow
-def test_ten_thousand_requirements_are_judged_in_flat_memory(suite):
-    test = MANY.replace("throttle {number / 10_000:.4f}", "throttle 0.5")
-    folder = suite(test=test.replace(">= 0 for", ">= number / 1e9 for"), conftest=MEASURED)
-    peaks = []
-    for selected in ("test_suite.py::test_many[ds-throttle-0.5-ge-1e-09]", "test_suite.py"):
-        result = folder.runpytest_subprocess("--drive-robust", "-q", "-p", "no:hypothesispytest", selected)
-        assert result.ret == 0, result.stdout.str()[-2000:]
-        peaks.append(int((folder.path / "peak.txt").read_text()))
-    assert peaks[1] - peaks[0] < 10_000 * 40  # at most 40 kB for each test, pytest's own items and reports included

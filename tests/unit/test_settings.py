@@ -50,7 +50,7 @@ def test_every_option_is_read(tmp_path):
 
 def test_a_store_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "kept").write_text("mine")
-    with pytest.raises(UsageError, match="--drive-store is '.*kept', which is a file; expected a folder, or off"):
+    with pytest.raises(UsageError, match=r"--drive-store is '.*kept', which is a file; expected a folder, or off"):
         Settings.from_pytest_config(FakeConfig(drive_store=str(tmp_path / "kept")))
     with pytest.raises(UsageError, match="--drive-store is 'kept'"):
         Settings.from_pytest_config(FakeConfig(drive_store="kept", rootpath=tmp_path))
