@@ -21,7 +21,7 @@ from pytest_drive_robust.runner.plan import Task
 from pytest_drive_robust.runner.run_result import RunResult
 from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
-from pytest_drive_robust.store.events import Asked
+from pytest_drive_robust.store.events import Asked, Used
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 SLOW_ENOUGH_MPS = 3.0
@@ -101,5 +101,5 @@ def drive_run(agent: Braker, *, routes: int, seed: int) -> RunResult:
             result = drive_episode(world, agent, route=route, setting=setting, seed=seed, agent_name="braker")
             keys.append(Task(result.episode, route, setting).key)
             episodes[keys[-1]] = result
-        events.append(Asked("braker", "routes.xml", sentence, (seed,), tuple(keys)))
+        events += [Asked("braker", "routes.xml", sentence, (seed,), tuple(keys)), Used(tuple(keys))]
     return RunResult.of(Settings(simulator="fake"), events, episodes.get, versions={})

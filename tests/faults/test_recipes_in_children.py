@@ -20,6 +20,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Perturbation, Setting
 from pytest_drive_robust.registry import default_registry
 from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.machine import with_machine
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.store.record import encode_episode
@@ -174,6 +175,7 @@ def test_the_embedded_world_gives_the_same_bits_in_a_child(embedded: Guard, sent
     registry = default_registry()
     simulator, agent = registry.simulator("embedded", OPTIONS), registry.agent("classical")
     here = drive_episode(simulator, agent, route=route, setting=setting, seed=1, agent_name="classical")
+    here = with_machine(here, agent)
     there = embedded.drive(task("classical", setting=setting, route=route, seed=1))
     assert there.trace.digest == here.trace.digest
     assert encode_episode(replace(there, wall_s=0.0)) == encode_episode(replace(here, wall_s=0.0))

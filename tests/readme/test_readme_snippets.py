@@ -53,7 +53,7 @@ def test_your_own_perturbation_runs_from_an_empty_folder(tmp_path: Path) -> None
     episodes = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["episodes"]
     digests = {(episode["route_id"], episode["setting"]): episode["trace_digest"] for episode in episodes}
     for route in ("801", "2501"):
-        assert digests[route, "dimmed camera 0.3"] != digests[route, "clean"]
+        assert digests[route, "dimmed camera 0.6"] != digests[route, "clean"]
 
 
 def test_the_agent_is_twenty_lines_and_the_perturbation_ten() -> None:

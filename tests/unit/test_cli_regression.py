@@ -18,7 +18,7 @@ from pytest_drive_robust.regression.runs import RunFolder
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.runner.run_result import RunResult
 from pytest_drive_robust.settings import Settings
-from pytest_drive_robust.store.events import Asked, Event, Identified
+from pytest_drive_robust.store.events import Asked, Event, Identified, Used
 
 SCORES = [100.0, 60.0, 100.0, 36.0] * 10
 SETTING = "200 ms latency"
@@ -43,7 +43,7 @@ def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0") ->
             results[3] = crashed_simulation("4", setting=setting)
         keys = {f"{setting} {result.episode.route_id}": result for result in results}
         episodes.update(keys)
-        asked.append(Asked("driver", "routes.xml", setting, (0,), tuple(keys)))
+        asked += [Asked("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
     routes = tuple(f"{n}={digest}" for n in range(1, len(SCORES) + 1))
     identified = Identified("driver", "agents 1", "abc", "", routes)
     run = RunResult.of(Settings(simulator="embedded"), [identified, *asked], episodes.get, versions={})
