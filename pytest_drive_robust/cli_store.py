@@ -107,8 +107,8 @@ def _gc(options: argparse.Namespace) -> int:
 
 
 def _folder(options: argparse.Namespace) -> Path:
+    from pytest_drive_robust.options import DEFAULT_STORE
     from pytest_drive_robust.regression.runs import home_of
-    from pytest_drive_robust.settings import DEFAULT_STORE
 
     folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE
     if not folder.is_dir():

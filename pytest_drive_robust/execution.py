@@ -10,56 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.settings import Option, OptionSource, read_option
+from pytest_drive_robust.options import EXECUTION_OPTIONS, EXECUTORS
+from pytest_drive_robust.settings import OptionSource, read_option
 
-__all__ = ["EXECUTION_OPTIONS", "EXECUTORS", "Execution", "available_cores", "parse_duration_s"]
+__all__ = ["Execution", "available_cores", "parse_duration_s"]
 
-EXECUTORS = ("auto", "inline", "processes", "ray")
 _DURATION = re.compile(r"(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?", re.IGNORECASE)
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
-
-EXECUTION_OPTIONS = (
-    Option(
-        "--drive-executor",
-        "drive_executor",
-        "NAME",
-        "auto",
-        "inline (in this process, for debuggers), processes (guarded children), ray; auto: processes, inline with "
-        "--pdb, --trace or -s",
-    ),
-    Option("--drive-workers", "drive_workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n"),
-    Option(
-        "--drive-lockstep",
-        "drive_lockstep",
-        "N",
-        "",
-        "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
-    ),
-    Option("--drive-episode-timeout", "drive_episode_timeout", "TIME", "30m", "an episode must end within, as in 90s"),
-    Option("--drive-act-timeout", "drive_act_timeout", "TIME", "60s", "a call of the agent must return within"),
-    Option("--drive-memory", "drive_memory", "GB", "", "what the process of an episode may allocate, as in 4"),
-    Option(
-        "--drive-ray-address",
-        "drive_ray_address",
-        "ADDRESS",
-        "",
-        "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
-    ),
-    Option(
-        "--drive-b2d-root", "drive_b2d_root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"
-    ),
-    Option(
-        "--drive-results",
-        "drive_results",
-        "LIST",
-        "",
-        'judge official results instead of driving, as in "clean=DIR,200 ms latency=DIR2"',
-    ),
-    Option(
-        "--drive-budget", "drive_budget", "TIME", "", "begin nothing new after so long, as in 20m; run again to go on"
-    ),
-)
-"""Every option about the driving of episodes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import pytest
 
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
-from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.report.numbers import interval_text, legible
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.domain.ruling import Ruling
+    from pytest_drive_robust.marker import MarkerOptions
     from pytest_drive_robust.perturbations.base import Perturbation
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.requirements.bracket import Bracket
@@ -47,8 +46,7 @@ INCONCLUSIVE = "drive_inconclusive"
 """The property of a test whose verdict is open, with its first line."""
 
 
-@dataclass(frozen=True)
-class Driver:
+class Driver(NamedTuple):
     """What a process needs in order to drive; in `config.stash` only where `--drive-robust` was given.
 
     `family` is among how many requirements a fail must stand; 1 without a correction.
@@ -134,6 +132,7 @@ class Drive:
         `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
         __tracebackhide__ = True
+        from pytest_drive_robust.marker import MarkerOptions
         from pytest_drive_robust.requirements.model import Requirement
 
         if not isinstance(requirement, Requirement):
@@ -283,6 +282,8 @@ class Drive:
 @pytest.fixture
 def drive(request: pytest.FixtureRequest) -> Drive:
     """Judge requirements on closed-loop episodes: `drive.check(requirement)`, `drive.rd(setting) <= 0.30`."""
+    from dataclasses import replace
+
     driver = _driver(request)
     ruling = replace(_marker(request).ruling(driver.settings.ruling), family=driver.family)
     return Drive(driver, _scope(driver, request), ruling, request.node)
@@ -306,6 +307,8 @@ def _scope(driver: Driver, request: pytest.FixtureRequest) -> Scope:
 
 
 def _marker(request: pytest.FixtureRequest) -> MarkerOptions:
+    from pytest_drive_robust.marker import MarkerOptions
+
     return MarkerOptions.from_marks(request.node.iter_markers("drive_robust"))
 
 

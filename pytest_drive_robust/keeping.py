@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,8 @@ __all__ = ["new_run_name", "open_store"]
 
 def new_run_name() -> str:
     """A name that no other run has."""
+    import uuid
+
     return uuid.uuid4().hex
 
 

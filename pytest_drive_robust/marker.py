@@ -10,12 +10,7 @@ from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import UsageError, nearest
 from pytest_drive_robust.settings import check_seeds
 
-__all__ = ["MARKER_LINE", "MarkerOptions"]
-
-MARKER_LINE = (
-    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], verdict=RULE, margin=SHARE): drive these tests with this "
-    "agent, these routes and these seeds, and judge them by this rule, whatever the command line says."
-)
+__all__ = ["MarkerOptions"]
 
 
 class _Mark(Protocol):

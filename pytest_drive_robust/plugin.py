@@ -9,15 +9,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from pytest_drive_robust import distributed, errors
-from pytest_drive_robust.crewing import crew_of, is_outside, outside_settings
-from pytest_drive_robust.execution import EXECUTION_OPTIONS, Execution
 from pytest_drive_robust.fixtures import (
     DRIVER,
     INCONCLUSIVE,
@@ -28,19 +25,26 @@ from pytest_drive_robust.fixtures import (
     drive,
     drive_agent,
 )
-from pytest_drive_robust.keeping import new_run_name, open_store
-from pytest_drive_robust.marker import MARKER_LINE, MarkerOptions
-from pytest_drive_robust.planning import PlanPlugin, check_plan_alone
-from pytest_drive_robust.regression.choices import REGRESSION_OPTIONS, Choices
+from pytest_drive_robust.options import (
+    DEFAULT_SIMULATOR,
+    EXECUTION_OPTIONS,
+    MARKER_LINE,
+    OPTIONS,
+    REGRESSION_OPTIONS,
+)
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.selection import everything_ran
-from pytest_drive_robust.settings import DEFAULT_SIMULATOR, OPTIONS, Settings
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.execution import Execution
+    from pytest_drive_robust.marker import MarkerOptions
     from pytest_drive_robust.owner import Record, RunOwner
+    from pytest_drive_robust.planning import PlanPlugin
+    from pytest_drive_robust.regression.choices import Choices
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.campaign import Observer
     from pytest_drive_robust.runner.plan import Scope
+    from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["drive", "drive_agent"]
@@ -125,7 +129,8 @@ def pytest_make_collect_report(
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Check the markers; without `--drive-robust`, skip what would have to drive."""
     for item in items:
-        _check(config, item.nodeid, partial(_marker_of, item))
+        if item.get_closest_marker("drive_robust") is not None:
+            _check(config, item.nodeid, partial(_marker_of, item))
     if not config.getoption("drive_robust"):
         skip = pytest.mark.skip(reason=NEEDS_FLAG)
         for item in _driving(items):
@@ -240,10 +245,16 @@ class ReportingPlugin:
 
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
+    from pytest_drive_robust.crewing import outside_settings
     from pytest_drive_robust.epilogue import Epilogue
+    from pytest_drive_robust.execution import Execution
+    from pytest_drive_robust.keeping import new_run_name, open_store
     from pytest_drive_robust.owner import LocalRecord, RunOwner
+    from pytest_drive_robust.planning import check_plan_alone
+    from pytest_drive_robust.regression.choices import Choices
     from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.screen import progress_for
+    from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.stopping import StopPlugin
     from pytest_drive_robust.waiving import WaivingPlugin
 
@@ -287,6 +298,8 @@ def _drive_here(
     *,
     shared: bool,
 ) -> None:
+    from pytest_drive_robust.crewing import crew_of
+    from pytest_drive_robust.planning import PlanPlugin
     from pytest_drive_robust.runner.campaign import Campaign
 
     scopes, executor = crew_of(config, settings, execution, shared=shared, store=store, ticked=observer.ticked)
@@ -328,7 +341,7 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
     for item in _driving(session.items):
         _check(session.config, item.nodeid, partial(add, item))
     if driver.settings.correction != "none":
-        session.config.stash[DRIVER] = replace(driver, family=max(1, judged))
+        session.config.stash[DRIVER] = driver._replace(family=max(1, judged))
     driver.campaign.planned(tasks, ahead=not distributed.is_worker(session.config))
     _check(session.config, "", lambda: driver.scopes.check_tasks(tasks.values()))
     planning: PlanPlugin | None = session.config.pluginmanager.get_plugin(_PLANNING)
@@ -362,6 +375,8 @@ def _driving(items: list[pytest.Item]) -> Iterator[pytest.Item]:
 
 
 def _marker_of(item: pytest.Item) -> MarkerOptions:
+    from pytest_drive_robust.marker import MarkerOptions
+
     return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
 
 
@@ -375,6 +390,7 @@ def _usage_error_in(report: pytest.CollectReport) -> errors.UsageError | None:
 
 def _routes_in_words(settings: Settings) -> str:
     """How many routes are driven, and what they are called."""
+    from pytest_drive_robust.crewing import is_outside
     from pytest_drive_robust.registry import default_registry
     from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
 

@@ -9,88 +9,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
+from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
-
-__all__ = [
-    "DEFAULT_AGENT",
-    "DEFAULT_ROUTES",
-    "DEFAULT_SIMULATOR",
-    "DEFAULT_STORE",
-    "METRIC_MODES",
-    "OPTIONS",
-    "Option",
-    "OptionSource",
-    "Settings",
-    "positive_seconds",
-    "read_option",
-]
-
-DEFAULT_AGENT = "classical"
-DEFAULT_ROUTES = "one-per-scenario"
-DEFAULT_SIMULATOR = "embedded"
-DEFAULT_STORE = ".drive-robust"
-METRIC_MODES = ("bench2drive", "fixed")
-CORRECTIONS = ("none", "holm")
-INCONCLUSIVE_MODES = ("warn", "fail", "skip")
-
-
-@dataclass(frozen=True, slots=True)
-class Option:
-    """One command line option with the ini key of the same meaning. The command line wins.
-
-    `bare` is what the flag means without a value; empty where it needs one.
-    """
-
-    flag: str
-    ini: str
-    metavar: str
-    default: str
-    help: str
-    bare: str = ""
-
-
-OPTIONS = (
-    Option("--drive-agent", "drive_agent", "NAME", DEFAULT_AGENT, "the agent under test"),
-    Option(
-        "--drive-routes",
-        "drive_routes",
-        "SPEC",
-        DEFAULT_ROUTES,
-        "full, one-per-scenario, dev10, a route XML file, or route ids as in 101,2301",
-    ),
-    Option("--drive-seeds", "drive_seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
-    Option("--drive-sim", "drive_sim", "NAME", DEFAULT_SIMULATOR, "the simulator, as in gymnasium:merge-v0"),
-    Option("--drive-metrics", "drive_metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
-    Option("--drive-verdict", "drive_verdict", "RULE", "auto", f"how to judge: {', '.join(VERDICT_KINDS)}"),
-    Option("--drive-margin", "drive_margin", "SHARE", "0.10", "how far beyond a limit evidence may still pass"),
-    Option("--drive-alpha", "drive_alpha", "SHARE", "0.05", "how often a verdict from evidence may be wrong, each way"),
-    Option(
-        "--drive-inconclusive",
-        "drive_inconclusive",
-        "MODE",
-        "warn",
-        "what an inconclusive verdict does to its test: warn, fail or skip",
-    ),
-    Option(
-        "--drive-correction",
-        "drive_correction",
-        "NAME",
-        "none",
-        "none: each verdict from evidence is wrong at most alpha of the time; holm: any fail of the whole run is",
-    ),
-    Option("--drive-stuck-stop", "drive_stuck_stop", "SECONDS", "", "end an episode when the ego stood this long"),
-    Option(
-        "--drive-store",
-        "drive_store",
-        "FOLDER",
-        DEFAULT_STORE,
-        "where finished episodes are kept for every later run; off: only until this run ends",
-    ),
-    Option("--drive-json", "drive_json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
-    Option("--drive-csv", "drive_csv", "FILE", "", "write one line for each episode to FILE"),
+from pytest_drive_robust.options import (
+    CORRECTIONS,
+    DEFAULT_AGENT,
+    DEFAULT_ROUTES,
+    DEFAULT_SIMULATOR,
+    DEFAULT_STORE,
+    INCONCLUSIVE_MODES,
+    METRIC_MODES,
+    OPTIONS,
+    Option,
 )
-"""Every option but the switch `--drive-robust`."""
+
+__all__ = ["OptionSource", "Settings", "positive_seconds", "read_option"]
+
 _ROUTES = next(option for option in OPTIONS if option.ini == "drive_routes")
 
 

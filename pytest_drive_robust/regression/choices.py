@@ -7,42 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.settings import Option, read_option
+from pytest_drive_robust.options import REGRESSION_OPTIONS
+from pytest_drive_robust.regression.runs import AUTO
+from pytest_drive_robust.settings import read_option
 
 if TYPE_CHECKING:
     from pytest_drive_robust.regression.allowance import Allowance
     from pytest_drive_robust.regression.fingerprint import MismatchPolicy
     from pytest_drive_robust.settings import OptionSource
 
-__all__ = ["REGRESSION_OPTIONS", "Choices"]
-
-_AUTO = "auto"
-
-REGRESSION_OPTIONS = (
-    Option("--drive-save", "drive_save", "NAME", "", "store the run as .drive-robust/runs/NAME.json", bare=_AUTO),
-    Option(
-        "--drive-compare",
-        "drive_compare",
-        "REF",
-        "",
-        "judge every setting against a stored run, a JSON file, latest or baseline; "
-        "alone: what was blessed, else the latest run",
-        bare=_AUTO,
-    ),
-    Option(
-        "--drive-fail-on", "drive_fail_on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%"
-    ),
-    Option(
-        "--drive-on-mismatch",
-        "drive_on_mismatch",
-        "POLICY",
-        "default",
-        "warn or refuse when the two runs were not driven with the same; else other routes and simulators are refused",
-    ),
-    Option("--drive-baselines", "drive_baselines", "FOLDER", "", "blessed baselines; default: suites/baselines"),
-    Option("--drive-waivers", "drive_waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists"),
-)
-"""What compares a run with others; none of it without `--drive-robust`."""
+__all__ = ["Choices"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +47,7 @@ class Choices:
         save, baselines = given["drive_save"], given["drive_baselines"]
         return cls(
             home=home,
-            save=check_run_name(save, source="--drive-save") if save not in ("", _AUTO) else save,
+            save=check_run_name(save, source="--drive-save") if save not in ("", AUTO) else save,
             compare=_not_a_place(given["drive_compare"]),
             allowances=parse_allowances([given["drive_fail_on"]], source="--drive-fail-on"),
             policy=parse_policy(given["drive_on_mismatch"]),

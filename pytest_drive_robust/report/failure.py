@@ -6,9 +6,9 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.options import DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import interval_text, shown
 from pytest_drive_robust.runner.routes import ships
-from pytest_drive_robust.settings import DEFAULT_SIMULATOR
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.settings import OPTIONS, Settings, check_seeds, parse_seeds
+from pytest_drive_robust.options import OPTIONS
+from pytest_drive_robust.settings import Settings, check_seeds, parse_seeds
 
 
 class FakeConfig:
@@ -79,3 +80,8 @@ def test_a_missing_folder_is_refused_with_the_nearest_one(tmp_path):
     with pytest.raises(UsageError, match=r"Did you mean '.*reports'"):
         Settings.from_pytest_config(FakeConfig(drive_json=str(tmp_path / "report" / "run.json")))
     assert [path.name for path in tmp_path.iterdir()] == ["reports"]
+
+
+def test_the_help_of_the_verdict_option_names_every_rule():
+    option = next(option for option in OPTIONS if option.ini == "drive_verdict")
+    assert all(kind in option.help for kind in VERDICT_KINDS)

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.options import DEFAULT_ROUTES
 from pytest_drive_robust.runner.routes import default_spec, routes_for
-from pytest_drive_robust.settings import DEFAULT_ROUTES, Settings
+from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
