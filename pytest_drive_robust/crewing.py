@@ -45,7 +45,7 @@ def outside_settings(config: pytest.Config, settings: Settings, execution: Execu
         return settings
     if not execution.b2d_root:
         raise UsageError(
-            "--drive-sim bench2drive needs --drive-b2d-root FOLDER, a checkout of Bench2Drive; "
+            "--drive-sim bench2drive needs --drive-b2d-root=FOLDER, a checkout of Bench2Drive; "
             "`drive-robust doctor --root FOLDER` says what else is missing."
         )
     if config.getoption("dist", "no") != "no":
