@@ -90,6 +90,7 @@ class Campaign:
         self._observer = observer
         self._metrics = metrics
         self._whole = whole
+        self._longest_s: dict[tuple[str, str], float] = {}
         self._scheduler = Scheduler(store, executor, self, budget_s=budget_s)
 
     def planned(self, tasks: Mapping[str, Task], *, ahead: bool = True) -> None:
@@ -176,8 +177,16 @@ class Campaign:
         """The clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
         with self._driving(), self._kept_in_view(need.tasks):
-            self._ensure(need.tasks)
+            self._ensure(sorted(need.tasks, key=self._expected_s, reverse=True))  # all are needed: no long one last
         return self._use(need.clean), self._use(need.perturbed)
+
+    def _expected_s(self, task: Task) -> float:
+        """Wall seconds of the longest drive so far of the same agent on the same route, be it in an earlier run."""
+        return self._longest_s.get((task.episode.agent, task.route.id), 0.0)
+
+    def _saw(self, task: Task, wall_s: float) -> None:
+        place = task.episode.agent, task.route.id
+        self._longest_s[place] = max(wall_s, self._longest_s.get(place, 0.0))
 
     def _tell_asked(self, scope: Scope, need: Need) -> None:
         for asked in _asked(scope, need):
@@ -245,10 +254,14 @@ class Campaign:
 
     def finished(self, task: Task, result: EpisodeResult) -> None:
         """An episode is in the store (see `runner.scheduler.Listener`)."""
+        self._saw(task, result.wall_s)
         self._observer(Finished(task.key, result.wall_s))
 
     def reused(self, task: Task) -> None:
         """An episode was in the store already (see `runner.scheduler.Listener`)."""
+        stored = self._store.get(task.key)
+        if stored is not None:
+            self._saw(task, stored.wall_s)
         self._observer(Reused(task.key))
 
     def ticked(self) -> None:

@@ -1,0 +1,69 @@
+"""Where all episodes of a setting are needed, those that take long begin first."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import replace
+
+from result_factory import make_result
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.plan import Scope, Task
+from pytest_drive_robust.store.base import MemoryStore
+from pytest_drive_robust.store.events import Event
+from pytest_drive_robust.testing import fake_route
+
+SCOPE = Scope("driver", "many", tuple(fake_route(str(number)) for number in range(6)), (0,))
+WALL_S = {"0": 1.0, "1": 5.0, "2": 2.0, "3": 4.0, "4": 3.0, "5": 6.0}
+
+
+class Hands:
+    """An executor of one slot that notes what it was given."""
+
+    slots = 1
+
+    def __init__(self) -> None:
+        self.begun: list[str] = []
+
+    def submit(self, task: Task) -> Future[EpisodeResult]:
+        self.begun.append(task.route.id)
+        future: Future[EpisodeResult] = Future()
+        future.set_result(replace(make_result(task.route.id), wall_s=WALL_S[task.route.id]))
+        return future
+
+    def close(self, *, cancel: bool = False) -> None: ...
+
+
+class Nobody:
+    """Looks at nothing."""
+
+    def __call__(self, event: Event) -> None: ...
+
+    def ticked(self) -> None: ...
+
+    def idle(self) -> None: ...
+
+
+def campaign(store: MemoryStore) -> tuple[Campaign, Hands]:
+    hands = Hands()
+    return Campaign(store, hands, Nobody(), metrics="bench2drive"), hands
+
+
+def test_what_took_long_clean_begins_first_under_a_setting():
+    driving, hands = campaign(MemoryStore())
+    driving.episodes(SCOPE, Setting.CLEAN)
+    assert hands.begun == ["0", "1", "2", "3", "4", "5"]
+    driving.episodes(SCOPE, Setting.parse("200 ms latency"))
+    assert hands.begun[6:] == ["5", "1", "3", "4", "2", "0"]
+
+
+def test_durations_of_an_earlier_run_count():
+    store = MemoryStore()
+    campaign(store)[0].episodes(SCOPE, Setting.CLEAN)
+    driving, hands = campaign(store)
+    driving.episodes(SCOPE, Setting.CLEAN)
+    assert hands.begun == []
+    driving.episodes(SCOPE, Setting.parse("200 ms latency"))
+    assert hands.begun == ["5", "1", "3", "4", "2", "0"]
