@@ -70,8 +70,9 @@ def test_many(drive, wanted):
 MEASURED = """
 
 def pytest_unconfigure(config):
-    import resource
-    Path("peak.txt").write_text(str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
+    # not getrusage: its peak is also that of the process that started this one
+    lines = Path("/proc/self/status").read_text().splitlines()
+    Path("peak.txt").write_text(next(line.split()[1] for line in lines if line.startswith("VmHWM:")))
 """
 
 
@@ -106,6 +107,7 @@ def test_names_of_routes_are_only_ever_text(suite, driven, workers):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at its memory in /proc")
 @pytest.mark.parametrize("mode", ["--collect-only", "--drive-plan"])
 def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suite, driven, mode):
     resource = pytest.importorskip("resource")
@@ -117,5 +119,4 @@ def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suit
     assert driven() == []
     used_s = after_s.ru_utime + after_s.ru_stime - before_s.ru_utime - before_s.ru_stime
     assert used_s < 60.0  # a square of ten thousand would take far longer
-    unit = 1 if sys.platform == "darwin" else 1024
-    assert int((folder.path / "peak.txt").read_text()) * unit < 600e6
+    assert int((folder.path / "peak.txt").read_text()) * 1024 < 600e6
