@@ -18,7 +18,7 @@ def commit(folder: Path) -> str:
 
 
 def author(folder: Path) -> str:
-    """`"Kim Doe <kim@example.org>"` out of git's configuration; what is not configured is left out."""
+    """`"NAME <ADDRESS>"` out of git's configuration; what is not configured is left out."""
     name, mail = _git(folder, "config", "user.name"), _git(folder, "config", "user.email")
     return f"{name} <{mail}>".strip() if mail else name
 

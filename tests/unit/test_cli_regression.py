@@ -117,13 +117,13 @@ def test_other_routes_are_refused_unless_allowed(capsys: pytest.CaptureFixture[s
 def test_a_blessed_run_is_a_reference_for_later_ones(capsys: pytest.CaptureFixture[str]) -> None:
     store("a")
     store("b", factor=0.5)
-    Path("gitconfig").write_text("[user]\n\tname = Kim Doe\n\temail = kim@example.org\n")
+    Path("gitconfig").write_text("[user]\n\tname = Planning Team\n\temail = planning@example.org\n")
     assert main(["bless", "a", "--reason", "first baseline"]) == 0
     assert "80 scores added, 0 replaced, 0 others kept" in capsys.readouterr().out
     told = json.loads(Path("suites/baselines/driver.json").read_text())
     (blessing,) = told["blessings"].values()
     assert (blessing["by"], blessing["reason"], blessing["run"]) == (
-        "Kim Doe <kim@example.org>",
+        "Planning Team <planning@example.org>",
         "first baseline",
         "a",
     )

@@ -14,7 +14,7 @@ from pytest_drive_robust.store.events import Judged
 LAST_DAY = date(2026, 12, 15)
 SENTENCE = "RD under 500 ms latency <= 0.30"
 NODEID = "suites/paper/test_paper.py::test_paper[rd-500ms-latency-le-0.30]"
-WAIVER = Waiver(SENTENCE, "kim", "new planner", LAST_DAY)
+WAIVER = Waiver(SENTENCE, "planning", "new planner", LAST_DAY)
 
 
 def judged(verdict: str, *, agent: str = "driver", sentence: str = SENTENCE, nodeid: str = NODEID) -> Judged:
@@ -46,12 +46,12 @@ def test_a_waiver_holds_up_to_and_on_its_day(days: int, holds: bool) -> None:
     ],
 )
 def test_a_waiver_covers_a_sentence_an_id_or_a_pattern(requirement: str, agent: str, covered: bool) -> None:
-    waiver = Waiver(requirement, "kim", "why", LAST_DAY, agent)
+    waiver = Waiver(requirement, "planning", "why", LAST_DAY, agent)
     assert waiver.covers(SENTENCE, NODEID, agent="driver") is covered
 
 
 def test_of_several_waivers_the_longest_counts() -> None:
-    short, long = (Waiver("RD*", "kim", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
+    short, long = (Waiver("RD*", "planning", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
     assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") is long
     assert Waivers([long, short]).find(SENTENCE, NODEID, agent="driver") is long
     assert Waivers().find(SENTENCE, NODEID, agent="driver") is None
@@ -70,7 +70,7 @@ def test_the_review_says_what_became_of_a_waiver(verdicts: list[str], days: int,
     waivers = book(today=LAST_DAY + timedelta(days=days))
     (line,) = waivers.review([judged(verdict) for verdict in verdicts], whole=True)
     assert line.startswith(told)
-    assert "kim until 2026-12-15: new planner" in line
+    assert "planning until 2026-12-15: new planner" in line
 
 
 def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -> None:
@@ -81,7 +81,7 @@ def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -
 
 
 def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing() -> None:
-    waiver = Waiver(SENTENCE, "kim", "why", LAST_DAY, "other")
+    waiver = Waiver(SENTENCE, "planning", "why", LAST_DAY, "other")
     assert book(waiver).review([judged("fail")], whole=True) == []
 
 
@@ -96,7 +96,7 @@ def test_a_file_is_read_with_dates_and_comments(tmp_path: Path) -> None:
     # reviewed in the weekly meeting
     [[waiver]]
     requirement = "RD under 500 ms latency <= 0.30"
-    owner = "kim"
+    owner = "planning"
     reason = "new planner"
     expires = 2026-12-15
 
