@@ -16,7 +16,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.execution import Execution
 from pytest_drive_robust.settings import Settings
 
-SUITE = '''
+SUITE = """
 import pytest
 from pytest_drive_robust import requirements
 
@@ -24,7 +24,7 @@ from pytest_drive_robust import requirements
 @pytest.mark.parametrize("requirement", requirements("DS under 200 ms latency >= 10\\nRD under 200 ms latency <= 0.50"))
 def test_requirement(drive, requirement):
     drive.check(requirement)
-'''
+"""
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
