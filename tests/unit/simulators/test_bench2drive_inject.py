@@ -289,5 +289,12 @@ def test_the_module_is_one_file_of_python_3_7_with_numpy_alone() -> None:
     assert not later & {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     assert not [node for node in ast.walk(tree) if isinstance(node, ast.NamedExpr)]
     if importlib.util.find_spec("vermin") is not None:
-        command = [sys.executable, "-m", "vermin", "--target=3.7-", "--no-tips", "--no-eval-annotations"]
+        command = [
+            sys.executable,
+            "-c",
+            "from vermin import main; main()",
+            "--target=3.7-",
+            "--no-tips",
+            "--no-eval-annotations",
+        ]
         subprocess.run([*command, inject.__file__], check=True)
