@@ -38,7 +38,7 @@ server = subprocess.Popen(
 print("server", server.pid, flush=True)
 if mode == "no-module":
     import a_module_that_is_not_there
-marker = args.checkpoint.replace("/work/", "/").replace("/", "_")
+marker = "_".join(part for part in args.checkpoint.split("/") if part != "work")
 first = os.path.join(os.environ["SAVE_PATH"], "tried" + marker)
 again = os.path.exists(first)
 open(first, "w").close()
