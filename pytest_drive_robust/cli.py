@@ -78,11 +78,12 @@ def _check_agent(options: argparse.Namespace) -> int:
     routes = routes_for(options.routes or default_spec(Settings(), simulator), simulator)
     kept = True
     try:
-        for route in routes if options.routes else routes[:1]:
+        for number, route in enumerate(routes if options.routes else routes[:1], start=1):
             report = check_agent(
                 lambda: registry.agent(options.agent),
                 simulator=simulator,
                 route=route,
+                other_route=routes[number % len(routes)],
                 seed=options.seed,
                 subject=f"{options.agent} on {route.label}",
             )

@@ -50,6 +50,10 @@ class Trace:
         values: NDArray[np.float64] = self.rows[:, self.COLUMNS.index(name)]
         return values
 
+    def columns(self, *names: str) -> tuple[NDArray[np.float64], ...]:
+        """Some columns at once; a stored trace unpacks these only, and keeps nothing of them in memory."""
+        return tuple(self.column(name) for name in names)
+
     @property
     def digest(self) -> str:
         """Hex digest of the bytes: equal digests mean bit-identical trajectories."""

@@ -81,13 +81,13 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
 
     require_mode(mode)
     require_scorable([result])
-    forward, right = result.trace.column("forward_mps2"), result.trace.column("right_mps2")
+    forward, right, yaw_rate, speed = result.trace.columns("forward_mps2", "right_mps2", "yaw_rate_radps", "speed_mps")
     motion = Motion(
         forward_mps2=forward,
         right_mps2=right,
         magnitude_mps2=np.hypot(forward, right),
-        yaw_rate_radps=result.trace.column("yaw_rate_radps"),
-        speed_mps=result.trace.column("speed_mps"),
+        yaw_rate_radps=yaw_rate,
+        speed_mps=speed,
         dt_s=result.dt_s,
     )
     return comfort_of(motion, COMFORT_QUIRKS if mode == "bench2drive" else ())
@@ -133,9 +133,9 @@ def _comfortable(
         (YAW_ACCELERATION_RADPS2, yaw_rate if "rate-twice" in quirks else _slope(yaw_rate, dt_s)),
         (YAW_RATE_RADPS, yaw_rate),
     )
-    within: NDArray[np.bool_] = np.all(
-        [((low < values) & (values < high)).all(axis=-1) for (low, high), values in signals], axis=0
-    )
+    low, high = np.array([bounds for bounds, _ in signals]).T[:, :, None, None]
+    values = np.array([values for _, values in signals])
+    within: NDArray[np.bool_] = ((low < values) & (values < high)).all(axis=(0, 2))
     return within
 
 

@@ -89,9 +89,7 @@ class Shelf:
                     yield from (name.removesuffix(self.SUFFIX) for name in names if name.endswith(self.SUFFIX))
 
     def _make(self, shard: Path) -> None:
-        self._episodes.mkdir(parents=True, exist_ok=True)
-        shard.mkdir(exist_ok=True)
-        _sync_folder(self._episodes)
+        _make_synced(shard)
         # A folder that holds other things is somebody's: we must not hide those from git.
         if set(os.listdir(self.folder)) <= _OURS:
             for name, content in ((".gitignore", b"*\n"), ("CACHEDIR.TAG", _CACHE_TAG)):
@@ -118,6 +116,14 @@ def write_synced(path: Path, data: bytes) -> None:
             os.unlink(temporary)
         raise
     _sync_folder(path.parent)
+
+
+def _make_synced(folder: Path) -> None:
+    """Make a folder with those above it, and each of their names last: a file in it lasts no longer than they do."""
+    if not folder.is_dir():
+        _make_synced(folder.parent)
+        folder.mkdir(exist_ok=True)
+        _sync_folder(folder.parent)
 
 
 def _sync_folder(folder: Path) -> None:

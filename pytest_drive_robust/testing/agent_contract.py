@@ -26,6 +26,7 @@ from pytest_drive_robust.testing.report import Check, ContractReport
 __all__ = ["check_agent"]
 
 _EPISODE_TICKS = 120
+_OTHER_LENGTH_M = 45.0
 _SLOWEST_ACT_S = 5.0
 _LOCKSTEP_OBSERVATIONS = 12
 _LOCKSTEP_ROWS = 4
@@ -39,27 +40,34 @@ def check_agent(
     *,
     simulator: Simulator | None = None,
     route: Route | None = None,
+    other_route: Route | None = None,
     seed: int = 0,
     subject: str = "",
 ) -> ContractReport:
     """Drive a few episodes and tell which promises of the contract hold.
 
     `agent_factory` makes a new agent on every call. Without `simulator` and `route`, the agent drives 120 ticks of
-    `FakeSimulator`; give your own for an agent that needs a real scene. Nothing is raised for what the agent does.
+    `FakeSimulator`; give your own for an agent that needs a real scene. `other_route` is what the agent drives in
+    between when we look whether `reset` forgets (the same route with another seed when it is left out). Nothing is
+    raised for what the agent does.
     """
     world = simulator or FakeSimulator(SimulatorOptions(tick_cap=_EPISODE_TICKS))
     name = subject or getattr(agent_factory, "__name__", type(agent_factory).__name__)
-    trial = _Trial(agent_factory, world, route or fake_route(), seed)
+    other = other_route or route or fake_route("2", length_m=_OTHER_LENGTH_M)
+    trial = _Trial(agent_factory, world, route or fake_route(), other, seed)
     return ContractReport(name, tuple(trial.checks()))
 
 
 class _Trial:
     """The checks share one recorded episode, which everything else is compared with."""
 
-    def __init__(self, factory: Callable[[], Agent], simulator: Simulator, route: Route, seed: int) -> None:
+    def __init__(
+        self, factory: Callable[[], Agent], simulator: Simulator, route: Route, other: Route, seed: int
+    ) -> None:
         self.factory = factory
         self.simulator = simulator
         self.route = route
+        self.other = other
         self.seed = seed
 
     def checks(self) -> Iterator[Check]:
@@ -137,20 +145,24 @@ class _Trial:
         again, _ = self.drive(self.factory(), self.seed)
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
-            advice = "Draw all randomness from the seed that reset gets, and read no clock."
+            advice = (
+                "Draw all randomness from the seed that reset gets, read no clock, keep nothing outside the object."
+            )
             return Check("determinism", False, f"two agents with seed {self.seed} differ from act {tick} on. {advice}")
         return Check("determinism", True, f"two agents with seed {self.seed} drive the same.")
 
     def reset(self) -> Check:
-        """An agent that has driven another episode drives like a new one after `reset`."""
+        """One object that has driven other episodes drives this one like a new object, and so once more."""
         agent = self.factory()
-        self.drive(agent, self.seed + 1)
-        again, _ = self.drive(agent, self.seed)
-        tick = first_difference(self.record.controls, again.controls)
-        if tick is not None:
-            advice = "Set every attribute that act changes in reset."
-            return Check("reset", False, f"after another episode the agent differs from act {tick} on. {advice}")
-        return Check("reset", True, "after another episode and reset, the agent drives like a new one.")
+        drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
+        for before in (f"an episode on {self.other.label}", "the same episode"):
+            again, _ = self.drive(agent, self.seed)
+            tick = first_difference(self.record.controls, again.controls)
+            if tick is not None:
+                told = f"after {before} the agent still remembers it: from act {tick} on it differs from a new agent"
+                advice = "Set in reset every attribute that reset or act changes, also the caches and the hidden state."
+                return Check("reset", False, f"{told}. {advice}")
+        return Check("reset", True, "after other episodes and reset, the agent drives like a new one.")
 
     def isolation(self) -> Check:
         """The same controls from a script see the same world: nothing that the agent writes to reaches it."""

@@ -1,23 +1,20 @@
-"""What will happen if the ego drives like this? Its plans, tried against the tracks of everybody else. Compiled.
-
-The kernels stay in one file: numba's cache notices changes of the file of a kernel only, not of its helpers'.
-"""
+"""What will happen if the ego drives like this? Its plans, tried against the tracks of everybody else. Compiled."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._planning.jit import entry, inner, sources_digest
 from drive_robust_agents._planning.tracks import STEP_S
 
 __all__ = ["rollouts"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_jit = numba.njit(cache=True)
 
 DRIVE_LAG = 0.4
 """The engine gives so much of what is asked for in the first step."""
@@ -36,7 +33,7 @@ NOSE_M, TAIL_M, HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 of its tail in it, it is out."""
 
 
-@_jit
+@inner
 def _touch(
     x: float, y: float, yaw: float, length: float, width: float, ox: float, oy: float, oyaw: float, olength: float,
     owidth: float,
@@ -54,7 +51,7 @@ def _touch(
     return True
 
 
-@_jit
+@inner
 def _pose(path: Floats, s: float) -> tuple[float, float, float]:
     k = int(min(max(s, 0.0), len(path) - 2.0))
     share = s - k
@@ -63,7 +60,7 @@ def _pose(path: Floats, s: float) -> tuple[float, float, float]:
     return x, y, path[k, 2]
 
 
-@_jit
+@inner
 def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats) -> Ints:
     """Numbers of those who come near the next `reach` metres of the path at all."""
     a, b = int(min(max(s0 - 10.0, 0.0), len(path) - 1.0)), int(min(s0 + reach + 6.0, len(path) - 1.0)) + 1
@@ -86,7 +83,7 @@ def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats
     return found[:count]
 
 
-@_jit
+@inner
 def _ego_speed(v: float, accel: float, limit: float) -> float:
     """The ego's speed a step later: never backwards, and settling to the limit."""
     after = max(0.0, v + accel * STEP_S)
@@ -95,7 +92,7 @@ def _ego_speed(v: float, accel: float, limit: float) -> float:
     return float(after)
 
 
-@_jit
+@inner
 def _place(track: Floats, clock: float) -> tuple[float, float, float, float]:
     """x, y, yaw, speed on a track, `clock` steps from now."""
     k = int(min(clock, len(track) - 2.0))
@@ -104,14 +101,14 @@ def _place(track: Floats, clock: float) -> tuple[float, float, float, float]:
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2], a[3]
 
 
-@_jit
+@inner
 def _gives_way(gap: float, speed: float, v: float, yields_mps2: float) -> bool:
     """Is the ego so near ahead of somebody that he brakes for it?"""
     closing = max(speed - v, 0.0)
     return gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * speed
 
 
-@_jit
+@inner
 def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bool:
     """False when a plan ends within a junction that it could have waited for."""
     if s - s0 < 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2):
@@ -123,7 +120,7 @@ def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bo
     return True
 
 
-@_jit
+@inner
 def _hits(
     pose: tuple[float, float, float], v: float, step: int, track: Floats, other: Floats, moving: Floats, ego: Floats,
     margins: Floats, yields_mps2: float, pushy: bool,
@@ -161,7 +158,7 @@ def _hits(
     return _touch(x, y, yaw, ego[0] + margins[0], ego[1] + margins[1], ox, oy, oyaw, length + stretch, width)
 
 
-@_jit
+@inner
 def _others(
     path: Floats, s0: float, near: Ints, forecast: Floats, sizes: Floats, leads: Ints, ego: Floats, margins: Floats
 ) -> Floats:
@@ -177,20 +174,11 @@ def _others(
     return found
 
 
-@_jit
-def rollouts(
+@inner
+def _rollouts(
     path: Floats, s0: float, v0: float, size: Floats, forecast: Floats, sizes: Floats, leads: Ints, plans: Floats,
     limits: Floats, boxes: Floats, stop_s: float, margins: Floats, yields_mps2: float, pushy: bool,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """(seconds until trouble, metres driven until then) for each plan; without trouble that is the whole horizon.
-
-    `path` is (n, 3) x, y, yaw, about one row a metre; `forecast` comes from `tracks.tracks` and sets the horizon;
-    `sizes` is (k, 2) length, width; `plans` (m, 3) accelerate at [0] for [1] seconds, then at [2]. `limits` is the
-    speed limit of each row. `margins` are metres added to the ego's length, its width, and seconds by which who crosses
-    may come earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or being within
-    one of the `boxes` (first row, last row) at the end although it was possible to wait before it. Who follows is
-    expected to brake for the ego at `yields_mps2`; who crosses only when `pushy`.
-    """
     steps, half = forecast.shape[1] - 1, 0.5 * size[0]
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
     fastest = v0
@@ -225,3 +213,29 @@ def rollouts(
         if found[p] >= steps * STEP_S - 1e-9 and not _stays_out(s0, s, v0, half, boxes):
             found[p] = 0.1
     return found, driven
+
+
+def _entry(sources: int) -> Callable[..., tuple[Floats, Floats]]:
+    @entry
+    def rollouts(
+        path: Floats, s0: float, v0: float, size: Floats, forecast: Floats, sizes: Floats, leads: Ints, plans: Floats,
+        limits: Floats, boxes: Floats, stop_s: float, margins: Floats, yields_mps2: float, pushy: bool,
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        _ = sources  # part of the cache's key
+        return _rollouts(
+            path, s0, v0, size, forecast, sizes, leads, plans, limits, boxes, stop_s, margins, yields_mps2, pushy
+        )
+
+    return rollouts
+
+
+rollouts = _entry(sources_digest())
+"""(seconds until trouble, metres driven until then) for each plan; without trouble that is the whole horizon.
+
+`path` is (n, 3) x, y, yaw, about one row a metre; `forecast` comes from `tracks.tracks` and sets the horizon;
+`sizes` is (k, 2) length, width; `plans` (m, 3) accelerate at [0] for [1] seconds, then at [2]. `limits` is the
+speed limit of each row. `margins` are metres added to the ego's length, its width, and seconds by which who crosses
+may come earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or being within
+one of the `boxes` (first row, last row) at the end although it was possible to wait before it. Who follows is
+expected to brake for the ego at `yields_mps2`; who crosses only when `pushy`.
+"""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from drive_robust_agents._planning.jit import entry
 
 __all__ = ["crossed_boxes", "leaders", "nearest_ahead", "project", "project_all"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_jit = numba.njit(cache=True)
 
 X, Y, YAW, SPEED, LENGTH, WIDTH = range(6)
 """Columns of the actors that are searched for."""
@@ -20,7 +20,7 @@ _AHEAD_M = 70
 _SAME_LANE_M = 1.7
 
 
-@_jit
+@entry
 def project(line: Floats, first: int, last: int, x: float, y: float) -> tuple[float, float]:
     """(row, metres to the right) of the nearest place among the rows `first`..`last` of a line (n, >=3)."""
     first, last = max(0, min(first, len(line) - 1)), max(1, min(last, len(line)))
@@ -35,7 +35,7 @@ def project(line: Floats, first: int, last: int, x: float, y: float) -> tuple[fl
     return at + dx * math.cos(yaw) + dy * math.sin(yaw), -dx * math.sin(yaw) + dy * math.cos(yaw)
 
 
-@_jit
+@entry
 def project_all(line: Floats, first: int, last: int, actors: Floats) -> Floats:
     """`project` for every row of `actors` (x and y come first): (k, 2)."""
     found = np.empty((len(actors), 2))
@@ -44,7 +44,7 @@ def project_all(line: Floats, first: int, last: int, actors: Floats) -> Floats:
     return found
 
 
-@_jit
+@entry
 def nearest_ahead(
     route: Floats, progress: int, ego: tuple[float, float, float, float], actors: Floats
 ) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def nearest_ahead(
     return gap, speed
 
 
-@_jit
+@entry
 def leaders(path: Floats, s0: float, actors: Floats) -> Ints:
     """1 for everybody ahead in the ego's own corridor who drives the same way: they may brake at any moment."""
     found = np.zeros(len(actors), dtype=np.int64)
@@ -83,7 +83,7 @@ def leaders(path: Floats, s0: float, actors: Floats) -> Ints:
     return found
 
 
-@_jit
+@entry
 def crossed_boxes(path: Floats, boxes: Floats, moving: Floats) -> Ints:
     """1 for every junction (first row, last row of `path`) that somebody else is about to drive through.
 

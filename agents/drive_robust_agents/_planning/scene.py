@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
@@ -55,6 +56,12 @@ class LaneGraph:
                 for k in self._before.get(lane, ()):
                     self.after[k] = lane
 
+    def fork(self) -> LaneGraph:
+        """The same lanes with a memory of its own."""
+        other = copy.copy(self)
+        other.after = self.after.copy()
+        return other
+
     def before(self, lane: int) -> int:
         """The lane that leads straightest into this one, or -1."""
         options = self._before.get(lane, [])
@@ -102,6 +109,12 @@ class Scene:
         self.boxes = self._boxes()
         self.stops = self._stops()
         self.changes = self._changes()
+
+    def fork(self) -> Scene:
+        """The same scene; what its `graph` learns about traffic from here on is its own."""
+        other = copy.copy(self)
+        other.graph = self.graph.fork()
+        return other
 
     def lane_at(self, row: float) -> Lane:
         """The lane under a row."""

@@ -1,21 +1,18 @@
-"""Where everybody else is going: along their lanes, compiled.
-
-A change of `STEP_S` has to reach `forecast` too, whose kernels numba has cached: delete `_planning/__pycache__` then.
-"""
+"""Where everybody else is going: along their lanes, compiled."""
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from drive_robust_agents._planning.jit import entry
 
 __all__ = ["STEP_S", "lane_under", "tracks"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_jit = numba.njit(cache=True)
 
 STEP_S = 0.2
 """Seconds between two places of a track."""
@@ -30,7 +27,7 @@ SLIP, NEIGHBOUR_M = 0.04, 3.5
 A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL = range(7)
 
 
-@_jit
+@entry
 def lane_under(points: Floats, owner: Ints, x: float, y: float, yaw: float, reach_m: float) -> tuple[int, float]:
     """(row of `points`, metres to the right of it) of the nearest lane that leads about where `yaw` does, or (-1, 0).
 
@@ -52,7 +49,7 @@ def lane_under(points: Floats, owner: Ints, x: float, y: float, yaw: float, reac
     return at, -(x - points[at, 0]) * math.sin(heading) + (y - points[at, 1]) * math.cos(heading)
 
 
-@_jit
+@entry
 def tracks(
     actors: Floats, follows: Ints, points: Floats, owner: Ints, first: Ints, after: Ints, steps: int
 ) -> tuple[Floats, Ints]:
