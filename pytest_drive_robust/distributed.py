@@ -15,10 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pytest_drive_robust.keeping import open_store
+from pytest_drive_robust.executing import CRADLE, cradle_for
+from pytest_drive_robust.helping import tell_helpers_to_stop
+from pytest_drive_robust.keeping import nothing_is_stored, open_store
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.cradle import Cradle
+    from pytest_drive_robust.execution import Execution
     from pytest_drive_robust.runner.progress import Progress
     from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.store.base import EpisodeStore
@@ -51,7 +55,7 @@ def is_controller(config: pytest.Config) -> bool:
     return config.getoption("dist", "no") != "no" and not is_worker(config)
 
 
-def start_run(config: pytest.Config, settings: Settings) -> FolderRecord:
+def start_run(config: pytest.Config, settings: Settings, execution: Execution) -> FolderRecord:
     """On the controller: make the run's folder and follow what the workers do. The folder goes with the session."""
     from pytest_drive_robust.screen import progress_for
 
@@ -59,13 +63,20 @@ def start_run(config: pytest.Config, settings: Settings) -> FolderRecord:
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
     record = FolderRecord(folder, open_store(settings, config.rootpath, run=folder.name, own=folder / "store"))
     config.pluginmanager.register(ControllerPlugin(folder, record, progress_for(config)), "drive_robust_controller")
+    cradle = cradle_for(settings, execution, folder / "cradle")
+    if cradle is not None:
+        config.add_cleanup(cradle.close)
+        config.pluginmanager.register(
+            CradlePlugin(cradle, folder / "cradle", at_once=nothing_is_stored(settings, config.rootpath)),
+            "drive_robust_cradle",
+        )
     return record
 
 
 def join_run(
     config: pytest.Config, settings: Settings, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
-) -> None:
-    """In a worker: drive with the store of the run and tell the controller through the run's folder."""
+) -> Path:
+    """In a worker: drive with the store of the run and tell the controller through the run's folder; the folder."""
     from pytest_drive_robust.store.journal import JournalWriter
 
     workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
@@ -74,6 +85,7 @@ def join_run(
     config.add_cleanup(journal.close)
     store = open_store(settings, config.rootpath, run=folder.name, own=folder / "store")
     drive_here(store, WorkerObserver(journal))
+    return folder
 
 
 def send_advice(config: pytest.Config, tell: Callable[[Event], None], sentences: tuple[str, ...]) -> None:
@@ -181,7 +193,8 @@ class ControllerPlugin:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self) -> Generator[None, None, None]:
-        """Stop following before the summaries are written."""
+        """Stop following before the summaries are written. Workers without tests stop helping."""
+        tell_helpers_to_stop(self._folder)
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -195,6 +208,25 @@ class ControllerPlugin:
                 for event in self._record.fresh():
                     self._progress.see(event)
                 self._progress.refresh()
+
+
+class CradlePlugin:
+    """Gives workers one process from which theirs are forked. `at_once`: they will surely need it."""
+
+    def __init__(self, cradle: Cradle, place: Path, *, at_once: bool) -> None:
+        self._cradle = cradle
+        self._place = place
+        self._at_once = at_once
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_setupnodes(self) -> None:
+        """Workers are about to be started (a hook of pytest-xdist): it gets ready while they do."""
+        self._cradle.open(at_once=self._at_once)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker where to find it (a hook of pytest-xdist)."""
+        node.workerinput[CRADLE] = str(self._place)
 
 
 class ProblemCourier:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from pytest_drive_robust.options import DEFAULT_SIMULATOR
+
 if TYPE_CHECKING:
+    from pytest_drive_robust.engine.cradle import Cradle
     from pytest_drive_robust.engine.recipe import Recipe
     from pytest_drive_robust.execution import Execution
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.settings import Settings
 
-__all__ = ["executor_of"]
+__all__ = ["CRADLE", "cradle_for", "executor_of"]
 
+CRADLE = "drive_robust_cradle"
+"""Where a worker of pytest-xdist finds it in its `workerinput`."""
 _HOOK = "pytest_drive_robust_register"
 
 
@@ -57,39 +64,62 @@ def executor_of(
         from pytest_drive_robust.engine.ray_executor import RayExecutor
 
         address, most = execution.ray_address, execution.workers
-        return RayExecutor(lambda: _recipe(config, settings, agents()), limits, address=address, slots=most)
+        return RayExecutor(lambda: _recipe_of(config, settings, agents()), limits, address=address, slots=most)
     slots = execution.slots(shared=shared)
     if width is not None:
         from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
         from pytest_drive_robust.runner.vetting import factory_offers_lockstep
 
         return LockstepProcessExecutor(
-            lambda: _recipe(config, settings, agents()),
+            lambda: _recipe_of(config, settings, agents()),
             limits,
             workers=slots,
             width=width,
             shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
         )
-    return ProcessExecutor(lambda: _recipe(config, settings, agents()), limits, slots=slots)
+    return ProcessExecutor(lambda: _recipe_of(config, settings, agents()), limits, slots=slots)
 
 
-def _recipe(config: pytest.Config, settings: Settings, agents: tuple[str, ...]) -> Recipe:
+def cradle_for(settings: Settings, execution: Execution, place: Path) -> Cradle | None:
+    """On the controller of pytest-xdist: what its workers' processes are forked from; None where that saves nothing.
+
+    It loads no plugin and no agent: which ones there are is known to the workers, which collect.
+    """
+    if execution.executor != "processes" or settings.simulator != DEFAULT_SIMULATOR:
+        return None
+    from pytest_drive_robust.engine.cradle import Cradle
+
+    return Cradle(_recipe(settings), place)
+
+
+def _recipe_of(config: pytest.Config, settings: Settings, agents: tuple[str, ...]) -> Recipe:
     """How a fresh process comes to know the names that this one knows."""
-    import os
-    import sys
+    from pytest_drive_robust.engine.recipe import plugin_source
 
-    from pytest_drive_robust.engine.recipe import Recipe, plugin_source
-    from pytest_drive_robust.simulators.base import SimulatorOptions
-
-    return Recipe(
-        python_path=tuple(sys.path),
-        folder=os.getcwd(),
+    return replace(
+        _recipe(settings),
         plugins=tuple(
             plugin_source(plugin)
             for _, plugin in config.pluginmanager.list_name_plugin()  # in the order of registration
             if plugin is not None and hasattr(plugin, _HOOK)
         ),
+        preload_agents=agents,
+        cradle=getattr(config, "workerinput", {}).get(CRADLE, ""),
+    )
+
+
+def _recipe(settings: Settings) -> Recipe:
+    """With nothing but what is installed."""
+    import os
+    import sys
+
+    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    return Recipe(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=(),
         simulator=settings.simulator,
         options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
-        preload_agents=agents,
     )

@@ -36,6 +36,8 @@ from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.selection import everything_ran
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pytest_drive_robust.execution import Execution
     from pytest_drive_robust.marker import MarkerOptions
     from pytest_drive_robust.owner import Record, RunOwner
@@ -245,7 +247,7 @@ class ReportingPlugin:
 
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
-    from pytest_drive_robust.crewing import outside_settings
+    from pytest_drive_robust.crewing import is_outside, outside_settings
     from pytest_drive_robust.epilogue import Epilogue
     from pytest_drive_robust.execution import Execution
     from pytest_drive_robust.keeping import new_run_name, open_store
@@ -266,7 +268,10 @@ def _activate(config: pytest.Config) -> None:
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     config.pluginmanager.register(StopPlugin(), "drive_robust_stopping")
     if distributed.is_worker(config):
-        distributed.join_run(config, settings, partial(_drive_here, config, settings, execution, choices, shared=True))
+        begin = partial(_drive_here, config, settings, execution, choices, shared=True)
+        folder = distributed.join_run(config, settings, begin)
+        if not is_outside(settings):
+            _help_others(config, folder)
         return
     if config.getoption("drive_plan"):
         check_plan_alone(config)
@@ -275,7 +280,7 @@ def _activate(config: pytest.Config) -> None:
     record: Record
     if distributed.is_controller(config):
         execution.check_workers()
-        record = distributed.start_run(config, settings)
+        record = distributed.start_run(config, settings, execution)
     else:
         record = local = LocalRecord(progress_for(config), open_store(settings, config.rootpath, run=new_run_name()))
         _drive_here(config, settings, execution, choices, local.store, local, shared=False)
@@ -311,6 +316,15 @@ def _drive_here(
     config.pluginmanager.register(DrivingPlugin(driver, getattr(executor, "last_words", tuple)), "drive_robust_driving")
     if config.getoption("drive_plan"):
         config.pluginmanager.register(PlanPlugin(config, store, slots=executor.slots), _PLANNING)
+
+
+def _help_others(config: pytest.Config, folder: Path) -> None:
+    """In a worker of pytest-xdist."""
+    from pytest_drive_robust.helping import HelpingPlugin
+
+    driver = config.stash[DRIVER]
+    name: str = config.workerinput["workerid"]  # type: ignore[attr-defined]
+    config.pluginmanager.register(HelpingPlugin(folder, name, driver.scopes, driver.campaign), "drive_robust_helping")
 
 
 def _plan(driver: Driver, session: pytest.Session) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import importlib
 import json
 import os
 import pickle
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from pytest_drive_robust.engine.child import Channels, serve
+from pytest_drive_robust.engine.cradle import Knock, surroundings_of
 from pytest_drive_robust.engine.kernel import adopt_orphans, die_with_parent, no_core_files
 from pytest_drive_robust.errors import UsageError
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.recipe import Recipe
     from pytest_drive_robust.registry import Registry
 
-__all__ = ["LARGEST_MESSAGE_BYTES", "main", "spawned"]
+__all__ = ["LARGEST_MESSAGE_BYTES", "cradle", "main", "spawned"]
 
 LARGEST_MESSAGE_BYTES = 1 << 17
 _STATUS = struct.Struct("<i")
@@ -39,21 +41,82 @@ _LOOK_S = 0.5
 def main(control: int) -> NoReturn:
     """Serve the socket with this descriptor until its other end is closed."""
     with socket.socket(fileno=control) as channel:
-        recipe: Recipe = pickle.loads(channel.recv(LARGEST_MESSAGE_BYTES))
-        started = time.perf_counter()
-        try:
-            registry = _prepared(recipe)
-        except UsageError as error:
-            channel.send(json.dumps({"type": type(error).__name__, "text": str(error)}).encode())
-            os._exit(0)
-        no_core_files()
-        adopt_orphans()
-        gc.collect()
-        gc.freeze()  # what is shared with the children is not touched by their collectors
-        ready = {"threads": _threads(), "seconds": time.perf_counter() - started}
-        channel.send(json.dumps(ready).encode())
-        _Nursery(channel, recipe, registry).run()
+        _attend(channel, pickle.loads(channel.recv(LARGEST_MESSAGE_BYTES)))
     os._exit(0)
+
+
+def cradle(door: int, lifeline: int) -> NoReturn:
+    """Load the world of the recipe at standard input, then fork a nursery for everyone who knocks at the socket.
+
+    Ends when the other end of the pipe `lifeline` is closed, or when threads were started that forbid forking.
+    """
+    recipe: Recipe = pickle.load(sys.stdin.buffer)
+    surroundings = surroundings_of(recipe)
+    _prepared(recipe)
+    gc.collect()
+    gc.freeze()
+    with socket.socket(fileno=door) as listener, selectors.DefaultSelector() as selector:
+        selector.register(listener, selectors.EVENT_READ)
+        selector.register(lifeline, selectors.EVENT_READ)
+        while _threads() <= recipe.threads:
+            ready = {key.fd for key, _ in selector.select(_LOOK_S)}
+            if lifeline in ready:
+                break
+            if door in ready:
+                _adopt(listener, lifeline, surroundings)
+            with contextlib.suppress(ChildProcessError):
+                while os.waitpid(-1, os.WNOHANG)[0]:
+                    pass
+    os._exit(0)
+
+
+def _adopt(listener: socket.socket, lifeline: int, surroundings: str) -> None:
+    """Fork a nursery for whoever knocks. It has a session of its own, as if it had been started afresh."""
+    with listener.accept()[0] as channel:
+        if os.fork():
+            return
+        try:
+            os.setsid()
+            listener.close()
+            os.close(lifeline)
+            data, fds, _, _ = socket.recv_fds(channel, LARGEST_MESSAGE_BYTES, 1)
+            asked = Knock._make(pickle.loads(data))
+            if asked.surroundings == surroundings:
+                channel.send(json.dumps({"pid": os.getpid()}).encode())
+                for number in (1, 2):
+                    os.dup2(fds[0], number)
+                os.close(fds[0])
+                os.environ.clear()
+                os.environ.update(asked.environment)
+                _forget_registry()
+                _attend(channel, asked.recipe)
+        finally:
+            os._exit(0)
+
+
+def _forget_registry() -> None:
+    """The next one is made for another `sys.path`."""
+    from pytest_drive_robust.registry import default_registry
+
+    default_registry.cache_clear()
+    importlib.invalidate_caches()
+
+
+def _attend(channel: socket.socket, recipe: Recipe) -> None:
+    """Get ready, say so, and fork children until the other end of the channel is closed."""
+    started = time.perf_counter()
+    try:
+        registry = _prepared(recipe)
+    except UsageError as error:
+        channel.send(json.dumps({"type": type(error).__name__, "text": str(error)}).encode())
+        return
+    no_core_files()
+    adopt_orphans()
+    gc.collect()
+    gc.freeze()  # what is shared with the children is not touched by their collectors
+    ready = {"threads": _threads(), "seconds": time.perf_counter() - started}
+    channel.send(json.dumps(ready).encode())
+    _Nursery(channel, recipe, registry).run()
 
 
 def spawned(messages: int, output: int, faults: int, board: int) -> NoReturn:

@@ -15,11 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from pytest_drive_robust import errors
 from pytest_drive_robust.engine.board import Board, board_bytes, shared_file
 from pytest_drive_robust.engine.child import Channels
+from pytest_drive_robust.engine.cradle import Adopted, knock
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
 from pytest_drive_robust.engine.handle import ForkedChild, SpawnedChild
 
@@ -65,7 +66,7 @@ class Nursery:
         self._fork = sys.platform == "linux" if fork is None else fork
         self._preload = recipe.preload_agents
         self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | Adopted | None = None
         self._channel: socket.socket | None = None
         self._log: IO[bytes] | None = None
         self._ready = False
@@ -119,30 +120,61 @@ class Nursery:
 
     def _launch(self, unwanted: Callable[[], bool]) -> int | None:
         """Threads of the new process, None when it died while it was getting ready. Raises `UsageError`, `Stopped`."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._channel = ours
+        told = None
+        for begin in (self._knock, self._begin):
+            if begin():
+                told = self._answer(unwanted)
+                if told is not None:
+                    break
+                self._stop()
+        if told is None:
+            return None
+        if "type" in told:
+            self._stop()
+            raise refusal(told)
+        return int(told["threads"])
+
+    def _knock(self) -> bool:
+        """Have a nursery forked from the cradle of the run. False when there is none."""
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        recipe = replace(self._recipe, preload_agents=self._preload)
+        self._channel = knock(recipe, self._log.fileno())
+        return self._channel is not None
+
+    def _begin(self) -> bool:
+        """Start a nursery afresh. False when it was dead at once."""
+        if self._log is None:
+            self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = self._popen("main", (theirs.fileno(),), self._log.fileno())
         try:
-            ours.send(pickle.dumps(replace(self._recipe, preload_agents=self._preload)))
-            deadline = time.monotonic() + _READY_S
-            while not select.select([ours], [], [], _LOOK_S)[0]:
+            self._channel.send(pickle.dumps(replace(self._recipe, preload_agents=self._preload)))
+        except OSError:
+            return False
+        return True
+
+    def _answer(self, unwanted: Callable[[], bool]) -> dict[str, Any] | None:
+        """What the process said when it was ready, None when it died before. Raises `Stopped`."""
+        assert self._channel is not None
+        deadline = time.monotonic() + _READY_S
+        while True:
+            while not select.select([self._channel], [], [], _LOOK_S)[0]:
                 if unwanted():
                     self._stop()
                     raise Stopped
                 if time.monotonic() > deadline:
                     return None
-            answer = ours.recv(1 << 16)
-        except OSError:
-            return None
-        if not answer:
-            return None
-        told = json.loads(answer)
-        if "type" in told:
-            self._stop()
-            raise refusal(told)
-        return int(told["threads"])
+            try:
+                answer = self._channel.recv(1 << 16)
+            except OSError:
+                return None
+            if not answer:
+                return None
+            told: dict[str, Any] = json.loads(answer)
+            if "pid" not in told:
+                return told
+            self._process = Adopted(self._channel, told["pid"])
 
     def _popen(self, entry: str, fds: tuple[int, ...], output: int) -> subprocess.Popen[bytes]:
         code = f"{_START.format(entry)}({', '.join(map(str, fds))})"
@@ -196,6 +228,8 @@ class Nursery:
 
     def _stop(self) -> None:
         if self._channel is not None:
+            with contextlib.suppress(OSError):
+                self._channel.shutdown(socket.SHUT_WR)
             self._channel.close()
         if self._process is not None:
             if not self._ready:

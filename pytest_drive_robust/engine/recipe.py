@@ -38,7 +38,8 @@ class Recipe:
     `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
     `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
     name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
-    are names whose modules are imported once for all processes.
+    are names whose modules are imported once for all processes. `cradle` is where a process of this run listens that
+    has loaded the simulator already (see `engine.cradle`), empty where there is none.
     """
 
     python_path: tuple[str, ...]
@@ -48,6 +49,7 @@ class Recipe:
     options: SimulatorOptions = field(default_factory=SimulatorOptions)
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
+    cradle: str = ""
 
     def environment(self) -> dict[str, str]:
         """The environment of the process: ours, with the number of threads for libraries that read it at import."""

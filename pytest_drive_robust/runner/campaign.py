@@ -165,6 +165,10 @@ class Campaign:
         )
         return _judgement(verdict, (*clean, *perturbed))
 
+    def assist(self, tasks: Iterable[Task]) -> None:
+        """Drive some of `tasks` for others who ask for them; see `Scheduler.assist`."""
+        self._scheduler.assist(tasks)
+
     def tell(self, event: Event) -> None:
         """Put something into the record of the run that no episode tells."""
         self._observer(event)

@@ -98,8 +98,7 @@ class Scheduler:
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
         one is missing and nothing new may begin.
         """
-        if self._ends_s is None and self._budget_s is not None:
-            self._ends_s = self._clock() + self._budget_s
+        self._begin_budget()
         nearer = iter(ahead)
         missing = [task for task in tasks if not self._is_finished(task)]
         while True:
@@ -119,6 +118,20 @@ class Scheduler:
                 )
             self._wait()
 
+    def assist(self, tasks: Iterable[Task]) -> None:
+        """Let free slots begin with `tasks`, which nobody here asks for, in their order; return soon.
+
+        To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
+        """
+        self._begin_budget()
+        self._collect()
+        for task in () if self._spent else tasks:
+            if self._busy:
+                break
+            if task.key not in self._under_way and self._store.get(task.key) is None:
+                self._begin(task)
+        self._wait()
+
     def close(self) -> None:
         """Cut off what is under way, give back what was claimed, free the executor."""
         self._collect()
@@ -127,6 +140,10 @@ class Scheduler:
             drive.claim.release()
         self._drives.clear()
         self._under_way.clear()
+
+    def _begin_budget(self) -> None:
+        if self._ends_s is None and self._budget_s is not None:
+            self._ends_s = self._clock() + self._budget_s
 
     @property
     def _busy(self) -> bool:

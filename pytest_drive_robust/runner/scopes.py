@@ -79,6 +79,10 @@ class Scopes:
         self._require("simulators", self._settings.simulator)
         self.of(MarkerOptions())
 
+    def setting(self, sentence: str) -> Setting:
+        """The setting that is called so. Raises `UsageError`."""
+        return Setting.parse(sentence, self._registry.perturbations())
+
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())

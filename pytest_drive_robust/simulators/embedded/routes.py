@@ -14,7 +14,16 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 
-__all__ = ["ALL_ROUTES", "default_set", "load_routes", "named_routes", "save_routes", "set_names", "set_summary"]
+__all__ = [
+    "ALL_ROUTES",
+    "default_set",
+    "is_shipped",
+    "load_routes",
+    "named_routes",
+    "save_routes",
+    "set_names",
+    "set_summary",
+]
 
 _FOLDER = Path(__file__).parent / "route_files"
 _FILE = _FOLDER / "full.xml"
@@ -74,6 +83,11 @@ def named_routes(name: str) -> tuple[Route, ...]:
     return tuple(chosen)
 
 
+def is_shipped(route: Route) -> bool:
+    """Whether it is one of ours, to the last detail."""
+    return _by_id().get(route.id) == route
+
+
 def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
     if name not in _SETS:
         raise UnknownNameError.of("route set", name, _SETS, hint="Or give the path of a route XML file.")
@@ -84,3 +98,8 @@ def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
 def _shipped() -> tuple[Route, ...]:
     """Every route that we ship: parsed once in a process, in well under a tenth of a second."""
     return load_routes(_FILE)
+
+
+@lru_cache(maxsize=1)
+def _by_id() -> dict[str, Route]:
+    return {route.id: route for route in _shipped()}

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth, LaneKind, LaneMap
-from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
+from pytest_drive_robust.simulators.embedded.kernels.ego import GRIP_MPS2, WHEELBASE_M
 from pytest_drive_robust.simulators.embedded.kernels.entry import actor_rows, finish, hold, settle, tick
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
@@ -108,6 +111,22 @@ class World:
         """Go back to a snapshot of this world."""
         for mine, theirs in zip(self.state, snapshot, strict=True):
             mine[...] = theirs
+
+    def place_ego(self, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> None:
+        """Move the ego; see `EmbeddedSimulator.place_ego`. Raises `SimulationError` for what no ego can have."""
+        if not all(map(math.isfinite, (x_m, y_m, yaw_rad, speed_mps))) or speed_mps < 0.0:
+            given = f"x {x_m!r}, y {y_m!r}, yaw {yaw_rad!r}, speed {speed_mps!r}"
+            raise SimulationError(f"the ego cannot be put at {given}: expected finite numbers and a speed of 0 or more")
+        ego = self.state.ego
+        ego[[c.EGO_X, c.EGO_Y, c.EGO_V]] = x_m, y_m, speed_mps
+        ego[c.EGO_YAW] = np.remainder(yaw_rad + np.pi, 2.0 * np.pi) - np.pi
+        if speed_mps == 0.0:
+            ego[[c.EGO_ACCEL, c.EGO_FORWARD]] = 0.0
+        turn, slip = math.tan(ego[c.EGO_STEER]), math.atan(0.5 * math.tan(ego[c.EGO_STEER]))
+        yaw_rate = speed_mps * math.cos(slip) * turn / WHEELBASE_M
+        if abs(yaw_rate) * speed_mps > GRIP_MPS2:
+            yaw_rate = math.copysign(GRIP_MPS2 / speed_mps, yaw_rate)
+        ego[[c.EGO_RIGHT, c.EGO_YAW_RATE]] = speed_mps * yaw_rate, yaw_rate
 
 
 def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
