@@ -13,12 +13,14 @@ Nobody's intentions are known to it: where traffic goes at a fork it learns by w
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from drive_robust_agents._planning.control import Floats, pedals, steer_along
+from drive_robust_agents._planning.intent import Intent
 from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lanes import LaneChanges, Siren
 from drive_robust_agents._planning.lateral import line_of
@@ -72,10 +74,28 @@ class Expert:
         self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
         self._path: tuple[tuple[float, float], ...] = ()
+        self._held_back = False
+        self._intent: Intent | None = None
 
     def plan(self) -> PlannedPath:
         """The next 30 m of the path that the last control followed."""
         return PlannedPath(path=self._path)
+
+    def intent(self) -> Intent:
+        """What is behind the last control. Raises `ValueError` before the first one of an episode."""
+        if self._intent is None:
+            raise ValueError("the expert has not acted yet in this episode: call act(observation) first")
+        return self._intent
+
+    def fork(self) -> Expert:
+        """Another expert in the same state of mind: neither changes what the other does from here on.
+
+        They share the map, which does not change.
+        """
+        memo: dict[int, object] = {}
+        if self._scene is not None:
+            memo[id(self._scene)] = self._scene.fork()
+        return copy.deepcopy(self, memo)
 
     def act(self, observation: Observation) -> Control:
         """Plan on the ground truth. Raises `ValueError` when there is none (the loop gives it to privileged agents)."""
@@ -87,8 +107,9 @@ class Expert:
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
         moment = self._see(self._scene, truth)
-        if self._waits_beside_the_lane(self._lanes, moment):
-            return self._control(truth.frame.ego, self._lanes.profile, moment, -1.0)
+        self._held_back = self._waits_beside_the_lane(self._lanes, moment)
+        if self._held_back:
+            return self._control(truth.frame.ego, self._lanes.profile, moment, -1.0, moment.stop_row)
         obstacle = self._choose_lane(self._lanes, moment, truth)
         profile = self._profile(self._lanes, moment, truth)
         stop = min(moment.stop_row, self._lanes.stop_row(), self._before(obstacle, moment))
@@ -100,7 +121,8 @@ class Expert:
             cruise_mps=math.inf if cruise is None else _SLOWER * cruise,
             hurry=self._hurries(self._lanes, profile, moment),
         )
-        return self._control(truth.frame.ego, profile, moment, acceleration)
+        self._held_back |= obstacle is not None and not obstacle.moving
+        return self._control(truth.frame.ego, profile, moment, acceleration, stop)
 
     def _see(self, scene: Scene, truth: GroundTruth) -> Moment:
         """Everything that the decisions of this tick need."""
@@ -139,8 +161,12 @@ class Expert:
         if self._pass is not None:
             return
         candidate = lanes.candidate(now.row, now.speed_mps)
-        if candidate is not None and self._is_free(candidate, now, now.row + 90.0, within_s=_CHANGE_FREE_S):
+        if candidate is None:
+            return
+        if self._is_free(candidate, now, now.row + 90.0, within_s=_CHANGE_FREE_S):
             lanes.adopt(candidate)
+        else:
+            self._held_back = True
 
     def _go_around(self, lanes: LaneChanges, now: Moment) -> Obstacle | None:
         """Pass what is in the lane; it is returned while the way around is not free."""
@@ -219,11 +245,13 @@ class Expert:
 
     # --- control ---
 
-    def _control(self, ego: EgoState, profile: Floats, now: Moment, acceleration: float) -> Control:
+    def _control(self, ego: EgoState, profile: Floats, now: Moment, acceleration: float, stop_row: float) -> Control:
         if self._line is None or self._line[0] is not profile:
             self._line = (profile, line_of(now.scene, profile))
         line, row = self._line[1], int(np.clip(now.row, 0, now.scene.count - 1))
         ahead = line[row + 2 : row + 32 : 2, :2] - (ego.x_m, ego.y_m)
         c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
         self._path = tuple((float(x * c + y * s), float(-x * s + y * c)) for x, y in ahead)
+        passing = self._pass is not None or self._siren.active
+        self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
         return pedals(ego, acceleration, steer_along(ego, line, row))

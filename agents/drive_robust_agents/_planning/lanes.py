@@ -127,9 +127,8 @@ class Siren:
     @staticmethod
     def _metres_ahead(traffic: Traffic, frame: Frame) -> float | None:
         ego = frame.ego
-        for kind, box in zip(traffic.kinds, traffic.boxes, strict=True):
-            same_way = math.cos(box[2] - ego.yaw_rad) > 0.7
-            if kind == ActorKind.EMERGENCY and same_way and box[3] > 1.0:
+        for box in traffic.boxes[traffic.kinds == ActorKind.EMERGENCY]:
+            if math.cos(box[2] - ego.yaw_rad) > 0.7 and box[3] > 1.0:
                 dx, dy = box[0] - ego.x_m, box[1] - ego.y_m
                 return float(dx * math.cos(ego.yaw_rad) + dy * math.sin(ego.yaw_rad))
         return None

@@ -1,0 +1,210 @@
+"""Building blocks of the compact networks: convolutions that fold, a small residual encoder, attention.
+
+Every block keeps rows of a batch apart (no statistics across rows outside training) and works in channels-last memory.
+Shapes are written (N, ...) for a batch of N; the images that enter are uint8 and height x width x channel, as the
+renderer makes them, so that nothing is copied before the first convolution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, cast
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+__all__ = [
+    "Attention",
+    "BasicBlock",
+    "ConvBnRelu",
+    "DecoderLayer",
+    "ImageNorm",
+    "MiniResNet",
+    "Mlp",
+    "channels_last",
+    "fold_batch_norm",
+]
+
+_MEAN, _DEVIATION = 114.5, 57.6
+"""ImageNet's, of 255, the same for all three channels: a constant for each channel cannot be vectorised over
+channels-last memory, and what follows is a convolution with batch normalisation, which learns the rest.
+"""
+
+
+class ImageNorm(nn.Module):
+    """uint8 RGB (N, H, W, 3) -> normalised float32 (N, 3, H, W) in channels-last memory.
+
+    Also (N, cameras, H, W, 3) -> (N * cameras, 3, H, W).
+    """
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Normalise; a permuted view of height x width x channel memory is channels-last already."""
+        planes = image.flatten(0, -4).permute(0, 3, 1, 2)
+        return planes.float().sub_(_MEAN).mul_(1.0 / _DEVIATION)
+
+
+class ConvBnRelu(nn.Module):
+    """Convolution (no bias), batch normalisation, optional ReLU: (N, C, H, W) -> (N, out, H / stride, W / stride).
+
+    The padding is "same" for odd kernels; a kernel as large as its stride cuts the image into patches.
+    """
+
+    def __init__(self, inputs: int, outputs: int, *, kernel: int = 3, stride: int = 1, relu: bool = True) -> None:
+        super().__init__()
+        padding = 0 if kernel == stride else kernel // 2
+        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False)
+        self.norm: nn.Module = nn.BatchNorm2d(outputs)
+        self.relu: nn.Module = nn.ReLU(inplace=True) if relu else nn.Identity()
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Convolve, normalise, rectify."""
+        y: Tensor = self.relu(self.norm(self.conv(x)))
+        return y
+
+    def fold(self) -> None:
+        """Put the statistics of the normalisation into the convolution; for inference only, and for good."""
+        if isinstance(self.norm, nn.BatchNorm2d):
+            self.conv = fuse_conv_bn_eval(self.conv.eval(), self.norm.eval())
+            self.norm = nn.Identity()
+
+
+def fold_batch_norm(net: nn.Module) -> nn.Module:
+    """Fold every `ConvBnRelu` in the network, in place; gives the network back. Outputs change by rounding only."""
+    for module in net.modules():
+        if isinstance(module, ConvBnRelu):
+            module.fold()
+    return net
+
+
+def channels_last(net: nn.Module) -> nn.Module:
+    """Lay the network's convolutions out for channels-last maps, in place; gives the network back."""
+    cast("Any", net).to(memory_format=torch.channels_last)
+    return net
+
+
+class BasicBlock(nn.Module):
+    """Two 3x3 convolutions around a shortcut: (N, inputs, H, W) -> (N, outputs, H / stride, W / stride)."""
+
+    def __init__(self, inputs: int, outputs: int, *, stride: int = 1) -> None:
+        super().__init__()
+        self.first = ConvBnRelu(inputs, outputs, stride=stride)
+        self.second = ConvBnRelu(outputs, outputs, relu=False)
+        same = stride == 1 and inputs == outputs
+        self.shortcut: nn.Module = (
+            nn.Identity() if same else ConvBnRelu(inputs, outputs, kernel=1, stride=stride, relu=False)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Residual sum, rectified."""
+        return functional.relu(self.second(self.first(x)) + self.shortcut(x))
+
+
+class MiniResNet(nn.Module):
+    """A stem convolution, then one `BasicBlock` of stride 2 per width.
+
+    (N, 3, H, W) -> (N, widths[-1], H / total_stride, W / total_stride). A stem of stride 4 has a 5x5 kernel, one of
+    stride 2 a 3x3 kernel; depth-wise convolutions are slower on the processors that this is made for.
+    """
+
+    def __init__(self, widths: Sequence[int], stem: int = 32, stride: int = 4) -> None:
+        super().__init__()
+        self.channels = widths[-1]
+        self.total_stride = stride * 2 ** len(widths)
+        self.stem = ConvBnRelu(3, stem, kernel=5 if stride == 4 else 3, stride=stride)
+        inputs = (stem, *widths[:-1])
+        self.blocks = nn.Sequential(*(BasicBlock(i, o, stride=2) for i, o in zip(inputs, widths, strict=True)))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """The map of features."""
+        y: Tensor = self.blocks(self.stem(x))
+        return y
+
+
+class Mlp(nn.Sequential):
+    """Linear layers of the sizes given with an activation between them, none after the last: (..., a) -> (..., z).
+
+    Give every layer a number of inputs that is a multiple of four: else the bits of a row depend on where in memory
+    it begins, and the agent cannot be driven in lockstep.
+    """
+
+    def __init__(self, *sizes: int, activation: type[nn.Module] = nn.ReLU, last: bool = False) -> None:
+        layers: list[nn.Module] = []
+        for inputs, outputs in pairwise(sizes):
+            layers += [nn.Linear(inputs, outputs), activation()]
+        super().__init__(*(layers if last else layers[:-1]))
+
+
+class Attention(nn.Module):
+    """Multi-head attention: queries (N, Q, d) over keys and values (N, K, memory) -> (N, Q, d)."""
+
+    def __init__(self, width: int, heads: int, *, memory: int | None = None) -> None:
+        super().__init__()
+        if width % heads:
+            raise ValueError(f"a width of {width} cannot be divided among {heads} heads")
+        self.heads = heads
+        inputs = width if memory is None else memory
+        self.query = nn.Linear(width, width)
+        self.key = nn.Linear(inputs, width)
+        self.value = nn.Linear(inputs, width)
+        self.out = nn.Linear(width, width)
+
+    def forward(
+        self,
+        query: Tensor,
+        key: Tensor | None = None,
+        value: Tensor | None = None,
+        *,
+        mask: Tensor | None = None,
+        causal: bool = False,
+    ) -> Tensor:
+        """Attend; to the queries themselves without `key`, with the keys as values without `value`.
+
+        `mask` is True (or 0.0) where a query may look, broadcast to (N, heads, Q, K); `causal` lets a query look at
+        keys up to its own place. A query that may look at nothing must not occur.
+        """
+        key = query if key is None else key
+        value = key if value is None else value
+        q, k, v = self._split(self.query(query)), self._split(self.key(key)), self._split(self.value(value))
+        mixed = functional.scaled_dot_product_attention(q, k, v, attn_mask=mask, is_causal=causal)
+        y: Tensor = self.out(mixed.transpose(1, 2).flatten(2))
+        return y
+
+    def _split(self, x: Tensor) -> Tensor:
+        """(N, L, d) -> (N, heads, L, d / heads)."""
+        return x.reshape(x.shape[0], x.shape[1], self.heads, -1).transpose(1, 2)
+
+
+class DecoderLayer(nn.Module):
+    """Self-attention among queries, cross-attention to a memory, feed-forward (2 d); normalised after each (post-norm).
+
+    (N, Q, d) and (N, K, memory) -> (N, Q, d). Position codes are added to queries and keys, never to values.
+    """
+
+    def __init__(self, width: int, heads: int, *, memory: int | None = None, hidden: int | None = None) -> None:
+        super().__init__()
+        self.self_attention = Attention(width, heads)
+        self.cross_attention = Attention(width, heads, memory=memory)
+        self.feed_forward = Mlp(width, 2 * width if hidden is None else hidden, width)
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+
+    def forward(
+        self,
+        query: Tensor,
+        memory: Tensor,
+        *,
+        query_position: Tensor | None = None,
+        memory_position: Tensor | None = None,
+        self_mask: Tensor | None = None,
+        memory_mask: Tensor | None = None,
+    ) -> Tensor:
+        """Refine the queries. Masks as in `Attention.forward`."""
+        placed = query if query_position is None else query + query_position
+        query = self.norms[0](query + self.self_attention(placed, placed, query, mask=self_mask))
+        placed = query if query_position is None else query + query_position
+        keys = memory if memory_position is None else memory + memory_position
+        query = self.norms[1](query + self.cross_attention(placed, keys, memory, mask=memory_mask))
+        y: Tensor = self.norms[2](query + self.feed_forward(query))
+        return y

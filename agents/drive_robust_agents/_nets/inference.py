@@ -1,0 +1,219 @@
+"""What every learned agent shares at run time: numpy in, numpy out, the same bits in any company.
+
+One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last one filled up with
+copies: so the bits of a row depend neither on its neighbours nor on how many they are. Networks are shared by all
+agents of a process that ask for the same weights in the same way; what an episode remembers belongs to its agent.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from drive_robust_agents._nets import weights as store
+from drive_robust_agents._nets.manifest import Entry
+from pytest_drive_robust.errors import UsageError, nearest
+
+__all__ = ["ROWS", "Policy"]
+
+ROWS = 4
+"""Rows of a batch. With one size for all the sums of a matrix product are added in the same order everywhere."""
+
+_ENGINES = ("torch", "onnx")
+_TYPES = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.float16}
+
+_Arrays = Mapping[str, NDArray[Any]]
+
+
+class Engine(Protocol):
+    """Computes one batch of fixed size with a method of the network."""
+
+    def __call__(self, method: str, inputs: _Arrays) -> dict[str, NDArray[Any]]:
+        """Arrays in and out, each with the batch as its first axis."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """Everything that tells one policy from another."""
+
+    name: str
+    build: store.Build
+    engine: str
+    device: str
+    dtype: str
+    threads: int
+    file: Path | None
+    sha256: str
+    options: tuple[tuple[str, object], ...]
+
+
+class Policy:
+    """A network with its weights, ready to drive. Make one with `Policy.of`."""
+
+    def __init__(self, net: nn.Module, entry: Entry, engine: Engine, *, threads: int) -> None:
+        self.net, self.entry = net, entry
+        self._engine, self._threads = engine, threads
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        build: store.Build,
+        *,
+        engine: str = "torch",
+        device: str = "cpu",
+        dtype: str = "float32",
+        threads: int = 1,
+        weights: str | Path | None = None,
+        **options: object,
+    ) -> Policy:
+        """The policy of an agent; the same object for the same wish in this process.
+
+        `engine` is `"torch"` or `"onnx"` (ONNX Runtime: faster on a CPU, built from the same weights at first use).
+        `device` is `"cpu"`, `"cuda"`, `"cuda:1"` or `"auto"`. `dtype` other than `"float32"` computes with automatic
+        mixed precision and is meant for CUDA: processors without instructions for it are many times slower.
+        `weights` is None for those that ship, or a file with its `manifest.json` beside it. `options` are those of the
+        network. Raises `UsageError` for weights that are refused and for what this machine cannot do.
+        """
+        _, entry = store.locate(name, weights)
+        wish = _Wish(
+            name,
+            build,
+            _one_of("engine", engine, _ENGINES),
+            _device(device, engine),
+            _one_of("dtype", dtype, tuple(_TYPES)),
+            threads,
+            None if weights is None else Path(weights).absolute(),
+            entry.sha256,
+            tuple(sorted(options.items())),
+        )
+        if threads < 1 or (engine == "onnx" and dtype != "float32"):
+            raise UsageError(
+                f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more."
+            )
+        with _making:
+            return _made(wish)
+
+    @classmethod
+    def check(cls, name: str, build: store.Build, *, weights: str | Path | None = None, **options: object) -> None:
+        """Refuse at once what `of` would refuse: nothing is driven with weights that are not what they should be."""
+        store.load(name, build, weights=weights, **options)
+
+    @property
+    def label(self) -> str:
+        """`name@version:sha8`."""
+        return self.entry.label
+
+    def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """What the network says to rows of inputs (each array with the rows as its first axis).
+
+        Returns when the result is there, on any device. `method` names another method of the network with the same
+        conventions; ONNX Runtime knows `forward` only.
+        """
+        if torch.get_num_threads() != self._threads:
+            torch.set_num_threads(self._threads)
+        rows = len(next(iter(inputs.values())))
+        if rows == 1:
+            return self._engine(method, inputs)
+        parts = [self._engine(method, _chunk(inputs, begin)) for begin in range(0, rows, ROWS)]
+        return {name: np.concatenate([part[name] for part in parts])[:rows] for name in parts[0]}
+
+    def warmup(self, repeats: int = 3) -> None:
+        """Compute example rows, alone and in a batch: what loads, compiles or allocates at first use does so now."""
+        net: Any = self.net
+        for rows in (1, ROWS):
+            example = {name: value.numpy() for name, value in net.example(rows).items()}
+            for _ in range(repeats):
+                self.run(**example)
+
+
+class TorchEngine:
+    """Eager PyTorch: inference mode, channels-last, mixed precision where it is asked for."""
+
+    def __init__(self, net: nn.Module, *, device: str, dtype: str) -> None:
+        self._device = torch.device(device)
+        self._net: Any = net.to(self._device)
+        self._dtype = _TYPES[dtype]
+        if self._device.type == "cuda":
+            torch.backends.cudnn.benchmark = False
+            torch.backends.cudnn.deterministic = True
+
+    def __call__(self, method: str, inputs: _Arrays) -> dict[str, NDArray[Any]]:
+        """One copy to the device, one back; the device has finished when this returns."""
+        with torch.inference_mode(), self._precision():
+            given = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in inputs.items()}
+            if self._device.type == "cuda":
+                given = {name: value.pin_memory().to(self._device, non_blocking=True) for name, value in given.items()}
+            outputs: dict[str, Tensor] = getattr(self._net, method)(**given)
+            found = {name: _plain(value) for name, value in outputs.items()}
+        if self._device.type == "cuda":
+            torch.cuda.synchronize(self._device)
+        return found
+
+    def _precision(self) -> AbstractContextManager[Any]:
+        return nullcontext() if self._dtype is None else torch.autocast(self._device.type, self._dtype)
+
+
+_making = threading.Lock()
+
+
+@functools.cache
+def _made(wish: _Wish) -> Policy:
+    torch.set_num_threads(wish.threads)
+    net, entry = store.load(wish.name, wish.build, weights=wish.file, **dict(wish.options))
+    if entry.sha256 != wish.sha256:
+        raise UsageError(f"{wish.name}: the manifest changed while its weights were read. Start again.")
+    if wish.engine == "torch":
+        engine: Engine = TorchEngine(net, device=wish.device, dtype=wish.dtype)
+    else:
+        from drive_robust_agents._nets.onnx_engine import OnnxEngine
+
+        engine = OnnxEngine(net, entry, options=wish.options, threads=wish.threads)
+    return Policy(net, entry, engine, threads=wish.threads)
+
+
+def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
+    """`ROWS` rows from `begin`, copies of the last one where there are no more."""
+    rows = len(next(iter(inputs.values())))
+    places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
+    return {name: value[places] for name, value in inputs.items()}
+
+
+def _plain(value: Tensor) -> NDArray[Any]:
+    plain: NDArray[Any] = (value.float() if value.is_floating_point() else value).cpu().numpy()
+    return plain
+
+
+def _one_of(what: str, given: str, known: tuple[str, ...]) -> str:
+    if given not in known:
+        close = nearest(given, known)
+        hint = "" if close is None else f" Did you mean {close!r}?"
+        raise UsageError(f"{what}={given!r}: expected one of {', '.join(map(repr, known))}.{hint}")
+    return given
+
+
+def _device(given: str, engine: str) -> str:
+    """The device of that name. Raises `UsageError` when this machine has none."""
+    if given == "auto":
+        return "cuda" if engine == "torch" and torch.cuda.is_available() else "cpu"
+    try:
+        kind = torch.device(given).type
+    except RuntimeError:
+        kind = ""
+    if kind not in ("cpu", "cuda") or (kind == "cuda" and (engine == "onnx" or not torch.cuda.is_available())):
+        raise UsageError(
+            f"device={given!r} with engine={engine!r}: expected 'cpu', 'auto', or with a CUDA build of torch and a "
+            f"device that it sees 'cuda' (torch {torch.__version__} sees {torch.cuda.device_count()})."
+        )
+    return given

@@ -1,0 +1,111 @@
+"""The list of weights beside them: what each file is, what it was trained on, and how it drives."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+__all__ = [
+    "FORMAT_VERSION",
+    "MANIFEST",
+    "MOST_BYTES",
+    "Entry",
+    "plain_spec",
+    "read_manifest",
+    "spec_from",
+    "write_entry",
+]
+
+FORMAT_VERSION = 1
+MANIFEST = "manifest.json"
+MOST_BYTES = 6 * 1000 * 1000
+"""No weight file may be larger: a larger one is not opened."""
+
+_Spec = TypeVar("_Spec")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One weight file.
+
+    `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
+    plain values. `provenance` says where the weights come from: rig, simulator version, data and its seed, trainer
+    settings, closed-loop score with its interval.
+    """
+
+    name: str
+    version: str
+    file: str
+    sha256: str
+    size_bytes: int
+    architecture: str
+    spec: Mapping[str, Any]
+    parameters: int
+    format_version: int = FORMAT_VERSION
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """What results carry: `tcp@1.0:ab12cd34`."""
+        return f"{self.name}@{self.version}:{self.sha256[:8]}"
+
+
+def read_manifest(folder: Path, name: str) -> Entry:
+    """The entry of that name in the manifest of a folder. Raises `UsageError` when there is none that can be used."""
+    path = folder / MANIFEST
+    try:
+        entries = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise UsageError(
+            f"there is no {path}: train {name!r} and publish it, or install drive-robust-agents."
+        ) from None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path} is no manifest: {error}.") from None
+    if not isinstance(entries, dict):
+        raise UsageError(f"{path} is no manifest: expected a table of entries by name.")
+    if name not in entries:
+        raise UnknownNameError.of(f"entry in {path}", name, entries)
+    try:
+        entry = Entry(**entries[name])
+    except TypeError as error:
+        raise UsageError(f"the entry {name!r} of {path} is not as expected: {error}.") from None
+    if entry.format_version != FORMAT_VERSION or Path(entry.file).name != entry.file:
+        raise UsageError(
+            f"the entry {name!r} of {path} names {entry.file!r} in format {entry.format_version!r}, expected a file of "
+            f"that folder in format {FORMAT_VERSION}. Install a drive-robust-agents that fits it."
+        )
+    return entry
+
+
+def write_entry(folder: Path, entry: Entry) -> None:
+    """Put an entry into the manifest of a folder, in place of one of the same name."""
+    path = folder / MANIFEST
+    entries = json.loads(path.read_bytes()) if path.exists() else {}
+    entries[entry.name] = dataclasses.asdict(entry)
+    text = json.dumps(entries, indent=1, sort_keys=True) + "\n"
+    scratch = path.with_suffix(".new")
+    scratch.write_text(text)
+    scratch.replace(path)
+
+
+def plain_spec(spec: object) -> dict[str, Any]:
+    """A specification (a frozen dataclass of plain values) as JSON gives it back."""
+    if not dataclasses.is_dataclass(spec) or isinstance(spec, type):
+        raise TypeError(f"expected a dataclass of plain values, got {spec!r}")
+    plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(spec)))
+    return plain
+
+
+def spec_from(cls: type[_Spec], plain: Mapping[str, Any]) -> _Spec:
+    """The specification of plain values: lists become tuples. Raises `TypeError` for fields that it does not have."""
+    return cls(**{name: _frozen(value) for name, value in plain.items()})
+
+
+def _frozen(value: object) -> object:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

@@ -1,0 +1,203 @@
+"""The compact UniAD's network: pictures from all around, can bus, command and memory -> waypoints and occupancy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from drive_robust_agents._nets.bev import BevEncoder, BevSpec
+from drive_robust_agents._nets.blocks import ConvBnRelu
+from drive_robust_agents._nets.manifest import spec_from
+from drive_robust_agents._nets.uniad_heads import (
+    Begun,
+    LaneHead,
+    MotionHead,
+    Motions,
+    OccupancyHead,
+    Old,
+    PlannerHead,
+    TrackHead,
+    Tracks,
+    View,
+)
+from drive_robust_agents._nets.vad_heads import Places
+
+__all__ = ["DENSE_CHANNELS", "Perceived", "UniadNet", "UniadSpec"]
+
+DENSE_CHANNELS = 8
+_BESIDE_PEAK = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class UniadSpec:
+    """Sizes of a `UniadNet`: queries for agents and lanes, modes of motion, steps of 0.5 s of plan and occupancy."""
+
+    bev: BevSpec = field(default_factory=BevSpec)
+    heads: int = 4
+    agents: int = 24
+    lanes: int = 12
+    modes: int = 3
+    steps: int = 6
+    occupancy_steps: int = 5
+
+
+class Perceived(NamedTuple):
+    """What is read from the map before anything is planned.
+
+    `cells` (N, cells, d) and `view` are the map; `dense` (N, cells, 8) and `heat` (N, cells) logits of what lies in a
+    cell and of an agent's centre; `lane_queries`, `lane_logits`, `lane_masks` as `LaneHead` gives them.
+    """
+
+    cells: Tensor
+    view: View
+    dense: Tensor
+    heat: Tensor
+    begun: Begun
+    tracks: Tracks
+    lane_queries: Tensor
+    lane_logits: Tensor
+    lane_masks: Tensor
+
+
+class UniadNet(nn.Module):
+    """Bird's-eye features, then track, lane, motion, occupancy and planner queries, each reading those before it.
+
+    The inputs are those of `BevAgent`. Training calls `look`, `perceive`, `foresee` and the heads; driving `forward`.
+    """
+
+    centres: Tensor
+    coarse: Tensor
+
+    def __init__(self, spec: UniadSpec) -> None:
+        super().__init__()
+        self.spec = spec
+        width, bev = spec.bev.width, spec.bev
+        self.encoder = BevEncoder(bev)
+        self.places = Places(width)
+        self.overview = ConvBnRelu(width, width, stride=2)
+        self.dense = nn.Linear(width, DENSE_CHANNELS + 4)
+        self.track = TrackHead(width, spec.heads, spec.agents)
+        self.lane = LaneHead(width, spec.heads, spec.lanes)
+        self.motion = MotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
+        self.occupancy = OccupancyHead(width, steps=spec.occupancy_steps)
+        self.planner = PlannerHead(width, spec.heads, steps=spec.steps)
+        with torch.no_grad():
+            self.dense.bias.fill_(-2.2)
+        centres = torch.from_numpy(bev.centres())
+        by_four = centres.reshape(bev.rows // 2, 2, bev.columns // 2, 2, 2).mean(dim=(1, 3))
+        self.register_buffer("centres", centres.flatten(0, 1), persistent=False)
+        self.register_buffer("coarse", by_four.flatten(0, 1), persistent=False)
+
+    @classmethod
+    def build(cls, spec: Mapping[str, Any], **options: Any) -> UniadNet:
+        """From the plain values of a manifest. Raises what `spec_from` raises."""
+        bev = spec_from(BevSpec, spec.get("bev", {}))
+        return cls(spec_from(UniadSpec, {**spec, "bev": bev}), **options)
+
+    def example(self, rows: int) -> dict[str, Tensor]:
+        """Zeros of the shapes and types that `forward` takes."""
+        spec, bev = self.spec, self.spec.bev
+        return {
+            "images": torch.zeros(
+                rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3, dtype=torch.uint8
+            ),
+            "can_bus": torch.zeros(rows, 6),
+            "command": torch.ones(rows, dtype=torch.int64),
+            "motion": torch.zeros(rows, 3),
+            "known": torch.zeros(rows),
+            "old_bev": torch.zeros(rows, bev.width, bev.rows, bev.columns),
+            "old_queries": torch.zeros(rows, spec.agents, bev.width),
+            "old_spots": torch.zeros(rows, spec.agents, 2),
+        }
+
+    def forward(
+        self, images: Tensor, can_bus: Tensor, command: Tensor, motion: Tensor, known: Tensor, old_bev: Tensor,
+        old_queries: Tensor, old_spots: Tensor,
+    ) -> dict[str, Tensor]:  # fmt: skip
+        """`waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `occupancy` (N, 5, 2 rows, 2 columns) 0..1.
+
+        Also `bev`, `queries` and `spots`, to be given back 0.5 s later.
+        """
+        now, front = self.look(images, can_bus)
+        fused = self.encoder.fusion(now, old_bev * known[:, None, None, None], motion)
+        seen = self.perceive(fused, front, Old(old_queries, move(old_spots, motion), known))
+        motions = self.foresee(seen)
+        plan = self.plan(seen, motions, command)
+        return {"waypoints": plan, "occupancy": self.occupied(seen, motions), "bev": now, **memory_of(seen.begun)}
+
+    def look(self, images: Tensor, can_bus: Tensor) -> tuple[Tensor, Tensor]:
+        """The map of this moment alone (N, d, rows, columns), and the tokens of the front camera (N, tokens, d)."""
+        tokens = self.encoder.cameras(images)
+        return self.encoder.lift(tokens, can_bus), tokens[:, self.spec.bev.cameras.index("front")]
+
+    def recall(self, images: Tensor, can_bus: Tensor) -> dict[str, Tensor]:
+        """What `forward` would give to remember for frames (N, ...) that have no memory themselves."""
+        now, front = self.look(images, can_bus)
+        unmoved = can_bus.new_zeros(can_bus.shape[0], 3)
+        cells, told, view = self._survey(self.encoder.fusion(now, torch.zeros_like(now), unmoved))
+        return {"bev": now, **memory_of(self._begin(cells, told[..., DENSE_CHANNELS], view, front))}
+
+    def perceive(self, fused: Tensor, front: Tensor, old: Old) -> Perceived:
+        """Agents and lanes on the fused map."""
+        cells, told, view = self._survey(fused)
+        heat = told[..., DENSE_CHANNELS]
+        begun = self._begin(cells, heat, view, front)
+        tracks = self.track(begun, view, old)
+        return Perceived(cells, view, told[..., :DENSE_CHANNELS], heat, begun, tracks, *self.lane(cells, view))
+
+    def foresee(self, seen: Perceived) -> Motions:
+        """Where agents and the ego go. Boxes say where from, but learn nothing from where to."""
+        tracks, boxes = seen.tracks, seen.tracks.boxes[1].detach()
+        spots = functional.pad(boxes[..., :2], (0, 0, 1, 0))
+        speed = functional.pad(boxes[..., 6], (1, 0))
+        agents = torch.cat((tracks.ego, tracks.queries[1]), dim=1)
+        y: Motions = self.motion(agents, speed, spots, seen.lane_queries, seen.view)
+        return y
+
+    def plan(self, seen: Perceived, motions: Motions, command: Tensor) -> Tensor:
+        """Waypoints (N, steps, 2)."""
+        y: Tensor = self.planner(motions.modes[:, 0], seen.tracks.ego, command, seen.view)
+        return y
+
+    def occupied(self, seen: Perceived, motions: Motions) -> Tensor:
+        """How likely each cell holds one of the agents that are believed in: (N, T, 2 rows, 2 columns), 0..1."""
+        maps = self.occupancy(seen.cells, self.spec.bev.rows)
+        whose = self.occupancy.of_agents(maps, seen.tracks.queries[1], motions.modes[:, 1:])
+        believed = torch.sigmoid(seen.tracks.logits[1]).amax(dim=-1)
+        return (torch.sigmoid(whose) * believed[..., None, None, None]).amax(dim=1)
+
+    def _survey(self, fused: Tensor) -> tuple[Tensor, Tensor, View]:
+        """The map as tokens, what they say, and the overview."""
+        cells = fused.flatten(2).transpose(1, 2)
+        overview = self.overview(fused).flatten(2).transpose(1, 2)
+        return cells, self.dense(cells), View(overview, self.places(self.coarse)[None], self.places)
+
+    def _begin(self, cells: Tensor, heat: Tensor, view: View, front: Tensor) -> Begun:
+        picks = self._hottest(heat.detach())
+        y: Begun = self.track.begin(cells, picks, self.centres[picks], view, front)
+        return y
+
+    def _hottest(self, heat: Tensor) -> Tensor:
+        """The cells (N, Q) with the hottest centres, local maxima before what lies beside them."""
+        share = torch.sigmoid(heat).reshape(heat.shape[0], self.spec.bev.rows, -1)
+        peak = functional.max_pool2d(share[:, None], 3, 1, 1)[:, 0]
+        worth = torch.where(share >= peak, share, _BESIDE_PEAK * share).flatten(1)
+        return worth.topk(self.spec.agents, dim=1).indices
+
+
+def memory_of(begun: Begun) -> dict[str, Tensor]:
+    """What the next frame is told of the agents: queries (N, Q, d) before *their* memory, and where they stand."""
+    return {"queries": begun.queries[:, 1:], "spots": begun.boxes[..., :2]}
+
+
+def move(spots: Tensor, motion: Tensor) -> Tensor:
+    """Points (N, Q, 2) of the ego frame of before in that of now; `motion` (N, 3) as in `bev.warp`."""
+    away = spots - motion[:, None, :2]
+    cos, sin = torch.cos(motion[:, 2])[:, None], torch.sin(motion[:, 2])[:, None]
+    x, y = away[..., 0], away[..., 1]
+    return torch.stack((cos * x + sin * y, cos * y - sin * x), dim=-1)

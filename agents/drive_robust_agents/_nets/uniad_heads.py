@@ -1,0 +1,257 @@
+"""The heads of the compact UniAD: tracks, lanes, motion, occupancy and plan, each a set of queries on the map below.
+
+Everything is in the ego frame (x forward, y right), metres and m/s. `cells` are tokens (N, cells, d) of the bird's-eye
+map; a `View` holds tokens of the same map at half the resolution, which is what queries attend to.
+Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from drive_robust_agents._nets.blocks import ConvBnRelu, DecoderLayer, Mlp
+from drive_robust_agents._nets.vad_heads import CrossLayer, Places
+
+__all__ = [
+    "Begun",
+    "LaneHead",
+    "MotionHead",
+    "Motions",
+    "OccupancyHead",
+    "Old",
+    "PlannerHead",
+    "TrackHead",
+    "Tracks",
+    "View",
+]
+
+_NEAR_M, _SPEED_MPS, _STEP_M, _STEP_S = 4.0, 8.0, 4.0, 0.5
+_RARE = -2.2
+_HIDDEN = -1.0e4
+
+
+class Old(NamedTuple):
+    """What was known of others 0.5 s ago: queries (N, Q, d), where (N, Q, 2) seen from here, and whether (N,)."""
+
+    queries: Tensor
+    spots: Tensor
+    known: Tensor
+
+
+class View(NamedTuple):
+    """The `overview` tokens (N, K, d), the codes of their places (1, K, d), and what makes such codes."""
+
+    tokens: Tensor
+    code: Tensor
+    places: Places
+
+
+class Begun(NamedTuple):
+    """After the first layer: queries (N, 1 + Q, d), the ego's first; class logits (N, Q, 4); boxes (N, Q, 8)."""
+
+    queries: Tensor
+    logits: Tensor
+    boxes: Tensor
+
+
+class Tracks(NamedTuple):
+    """Of both layers: `logits` (N, Q, 4), `boxes` (N, Q, 8), `queries` (N, Q, d); the ego's query (N, 1, d).
+
+    A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing. `hints` (N, 8) is
+    read from the ego's query to teach it what matters to a driver: five logits of the light ahead, and how near are
+    its line, a leader, a body in the way.
+    """
+
+    logits: tuple[Tensor, Tensor]
+    boxes: tuple[Tensor, Tensor]
+    queries: tuple[Tensor, Tensor]
+    ego: Tensor
+    hints: Tensor
+
+
+class TrackHead(nn.Module):
+    """One query for each agent and one for the ego; what was seen 0.5 s ago is propagated and looked at.
+
+    Queries begin where the heat map of centres is hottest (one cell each, a local maximum before its neighbours), with
+    the feature found there. After a first layer, the old queries are propagated: each looks again at the map, around
+    where it stood (the query interaction module). The second layer of the new ones looks at the map and at them.
+    """
+
+    def __init__(self, width: int, heads: int, queries: int) -> None:
+        super().__init__()
+        self.count = queries
+        self.start = nn.Linear(width, width)
+        self.ego = nn.Parameter(torch.randn(1, 1, width) * 0.1)
+        self.front = CrossLayer(width, heads)
+        self.first, self.propagate, self.second = (DecoderLayer(width, heads) for _ in range(3))
+        self.boxes = nn.ModuleList(_rare(Mlp(width, width, 12)) for _ in range(2))
+        self.hints = Mlp(width, width, 8)
+
+    def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: View, front: Tensor) -> Begun:
+        """One picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
+        newborn = self.start(cells.gather(1, picks[..., None].expand(-1, -1, cells.shape[-1])))
+        ego = self.front(self.ego.expand(cells.shape[0], -1, -1), front)
+        places = view.places
+        here = torch.cat((places(torch.zeros_like(spots[:, :1])), places(spots)), dim=1)
+        query = torch.cat((ego, newborn), dim=1)
+        query = self.first(query, view.tokens, query_position=here, memory_position=view.code)
+        return Begun(query, *self._read(0, query[:, 1:], spots))
+
+    def forward(self, begun: Begun, view: View, old: Old) -> Tracks:
+        """With what was known before."""
+        places, spots = view.places, begun.boxes[..., :2].detach()
+        there = places(old.spots)
+        kept = self.propagate(old.queries, view.tokens, query_position=there, memory_position=view.code)
+        hidden = (1.0 - old.known)[:, None].expand(-1, self.count) * _HIDDEN
+        mask = torch.cat((torch.zeros_like(view.tokens[..., 0]), hidden), dim=1)[:, None, None]
+        query = self.second(
+            begun.queries,
+            torch.cat((view.tokens, kept), dim=1),
+            query_position=torch.cat((places(torch.zeros_like(spots[:, :1])), places(spots)), dim=1),
+            memory_position=torch.cat((view.code.expand(kept.shape[0], -1, -1), there), dim=1),
+            memory_mask=mask,
+        )
+        one, two = begun.queries[:, 1:], query[:, 1:]
+        logits, boxes = self._read(1, two, spots)
+        return Tracks((begun.logits, logits), (begun.boxes, boxes), (one, two), query[:, :1], self.hints(query[:, 0]))
+
+    def _read(self, layer: int, query: Tensor, spots: Tensor) -> tuple[Tensor, Tensor]:
+        told = self.boxes[layer](query)
+        spot = spots + _NEAR_M * told[..., 4:6]
+        return told[..., :4], torch.cat((spot, told[..., 6:10], _SPEED_MPS * told[..., 10:11], told[..., 11:]), dim=-1)
+
+
+class LaneHead(nn.Module):
+    """Queries for the lines of the map: a class each, and a mask by its product with the cells (as Panoptic SegFormer).
+
+    Gives queries (N, V, d), class logits (N, V, 8, the first six of `LANE_CLASSES`) and mask logits (N, V, cells).
+    """
+
+    def __init__(self, width: int, heads: int, queries: int) -> None:
+        super().__init__()
+        self.content = nn.Parameter(torch.randn(queries, width) * 0.5)
+        self.layer = DecoderLayer(width, heads)
+        self.classes = _rare(Mlp(width, width, 8), 8)
+        self.mask, self.paint = Mlp(width, width, width), nn.Linear(width, width)
+
+    def forward(self, cells: Tensor, view: View) -> tuple[Tensor, Tensor, Tensor]:
+        """Look at the map; paint."""
+        start = self.content.expand(cells.shape[0], -1, -1)
+        query = self.layer(start, view.tokens, query_position=start, memory_position=view.code)
+        masks = self.mask(query) @ self.paint(cells).transpose(1, 2) * cells.shape[-1] ** -0.5
+        return query, self.classes(query), masks - 2.0
+
+
+class Motions(NamedTuple):
+    """Of every agent, the ego first: `modes` (N, 1 + Q, M, d), `paths` (N, 1 + Q, M, T, 2), `spread` (... 3), `logits`.
+
+    Paths are metres from where the agent is along its own directions (forward, right); `spread` holds the logarithms
+    of both deviations and the inverse hyperbolic tangent of their correlation.
+    """
+
+    modes: Tensor
+    paths: Tensor
+    spread: Tensor
+    logits: Tensor
+
+
+class MotionHead(nn.Module):
+    """Where each agent may go: modes that look at agents, lanes and the map, as deviations from constant speed."""
+
+    def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:
+        super().__init__()
+        self.modes, self.steps = modes, steps
+        self.mode = nn.Parameter(torch.randn(1, 1, modes, width) * 0.3)
+        self.agents, self.lanes, self.view = (CrossLayer(width, heads) for _ in range(3))
+        self.path = Mlp(width, width, 4 * ((5 * steps + 1 + 3) // 4))
+
+    def forward(self, agents: Tensor, speed: Tensor, spots: Tensor, lanes: Tensor, view: View) -> Motions:
+        """`agents` (N, 1 + Q, d), their `speed` (N, 1 + Q) [m/s] (0 where the path says all) and `spots` (..., 2)."""
+        placed = agents + view.places(spots)
+        query = (placed.unsqueeze(2) + self.mode).flatten(1, 2)
+        query = self.lanes(self.agents(query, placed, agents), lanes)
+        query = self.view(query, view.tokens + view.code, view.tokens)
+        told: Tensor = self.path(query).reshape(query.shape[0], -1, self.modes, self.path[-1].out_features)
+        steps = told[..., : 5 * self.steps].reshape(*told.shape[:3], self.steps, 5)
+        time_s = _STEP_S * torch.arange(1, self.steps + 1, device=agents.device, dtype=agents.dtype)
+        ahead = speed[..., None, None] * time_s
+        steady = torch.stack((ahead, torch.zeros_like(ahead)), dim=-1)
+        paths = steady + (_STEP_M * steps[..., :2]).cumsum(dim=-2)
+        modes = query.reshape(*told.shape[:3], -1)
+        return Motions(modes, paths, steps[..., 2:], told[..., 5 * self.steps])
+
+
+class OccupancyHead(nn.Module):
+    """Who will be where: now and every 0.5 s, on cells of half the size.
+
+    A small map is carried forward by one residual convolution a step; the logit of an agent is the product of its
+    query with the cell, plus what the cell says of any agent.
+    """
+
+    def __init__(self, width: int, *, steps: int, inputs: int = 32, features: int = 16) -> None:
+        super().__init__()
+        self.features = features
+        self.enter = nn.Linear(width, inputs)
+        self.step = nn.ModuleList(ConvBnRelu(inputs, inputs) for _ in range(steps - 1))
+        self.finer = nn.ConvTranspose2d(inputs, features + 4, 2, stride=2)
+        self.agent = Mlp(2 * width, width, features)
+
+    def forward(self, cells: Tensor, rows: int) -> Tensor:
+        """Maps (N, T, features + 4, 2 rows, 2 columns) of a bird's-eye map with so many rows."""
+        entered: Tensor = self.enter(cells)
+        state = entered.reshape(cells.shape[0], rows, -1, entered.shape[2]).permute(0, 3, 1, 2)
+        states = [state]
+        for step in self.step:
+            states.append(states[-1] + step(states[-1]))
+        together = torch.stack(states, dim=1).flatten(0, 1).contiguous(memory_format=torch.channels_last)
+        y: Tensor = self.finer(together)
+        return y.reshape(cells.shape[0], -1, *y.shape[1:])
+
+    def anyone(self, maps: Tensor) -> Tensor:
+        """Logits (N, T, rows, columns) that somebody is there."""
+        return maps[:, :, self.features]
+
+    def of_agents(self, maps: Tensor, agents: Tensor, modes: Tensor) -> Tensor:
+        """Logits (N, Q, T, rows, columns) of agents (N, Q, d) with modes (N, Q, M, d)."""
+        wanted = self.agent(torch.cat((agents, modes.amax(dim=2)), dim=-1))
+        n, steps, _, rows, columns = maps.shape
+        flat = maps[:, :, : self.features].transpose(1, 2).flatten(2)
+        product: Tensor = (wanted @ flat).view(n, -1, steps, rows, columns)
+        return product + self.anyone(maps)[:, None]
+
+
+class PlannerHead(nn.Module):
+    """From the ego's motion modes, its track query (no gradient goes there) and the command to a plan.
+
+    As UniAD's planning head: fused by a linear layer, reduced by the maximum over modes, layers of attention to the
+    map (two of three), offsets that are summed up.
+    """
+
+    def __init__(self, width: int, heads: int, *, steps: int) -> None:
+        super().__init__()
+        self.steps = steps
+        self.command = nn.Embedding(8, width)
+        self.fuse = nn.Sequential(nn.Linear(3 * width, width), nn.LayerNorm(width), nn.ReLU())
+        self.layers = nn.ModuleList(CrossLayer(width, heads) for _ in range(2))
+        self.offsets = Mlp(width, width, 2 * steps)
+
+    def forward(self, modes: Tensor, ego: Tensor, command: Tensor, view: View) -> Tensor:
+        """Waypoints (N, T, 2) of modes (N, M, d), the track query (N, 1, d) and commands (N,) of 1 to 6."""
+        parts = (modes, ego.detach().expand_as(modes), self.command(command)[:, None].expand_as(modes))
+        query = self.fuse(torch.cat(parts, dim=-1)).amax(dim=1, keepdim=True)
+        for layer in self.layers:
+            query = layer(query, view.tokens + view.code, view.tokens)
+        offsets: Tensor = self.offsets(query[:, 0])
+        return (_STEP_M * offsets.reshape(offsets.shape[0], self.steps, 2)).cumsum(dim=1)
+
+
+def _rare(mlp: Mlp, classes: int = 4) -> Mlp:
+    """The same MLP, its first outputs biased towards "nothing there", where focal losses like to begin."""
+    last = mlp[-1]
+    assert isinstance(last, nn.Linear)
+    with torch.no_grad():
+        last.bias[:classes] = _RARE
+    return mlp

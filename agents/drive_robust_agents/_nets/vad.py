@@ -1,0 +1,125 @@
+"""The compact VAD's network: pictures from all around, a can bus, a command -> waypoints; see `VadNet`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from drive_robust_agents._nets.bev import BevEncoder, BevSpec
+from drive_robust_agents._nets.blocks import Mlp
+from drive_robust_agents._nets.manifest import spec_from
+from drive_robust_agents._nets.vad_heads import AgentHead, MapHead, MotionHead, Places, PlanHead
+
+__all__ = ["VadNet", "VadSpec"]
+
+COMMANDS = 6
+DENSE_CHANNELS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class VadSpec:
+    """Sizes of a `VadNet`.
+
+    `agents` and `vectors` are how many queries look for road users and lines of the map (of `points` points each),
+    `layers` how often they look, `modes` how many futures an agent has, `steps` how many 0.5 s a plan has.
+    `ego_sees_bev`: the ego query also looks at the bird's-eye features themselves.
+    """
+
+    bev: BevSpec = field(default_factory=BevSpec)
+    heads: int = 4
+    agents: int = 24
+    vectors: int = 12
+    points: int = 6
+    layers: int = 2
+    modes: int = 3
+    steps: int = 6
+    ego_sees_bev: bool = True
+
+
+class VadNet(nn.Module):
+    """Camera features lifted to a bird's-eye grid, queries for agents and map vectors, an ego query that plans.
+
+    The inputs are those of `BevAgent`. Training reads `encoder` and `heads`; driving calls `forward`.
+    """
+
+    centres: Tensor
+    sizes: Tensor
+
+    def __init__(self, spec: VadSpec) -> None:
+        super().__init__()
+        self.spec = spec
+        width = spec.bev.width
+        self.encoder = BevEncoder(spec.bev)
+        self.places = Places(width)
+        self.agents = AgentHead(width, spec.heads, queries=spec.agents, layers=spec.layers)
+        self.map = MapHead(width, spec.heads, vectors=spec.vectors, points=spec.points, layers=spec.layers)
+        self.lane_net = Mlp(2 * width, width, width)
+        self.motion = MotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
+        self.planner = PlanHead(width, spec.heads, commands=COMMANDS, steps=spec.steps, sees_bev=spec.ego_sees_bev)
+        self.dense = nn.Linear(width, DENSE_CHANNELS)
+        self.register_buffer("centres", torch.from_numpy(spec.bev.centres()).flatten(0, 1), persistent=False)
+        self.register_buffer("sizes", torch.from_numpy(spec.bev.sizes()).flatten(0, 1), persistent=False)
+
+    @classmethod
+    def build(cls, spec: Mapping[str, Any], **options: Any) -> VadNet:
+        """From the plain values of a manifest. Raises `TypeError` for fields that the specification does not have."""
+        return cls(spec_from(VadSpec, {**spec, "bev": spec_from(BevSpec, spec["bev"])}), **options)
+
+    def example(self, rows: int) -> dict[str, Tensor]:
+        """Zeros of the shapes and types that `forward` takes."""
+        bev = self.spec.bev
+        return {
+            "images": torch.zeros(
+                rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3, dtype=torch.uint8
+            ),
+            "can_bus": torch.zeros(rows, 6),
+            "command": torch.ones(rows, dtype=torch.int64),
+            "motion": torch.zeros(rows, 3),
+            "known": torch.zeros(rows),
+            "old_bev": torch.zeros(rows, bev.width, bev.rows, bev.columns),
+        }
+
+    def forward(
+        self, images: Tensor, can_bus: Tensor, command: Tensor, motion: Tensor, known: Tensor, old_bev: Tensor
+    ) -> dict[str, Tensor]:
+        """`waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `bev` (N, d, rows, columns) to remember."""
+        fused, bev = self.encoder(images, can_bus, old_bev * known[:, None, None, None], motion)
+        plans = self.heads(fused)["plans"]
+        return {"waypoints": choose(plans, command), "bev": bev}
+
+    def heads(self, fused: Tensor) -> dict[str, Any]:
+        """Everything that is read from the fused map (N, d, rows, columns).
+
+        `plans` (N, 6 commands, 6 steps, 2), `hints` (N, 8); per layer `agent_logits`, `boxes`, `line_logits`, `lines`;
+        `paths` (N, Q, modes, 6, 2) from where an agent is, `path_logits` (N, Q, modes); `tokens` (N, cells, d) for the
+        auxiliary `dense`.
+        """
+        tokens = fused.flatten(2).transpose(1, 2)
+        cells = self.places(self.centres)
+        points, line_logits, lines = self.map(tokens, cells, self.places)
+        lanes = self.lane_net(torch.cat([points, self.places(lines[-1].detach())], dim=-1)).amax(dim=2)
+        queries, agent_logits, boxes = self.agents(tokens, cells, self.places)
+        place = self.places(boxes[-1][..., :2].detach())
+        agents, paths, path_logits = self.motion(queries, place, lanes)
+        plans, hints = self.planner(tokens, cells, agents + place, lanes)
+        return {
+            "plans": plans,
+            "hints": hints,
+            "agent_logits": agent_logits,
+            "boxes": boxes,
+            "line_logits": line_logits,
+            "lines": lines,
+            "paths": paths,
+            "path_logits": path_logits,
+            "tokens": tokens,
+        }
+
+
+def choose(plans: Tensor, command: Tensor) -> Tensor:
+    """The plan of each row's command: (N, 6, steps, 2) and commands 1..6 (N,) -> (N, steps, 2)."""
+    row = (command - 1).view(-1, 1, 1, 1).expand(-1, 1, *plans.shape[2:])
+    return plans.gather(1, row)[:, 0]

@@ -1,0 +1,200 @@
+"""The heads of the compact VAD: agents, map vectors, motion and plan, each a set of queries.
+
+Everything is in the ego frame (x forward, y right), metres and m/s. A head takes the bird's-eye features as tokens
+(N, cells, d). Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+
+from drive_robust_agents._nets.blocks import Attention, DecoderLayer, Mlp
+
+__all__ = ["AGENT_CLASSES", "LANE_CLASSES", "AgentHead", "CrossLayer", "MapHead", "MotionHead", "Places", "PlanHead"]
+
+AGENT_CLASSES = ("vehicle", "bicycle", "pedestrian", "obstacle")
+LANE_CLASSES = ("route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
+_STEP_M, _NEAR_M, _SPEED_MPS = 4.0, 8.0, 8.0
+_RARE = -2.2  # the logit of a probability of 0.1, where focal losses like to begin
+
+
+class Places(nn.Module):
+    """A code for points in metres: waves of 128, 64, 32 and 16 m through an MLP, (..., 2) -> (..., width)."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.frequencies = tuple(math.tau / length for length in (128.0, 64.0, 32.0, 16.0))
+        self.mix = Mlp(16, width, width)
+
+    def forward(self, points: Tensor) -> Tensor:
+        """Encode."""
+        waves = torch.cat([points * frequency for frequency in self.frequencies], dim=-1)
+        y: Tensor = self.mix(torch.cat([waves.sin(), waves.cos()], dim=-1))
+        return y
+
+
+class CrossLayer(nn.Module):
+    """Cross-attention and feed-forward, normalised after each: (N, Q, d) and (N, K, d) -> (N, Q, d)."""
+
+    def __init__(self, width: int, heads: int) -> None:
+        super().__init__()
+        self.attention = Attention(width, heads)
+        self.feed_forward = Mlp(width, 2 * width, width)
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
+
+    def forward(self, query: Tensor, keys: Tensor, values: Tensor | None = None) -> Tensor:
+        """Attend to all keys; they are the values too where none are given."""
+        query = self.norms[0](query + self.attention(query, keys, values))
+        y: Tensor = self.norms[1](query + self.feed_forward(query))
+        return y
+
+
+class AgentHead(nn.Module):
+    """Queries that look for other road users, each from an anchor of its own which a layer moves for the next one."""
+
+    def __init__(self, width: int, heads: int, *, queries: int, layers: int) -> None:
+        super().__init__()
+        self.content = nn.Parameter(torch.randn(queries, width) * 0.1)
+        self.anchors = nn.Parameter(_grid(queries) / _NEAR_M)
+        self.layers = nn.ModuleList(DecoderLayer(width, heads) for _ in range(layers))
+        self.boxes = nn.ModuleList(_rare(Mlp(width, width, 12), 4) for _ in range(layers))
+
+    def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+        """(queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
+
+        A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing.
+        """
+        rows = bev.shape[0]
+        query = self.content.expand(rows, -1, -1)
+        anchors = (_NEAR_M * self.anchors).expand(rows, -1, -1)
+        logits, boxes = [], []
+        for layer, head in zip(self.layers, self.boxes, strict=True):
+            query = layer(query, bev, query_position=places(anchors), memory_position=cells)
+            told: Tensor = head(query)
+            spot = anchors + _NEAR_M * told[..., 4:6]
+            box = torch.cat([spot, told[..., 6:10], _SPEED_MPS * told[..., 10:11], told[..., 11:]], dim=-1)
+            logits.append(told[..., :4])
+            boxes.append(box)
+            anchors = spot.detach()
+        return query, logits, boxes
+
+
+class MapHead(nn.Module):
+    """Vectors of the map: an instance embedding plus a point embedding is the query of one point of one line."""
+
+    def __init__(self, width: int, heads: int, *, vectors: int, points: int, layers: int) -> None:
+        super().__init__()
+        self.vectors, self.points = vectors, points
+        self.instance = nn.Parameter(torch.randn(vectors, 1, width) * 0.1)
+        self.point = nn.Parameter(torch.randn(1, points, width) * 0.1)
+        self.anchors = nn.Parameter(_lines(vectors, points) / _NEAR_M)
+        self.layers = nn.ModuleList(DecoderLayer(width, heads) for _ in range(layers))
+        self.moves = nn.ModuleList(Mlp(width, width, 4) for _ in range(layers))
+        self.classes = nn.ModuleList(_rare(Mlp(width, width, 8), 8) for _ in range(layers))
+
+    def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+        """(point queries (N, V, P, d), class logits (N, V, 6) and points (N, V, P, 2) in metres of each layer)."""
+        rows = bev.shape[0]
+        query: Tensor = (self.instance + self.point).flatten(0, 1).expand(rows, -1, -1)
+        anchors = (_NEAR_M * self.anchors).flatten(0, 1).expand(rows, -1, -1)
+        logits, lines = [], []
+        for layer, move, classify in zip(self.layers, self.moves, self.classes, strict=True):
+            query = layer(query, bev, query_position=places(anchors), memory_position=cells)
+            spot: Tensor = anchors + _NEAR_M * move(query)[..., :2]
+            vectors = query.view(-1, self.vectors, self.points, query.shape[-1])
+            logits.append(classify(vectors.mean(dim=2))[..., : len(LANE_CLASSES)])
+            lines.append(spot.view(-1, self.vectors, self.points, 2))
+            anchors = spot.detach()
+        return query.view(-1, self.vectors, self.points, query.shape[-1]), logits, lines
+
+
+class MotionHead(nn.Module):
+    """Where agents may go: modes as queries that see one another and the lanes."""
+
+    def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:
+        super().__init__()
+        self.steps = steps
+        self.mode = nn.Parameter(torch.randn(1, 1, modes, width) * 0.1)
+        self.among = Attention(width, heads)
+        self.norm = nn.LayerNorm(width)
+        self.lanes = CrossLayer(width, heads)
+        self.path = Mlp(2 * width, width, 2 * steps)
+        self.likely = Mlp(2 * width, width, 4)
+        self.fuse = Mlp(2 * width * modes, width, width)
+
+    def forward(self, agents: Tensor, place: Tensor, lanes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(agents with their modes fused (N, Q, d), paths (N, Q, M, steps, 2), mode logits (N, Q, M)).
+
+        Paths are metres from where the agent is, in the directions of the ego frame. `place` (N, Q, d) and `lanes`
+        (N, V, d) carry the codes of their places.
+        """
+        modes = (agents + place).unsqueeze(2) + self.mode
+        query = modes.flatten(1, 2)
+        query = self.norm(query + self.among(query))
+        seen = self.lanes(query, lanes).unflatten(1, modes.shape[1:3])
+        both = torch.cat([agents.unsqueeze(2).expand_as(seen), seen], dim=-1)
+        steps: Tensor = _STEP_M * self.path(both)
+        paths = steps.view(-1, *both.shape[1:3], self.steps, 2).cumsum(dim=-2)
+        return self.fuse(both.flatten(2)), paths, self.likely(both)[..., 0]
+
+
+class PlanHead(nn.Module):
+    """The ego query looks at the picture from above, at agents, at lanes, and gives one plan for each command.
+
+    Neither the speed nor the command enter it: the command only chooses among the plans.
+    """
+
+    def __init__(self, width: int, heads: int, *, commands: int, steps: int, sees_bev: bool) -> None:
+        super().__init__()
+        self.shape = (commands, steps, 2)
+        self.ego = nn.Parameter(torch.randn(1, 1, width) * 0.1)
+        self.overview = CrossLayer(width, heads) if sees_bev else None
+        self.agents, self.lanes = CrossLayer(width, heads), CrossLayer(width, heads)
+        self.plans = Mlp(2 * width, 2 * width, commands * steps * 2)
+        self.hints = Mlp(2 * width, width, 8)
+
+    def forward(self, bev: Tensor, cells: Tensor, agents: Tensor, lanes: Tensor) -> tuple[Tensor, Tensor]:
+        """(plans (N, commands, steps, 2): metres in the ego frame, hints (N, 8)); `agents`, `lanes` with their places.
+
+        Hints are what the ego knows about the light (5 logits: none, green, yellow, red, stop sign) and how near a
+        stop line, a leader and an obstacle are (1 here, 0 far away): for training only.
+        """
+        ego = self.ego.expand(bev.shape[0], -1, -1)
+        if self.overview is not None:
+            ego = self.overview(ego, bev + cells, bev)
+        beside = self.agents(ego, agents)
+        along = self.lanes(beside, lanes)
+        known = torch.cat([beside, along], dim=-1).flatten(1)
+        offsets: Tensor = self.plans(known)
+        return (_STEP_M * offsets).view(-1, *self.shape).cumsum(dim=-2), self.hints(known)
+
+
+def _grid(queries: int) -> Tensor:
+    """(queries, 2) metres: rows of four from behind the ego to far ahead, denser where it matters."""
+    rows = -(-queries // 4)
+    x = torch.linspace(0.0, 1.0, rows) ** 1.5 * 64.0 - 10.0
+    y = torch.tensor([-9.0, -3.0, 3.0, 9.0])
+    return torch.stack(torch.meshgrid(x, y, indexing="ij"), dim=-1).flatten(0, 1)[:queries].clone()
+
+
+def _lines(vectors: int, points: int) -> Tensor:
+    """(vectors, points, 2) metres: a third of the lines lie across the road, the others side by side along it."""
+    across = vectors // 3
+    t = torch.linspace(0.0, 1.0, points)
+    sides = torch.linspace(-10.0, 10.0, vectors - across)
+    ahead = torch.linspace(8.0, 44.0, max(across, 1))
+    along = [torch.stack([t * 56.0 - 8.0, torch.full_like(t, float(y))], dim=-1) for y in sides]
+    cross = [torch.stack([torch.full_like(t, float(x)), t * 12.0 - 6.0], dim=-1) for x in ahead[:across]]
+    return torch.stack(along + cross)
+
+
+def _rare(mlp: Mlp, classes: int) -> Mlp:
+    """The same MLP, its first outputs biased towards "nothing there"."""
+    last = mlp[-1]
+    assert isinstance(last, nn.Linear)
+    with torch.no_grad():
+        last.bias[:classes] = _RARE
+    return mlp

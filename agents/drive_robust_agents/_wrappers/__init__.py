@@ -1,0 +1,1 @@
+"""What stands around the networks: route planner, controllers, filter. Numbers in, numbers out; no torch."""

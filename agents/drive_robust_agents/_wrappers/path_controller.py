@@ -1,0 +1,100 @@
+"""From SimLingo's path and speed waypoints to controls, and its way out when it stands for too long.
+
+Structure as published (SimLingo `team_code/agent_simlingo.py`, `config_simlingo.py`): the path steers, the speed
+waypoints drive, neither knows of the other. Gains are tuned for the vehicle of the embedded world.
+
+The path is points one metre apart, the speed waypoints are 0.25 s apart, the first of either one step ahead;
+(forward, right) metres in the frame of the vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drive_robust_agents._wrappers.pid import Gains, Pedals, Point, WindowedPid, turn_of
+
+__all__ = ["Creep", "PathController", "PathTuning", "along"]
+
+_TURN = Gains(p=3.118, i=0.641, d=1.378, window=6)
+_SPEED = Gains(p=1.75, i=1.0, d=2.0, window=20)
+
+
+@dataclass(frozen=True, slots=True)
+class PathTuning:
+    """Every number of a `PathController`.
+
+    It looks ahead `look_s` seconds and `look_m` metres, clipped to `least_look_m` and `most_look_m`. `turn` acts on an
+    angle in units of 90 degrees, `speed` on metres per second.
+    """
+
+    turn: Gains = _TURN
+    speed: Gains = _SPEED
+    look_s: float = 0.35118
+    look_m: float = 0.1915
+    least_look_m: float = 2.4
+    most_look_m: float = 10.5
+    brake_below_mps: float = 0.4
+    brake_ratio: float = 1.1
+    most_missing_mps: float = 1.0
+
+
+class PathController:
+    """Steers for a point of the path whose distance grows with the speed; accelerates or brakes by the waypoints.
+
+    The wanted speed is what the first and third waypoint are apart, in half a second. One object per episode.
+    """
+
+    def __init__(self, tuning: PathTuning | None = None) -> None:
+        self.tuning = tuning or PathTuning()
+        self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
+
+    def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Pedals:
+        """The controls for this tick; at least one point of a path and three waypoints."""
+        tuning = self.tuning
+        (x0, y0), (x2, y2) = speed_points[0], speed_points[2]
+        desired = 2.0 * math.hypot(x2 - x0, y2 - y0)
+        brake = desired < tuning.brake_below_mps or speed_mps / desired > tuning.brake_ratio
+        missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
+        throttle = min(max(self._speed.step(missing), 0.0), 1.0)
+        look = min(max(tuning.look_s * speed_mps + tuning.look_m, tuning.least_look_m), tuning.most_look_m)
+        steer = min(max(self._turn.step(turn_of(along(path, look))), -1.0), 1.0)
+        return Pedals(0.0 if brake else throttle, steer, 1.0 if brake else 0.0, desired, by_target=False)
+
+
+class Creep:
+    """Makes the vehicle roll for a moment after it has stood for long: what frees an agent that waits for nothing.
+
+    Published: after more than 800 ticks below 0.1 m/s, throttle 0.4 for 15 ticks.
+    """
+
+    AFTER_TICKS, FOR_TICKS, THROTTLE, STANDS_MPS = 800, 15, 0.4, 0.1
+
+    def __init__(self) -> None:
+        self._stood, self._left = 0, 0
+
+    def step(self, speed_mps: float) -> bool:
+        """True when this tick is to be driven with `THROTTLE` and without brake. Call it once a tick."""
+        self._stood = self._stood + 1 if speed_mps < self.STANDS_MPS else 0
+        if self._stood > self.AFTER_TICKS:
+            self._stood, self._left = 0, self.FOR_TICKS
+        creeps = self._left > 0
+        self._left -= creeps
+        return creeps
+
+
+def along(path: Sequence[Point], distance_m: float) -> Point:
+    """The point so many metres along a path that begins at the vehicle; its last point when it is shorter.
+
+    >>> along([(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], 2.25)
+    (2.0, 0.25)
+    """
+    x, y, left = 0.0, 0.0, distance_m
+    for next_x, next_y in path:
+        step = math.hypot(next_x - x, next_y - y)
+        if step >= left > 0.0:
+            share = left / step
+            return x + share * (next_x - x), y + share * (next_y - y)
+        x, y, left = next_x, next_y, left - step
+    return x, y

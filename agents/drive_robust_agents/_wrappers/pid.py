@@ -1,0 +1,171 @@
+"""From predicted waypoints to controls: the controller that TCP, UniAD and VAD share.
+
+Its structure is the published one (Bench2DriveZoo `TCP/model.py`, `team_code/pid_controller.py`): two windowed PIDs, an
+aim among the waypoints, the route's target point in its place where that seems wiser, and a brake that is on or off.
+Gains and limits are tuned for the vehicle of the embedded world; see `tuning`.
+
+Waypoints and target are (forward, right) metres in the frame of the vehicle; waypoints are 0.5 s apart, the first one
+lies 0.5 s ahead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+__all__ = [
+    "Gains",
+    "Pedals",
+    "Point",
+    "WaypointController",
+    "WaypointTuning",
+    "WindowedPid",
+    "capped_throttle",
+    "turn_of",
+]
+
+Point = tuple[float, float]
+
+
+class Gains(NamedTuple):
+    """Of a `WindowedPid`: per unit of error, of its mean over the window, and of its change since the last step."""
+
+    p: float
+    i: float
+    d: float
+    window: int
+
+
+class WindowedPid:
+    """A PID whose integral is the mean of the last errors and whose derivative is their last difference.
+
+    The window begins full of zeros, so that the integral of a new episode grows slowly. One object per episode.
+
+    >>> pid = WindowedPid(Gains(p=1.0, i=4.0, d=10.0, window=4))
+    >>> pid.step(1.0), pid.step(1.0)
+    (12.0, 3.0)
+    """
+
+    def __init__(self, gains: Gains) -> None:
+        self._gains = gains
+        self._errors = deque([0.0] * gains.window, maxlen=gains.window)
+
+    def step(self, error: float) -> float:
+        """The control for the error of this tick."""
+        errors, gains = self._errors, self._gains
+        change = error - errors[-1]
+        errors.append(error)
+        return gains.p * error + gains.i * (sum(errors) / gains.window) + gains.d * change
+
+
+@dataclass(frozen=True, slots=True)
+class WaypointTuning:
+    """Every number of a `WaypointController`, and the caps that its agent puts on its pedals.
+
+    `turn` acts on an angle in units of 90 degrees, `speed` on metres per second. `target_turn` is the difference in
+    units of 90 degrees, and `target_within_m` the distance, from which a target overrules the waypoints;
+    `calm_within_m` is how near a target must be to be preferred for its smaller angle. `speed_pairs` is how many pairs
+    of waypoints tell the wanted speed. `cruise_throttle` is what remains of the throttle above `free_mps`, or above
+    `free_turning_mps` where it steers by more than `turning`; above `coast_above_mps` there is none.
+    """
+
+    turn: Gains
+    speed: Gains
+    aim_m: float = 4.0
+    speed_pairs: int = 3
+    target_turn: float = 0.3
+    target_within_m: float = 10.0
+    calm_within_m: float = math.inf
+    brake_below_mps: float = 0.4
+    brake_ratio: float = 1.1
+    most_missing_mps: float = 0.25
+    most_throttle: float = 0.75
+    cruise_throttle: float = 1.0
+    free_throttle: float = 1.0
+    free_mps: float = 1.5
+    free_turning_mps: float = 1.0
+    turning: float = 0.07
+    coast_above_mps: float = math.inf
+
+
+class Pedals(NamedTuple):
+    """The controls of a tick, and for reports the speed that was wanted and whether the target point was aimed at."""
+
+    throttle: float
+    steer: float
+    brake: float
+    desired_mps: float
+    by_target: bool
+
+
+class WaypointController:
+    """Steers for an aim and keeps the speed that lies in the distances between the waypoints.
+
+    * The wanted speed is twice the mean distance from waypoint to waypoint, over the first `speed_pairs` pairs.
+    * The aim is the first waypoint of the pair whose middle is nearest to `aim_m` metres away. The target point takes
+      its place when it lies more nearly straight ahead, or when it disagrees with where the waypoints lead in the end
+      and is near: where the network errs this saves it, and where the GPS errs it misleads it.
+    * It brakes, fully, when less than `brake_below_mps` is wanted (this is asked first: at rest nothing is divided by
+      a wanted speed of 0) or when the speed is more than `brake_ratio` times what is wanted.
+
+    The state is that of one episode: make a new one for each.
+    """
+
+    def __init__(self, tuning: WaypointTuning) -> None:
+        self.tuning = tuning
+        self._turn, self._speed = WindowedPid(tuning.turn), WindowedPid(tuning.speed)
+
+    def step(self, waypoints: Sequence[Point], speed_mps: float, target: Point) -> Pedals:
+        """The controls for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
+        tuning = self.tuning
+        aim, desired = self._aim(waypoints)
+        (before_x, before_y), (last_x, last_y) = waypoints[-2], waypoints[-1]
+        angle, of_target = turn_of(aim), turn_of(target)
+        led_to = turn_of((last_x - before_x, last_y - before_y))
+        near = math.hypot(target[0], target[1]) < tuning.calm_within_m
+        by_target = (near and abs(of_target) < abs(angle)) or (
+            abs(of_target - led_to) > tuning.target_turn and target[0] < tuning.target_within_m
+        )
+        steer = min(max(self._turn.step(of_target if by_target else angle), -1.0), 1.0)
+        brake = desired < tuning.brake_below_mps or speed_mps / desired > tuning.brake_ratio
+        missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
+        throttle = min(max(self._speed.step(missing), 0.0), tuning.most_throttle)
+        throttle = 0.0 if brake else min(throttle, capped_throttle(tuning, speed_mps, steer))
+        return Pedals(throttle, steer, 1.0 if brake else 0.0, desired, by_target)
+
+    def _aim(self, waypoints: Sequence[Point]) -> tuple[Point, float]:
+        """(where to steer for, wanted speed in m/s)."""
+        aim, best, length, pairs = waypoints[0], math.inf, 0.0, min(self.tuning.speed_pairs, len(waypoints) - 1)
+        for number, (start, end) in enumerate(pairwise(waypoints)):
+            if number < pairs:
+                length += math.hypot(end[0] - start[0], end[1] - start[1])
+            off = abs(0.5 * math.hypot(start[0] + end[0], start[1] + end[1]) - self.tuning.aim_m)
+            if off < best:
+                aim, best = start, off
+        return aim, 2.0 * length / pairs
+
+
+def capped_throttle(tuning: WaypointTuning, speed_mps: float, steer: float) -> float:
+    """The most throttle that an agent allows itself, by the measured speed: a speedometer that reads low lifts it."""
+    if speed_mps > tuning.coast_above_mps:
+        return 0.0
+    free = tuning.free_turning_mps if abs(steer) > tuning.turning else tuning.free_mps
+    return tuning.cruise_throttle if speed_mps > free else tuning.free_throttle
+
+
+def turn_of(point: Point) -> float:
+    """The direction of a point (forward, right) in units of 90 degrees, right positive, -2..2.
+
+    A point nearer than half a metre has no direction worth steering for: 0.
+
+    >>> turn_of((0.0, 3.0)), turn_of((0.1, -0.2))
+    (1.0, 0.0)
+    """
+    x, y = point
+    if x * x + y * y < 0.25:
+        return 0.0
+    return math.atan2(y, x) * (2.0 / math.pi)

@@ -1,0 +1,192 @@
+"""`tcp`: a compact re-implementation of TCP, "Trajectory-guided Control Prediction" (Wu et al., NeurIPS 2022).
+
+Never the original: 1.3 M parameters in place of about 27 M, trained in the embedded world. Kept are the two branches
+and what ties them, the measurements (speed, target point, command), the target point as an input of the waypoint GRU,
+and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
+four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
+wrapper is why GPS noise hurts it and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what
+of the network is not kept; gains and caps are those of our vehicle (`_wrappers.tuning`).
+
+`mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
+`"ctrl"` by the control branch alone; `"fused"` by both, as the paper does.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.tcp import TcpNet
+from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
+from drive_robust_agents._wrappers.route_planner import RoutePlanner
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust.errors import UsageError
+
+__all__ = ["CAMERA", "TCP", "Fusion", "Mode", "Network"]
+
+Mode = Literal["traj", "ctrl", "fused"]
+
+CAMERA = CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128)
+"""One wide camera in place of the three that the published agent joins into one picture."""
+
+
+class Network(Protocol):
+    """What the agent needs of `_nets.inference.Policy`."""
+
+    def run(self, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+        """All rows at once: arrays with the batch axis first."""
+        ...
+
+
+class Seen(NamedTuple):
+    """One row of the network's inputs."""
+
+    image: NDArray[np.uint8]
+    speed: float
+    target: Point
+    command: int
+
+
+class Fusion:
+    """Which branch leads: the control branch while the vehicle is turning, the trajectory branch otherwise.
+
+    Published: turning is when more than 10 of the last 20 steerings were beyond 0.1; who leads has a weight of 0.7.
+    """
+
+    LEADS, OF_LAST, TURNS_FROM, MORE_THAN = 0.7, 20, 0.1, 10
+
+    def __init__(self) -> None:
+        self._steered: deque[bool] = deque(maxlen=self.OF_LAST)
+
+    def merge(self, trajectory: Control, control: Control) -> Control:
+        """Both branches' answers, weighted."""
+        turning = sum(self._steered) > self.MORE_THAN
+        lead, other = (control, trajectory) if turning else (trajectory, control)
+        a, b = self.LEADS, 1.0 - self.LEADS
+        return Control(
+            throttle=a * lead.throttle + b * other.throttle,
+            steer=a * lead.steer + b * other.steer,
+            brake=a * lead.brake + b * other.brake,
+        )
+
+    def applied(self, steer: float) -> None:
+        """Remember what the vehicle was given."""
+        self._steered.append(abs(steer) > self.TURNS_FROM)
+
+
+class TCP:
+    """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
+
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or
+    `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
+    Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
+    """
+
+    consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
+    weights: ClassVar[tuple[Path, ...]] = (Path(__file__).parent / "weights" / "tcp.safetensors",)
+    configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "torch", "dtype": "float32"}
+
+    def __init__(
+        self,
+        mode: Mode = "traj",
+        *,
+        engine: str = "torch",
+        device: str = "cpu",
+        dtype: str = "float32",
+        threads: int = 1,
+        weights: str | Path | None = None,
+        network: Network | None = None,
+    ) -> None:
+        if mode not in get_args(Mode):
+            raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
+        self.mode: Mode = mode
+        self._network: Network = network or Policy.of(
+            "tcp",
+            TcpNet.build,
+            engine=engine,
+            device=device,
+            dtype=dtype,
+            threads=threads,
+            weights=weights,
+            control=mode != "traj",
+        )
+        self.reset(GlobalPlan(()), 0)
+
+    @classmethod
+    def check(cls) -> None:
+        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
+        Policy.check("tcp", TcpNet.build)
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        """One wide camera at the front edge of the roof."""
+        return (CAMERA,)
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        """Forget the last episode. The seed is not used: nothing is drawn."""
+        self._planner = RoutePlanner(route) if route.points else None
+        self._controller, self._fusion = WaypointController(tuning.TCP), Fusion()
+        self._coasts = True
+        self._planned = PlannedPath()
+
+    def act(self, observation: Observation) -> Control:
+        """Look, plan, steer. Raises `ValueError` before a `reset` with a plan."""
+        return self.act_batch((self,), (observation,))[0]
+
+    @classmethod
+    def act_batch(cls, agents: Sequence[TCP], observations: Sequence[Observation]) -> Sequence[Control]:
+        """`act` for agents that share a network, in one run of it."""
+        seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
+        outputs = agents[0]._network.run(
+            image=np.stack([row.image for row in seen]),
+            speed=np.array([row.speed for row in seen], dtype=np.float32),
+            target=np.array([row.target for row in seen], dtype=np.float32),
+            command=np.array([row.command for row in seen], dtype=np.int64),
+        )
+        waypoints = outputs["waypoints"].tolist()
+        actions = outputs["action"].tolist() if "action" in outputs else [(0.0, 0.0)] * len(seen)
+        return [
+            agent._follow(row, [(x, y) for x, y in way], action)
+            for agent, row, way, action in zip(agents, seen, waypoints, actions, strict=True)
+        ]
+
+    def plan(self) -> PlannedPath:
+        """The waypoints and the target point behind the last control."""
+        return self._planned
+
+    def _look(self, observation: Observation) -> Seen:
+        if self._planner is None:
+            raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
+        gps = observation.gps
+        target = self._planner.step(gps.x_m, gps.y_m)
+        aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
+        pixels = observation.cameras[CAMERA.name].pixels
+        return Seen(pixels, observation.speed.mps, aim, int(target.command))
+
+    def _follow(self, seen: Seen, waypoints: Sequence[Point], action: Sequence[float]) -> Control:
+        """The control of one row; the first tick of an episode coasts."""
+        self._planned = PlannedPath(tuple(waypoints), (seen.target,), tuple(waypoints))
+        if self._coasts:
+            self._coasts = False
+            return Control()
+        pedals = self._controller.step(waypoints, seen.speed, seen.target)
+        control = Control(pedals.throttle, pedals.steer, pedals.brake)
+        if self.mode != "traj":
+            direct = _direct(action)
+            control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
+            most = 0.0 if control.brake > 0.5 else capped_throttle(tuning.TCP, seen.speed, control.steer)
+            control = Control(min(control.throttle, most), control.steer, control.brake)
+        self._fusion.applied(control.steer)
+        return control
+
+
+def _direct(action: Sequence[float]) -> Control:
+    """The control of (steering, acceleration), -1..1 each."""
+    steer, acceleration = (min(max(value, -1.0), 1.0) for value in action)
+    return Control(throttle=max(acceleration, 0.0), steer=steer, brake=max(-acceleration, 0.0))

@@ -1,0 +1,42 @@
+"""`python -m drive_robust_agents.training collect|train|evaluate|publish`: from the expert to weights that ship."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from importlib import import_module
+
+from pytest_drive_robust.errors import DriveRobustError
+
+_COMMANDS = {
+    "collect": "frames and labels, by drives of the expert",
+    "train": "a network, from frames",
+    "evaluate": "candidates in closed loop, on routes that were neither trained nor are judged on",
+    "publish": "the chosen weights, into the package or a folder",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Command line; exit code 4 for what cannot be used, 130 when interrupted."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch is imported: its threads spin otherwise
+    given = sys.argv[1:] if arguments is None else arguments
+    parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training", description=__doc__)
+    parsers = parser.add_subparsers(dest="command", required=True)
+    for name, words in _COMMANDS.items():
+        one = parsers.add_parser(name, help=words, description=words)
+        if given and given[0] == name:  # the others need not be imported
+            try:
+                import_module(f"drive_robust_agents.training.{name}").add_arguments(one)
+            except DriveRobustError as error:
+                parser.exit(4, f"{error}\n")
+    options = parser.parse_args(given)
+    try:
+        code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)
+    except DriveRobustError as error:
+        parser.exit(4, f"{error}\n")
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,107 @@
+"""The inputs of UniAD's and VAD's networks in training: pictures, can bus, and for some rows the frame 0.5 s before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from drive_robust_agents._bev_agent import CAMERAS, can_bus, motion_between
+from drive_robust_agents._nets.bev import BevEncoder
+from drive_robust_agents.training.augment import occlude, photometric_gridmask
+
+__all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remember"]
+
+_IMAGES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
+NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")
+"""Arrays of a sample that are read here."""
+HISTORY = (*_IMAGES, "speed", "imu", "pose")
+"""Arrays that are read of the frame 0.5 s before, too."""
+
+_LAG_S = 0.5
+_MEMORY_SHARE = 0.5
+_ROBUST_SHARE = 1.0 / 3.0
+
+
+def bev_inputs(
+    arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool, *, robust: bool = False
+) -> dict[str, Tensor]:
+    """What `BevAgent` documents, without `old_bev`, and what `remember` needs to make it.
+
+    In training only half of the rows that have an earlier frame get it: it saves time, and the others teach to drive
+    without a memory. The movement in the can bus is what speed and yaw rate make of half a second, not the difference
+    of two poses: that would tell a frame from a shifted pose by how much it was shifted.
+
+    `robust` adds in training what deployment does: a black rectangle in every second picture, for a third of the rows
+    GPS noise of 0 to 15 m in what the ego moved by, for a third a speedometer that reads a fraction.
+    """
+    images = np.stack([arrays[name] for name in _IMAGES], axis=1)
+    old_images = np.stack([arrays[f"old_{name}"] for name in _IMAGES], axis=1)
+    known: NDArray[np.bool_] = arrays["old_ok"]
+    if training:
+        known = known & (generator.random(len(images)) < _MEMORY_SHARE)
+        photometric_gridmask(images, generator)
+        seen = old_images[known]
+        photometric_gridmask(seen, generator)
+        old_images[known] = seen
+    motion = motion_between(arrays["old_pose"], arrays["pose"]) * known[:, None]
+    moved = driven_in(arrays["speed"], arrays["imu"]) * known[:, None]
+    old_moved, speed = driven_in(arrays["old_speed"], arrays["old_imu"]), arrays["speed"]
+    if training and robust:
+        occlude(images, generator, chance=0.5, most=0.85)
+        jumps = _gps_jumps(len(images), generator) * known[:, None]
+        motion[:, :2] += jumps
+        moved[:, :2] += jumps
+        speed = speed * _readings(len(images), generator)
+    values = {
+        "images": images,
+        "can_bus": can_bus(speed, arrays["imu"], moved),
+        "command": arrays["command"][:, 0].astype(np.int64),
+        "motion": motion,
+        "known": known.astype(np.float32),
+        "old_images": old_images,
+        "old_can_bus": can_bus(arrays["old_speed"], arrays["old_imu"], old_moved),
+    }
+    return {name: torch.from_numpy(value) for name, value in values.items()}
+
+
+def _gps_jumps(rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+    """(rows, 2) metres by which two noisy positions differ beyond the truth; 0 for two thirds of the rows."""
+    deviation = generator.uniform(0.0, 15.0, (rows, 1)) * (generator.random((rows, 1)) < _ROBUST_SHARE)
+    return (math.sqrt(2.0) * deviation * generator.standard_normal((rows, 2))).astype(np.float32)
+
+
+def _readings(rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
+    """(rows,) factors of the speedometer: 1, and 0.2 to 1 for a third of the rows."""
+    wrong = generator.random(rows) < _ROBUST_SHARE
+    return np.where(wrong, generator.uniform(0.2, 1.0, rows), 1.0).astype(np.float32)
+
+
+def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -> NDArray[np.float32]:
+    """(n, 3) the movement of the last `seconds` as `motion_between` would give it, from speed (n,) and IMU (n, 3)."""
+    turned = imu[:, 2] * seconds
+    way = np.maximum((speed - 0.5 * imu[:, 0] * seconds) * seconds, 0.0)
+    return np.column_stack([way * np.cos(turned / 2.0), way * np.sin(turned / 2.0), turned]).astype(np.float32)
+
+
+def remember(encoder: BevEncoder, batch: Mapping[str, Tensor]) -> Tensor:
+    """The maps (N, d, rows, columns) of 0.5 s before, zeros for none.
+
+    Without gradient and in evaluation mode, as published.
+    """
+    spec, known = encoder.spec, batch["known"]
+    old = known.new_zeros(len(known), spec.width, spec.rows, spec.columns)
+    rows = known.nonzero()[:, 0]
+    if len(rows):
+        was_training = encoder.training
+        encoder.eval()
+        with torch.no_grad():
+            seen = encoder.look(batch["old_images"][rows], batch["old_can_bus"][rows])
+        encoder.train(was_training)
+        old = old.to(seen.dtype).index_copy(0, rows, seen)
+    return old

@@ -1,0 +1,59 @@
+"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from drive_robust_agents.training.recipe import RECIPES
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry import default_registry
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.registry import Registry
+
+__all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
+
+
+class CandidateFactory:
+    """Makes agents of one weight file. Code, configuration and weights tell its episodes from those of others."""
+
+    def __init__(self, agent: str, file: Path) -> None:
+        cls = default_registry().entry("agents", agent).load()
+        self._make = cast("Callable[..., Agent]", cls)
+        self._file = file
+        self.__wrapped__ = cls
+        self.__module__ = cls.__module__
+        self.__qualname__ = getattr(cls, "__qualname__", agent)
+        self.weights = (file,)
+        self.configuration = getattr(cls, "configuration", None)
+
+    def __call__(self) -> Agent:
+        """A new agent. Raises `UsageError` for weights that are refused."""
+        return self._make(weights=self._file)
+
+    def check(self) -> None:
+        """Load the weights, to say at once what is wrong with them. Raises `UsageError`."""
+        self()
+
+
+def candidate_name(agent: str, file: Path) -> str:
+    """What to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
+    return f"candidate:{agent}={file.absolute()}"
+
+
+def candidate(argument: str) -> CandidateFactory:
+    """The factory of `AGENT=FILE`. Raises `UsageError`."""
+    agent, equals, file = argument.partition("=")
+    if not equals or not Path(file).is_file():
+        raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")
+    if agent not in RECIPES:
+        raise UnknownNameError.of("learned agent", agent, RECIPES)
+    return CandidateFactory(agent, Path(file).absolute())
+
+
+def pytest_drive_robust_register(registry: Registry) -> None:
+    """Make `candidate:AGENT=FILE` an agent."""
+    registry.register_agent("candidate", candidate, argument="AGENT=FILE")

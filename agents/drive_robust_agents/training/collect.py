@@ -1,0 +1,202 @@
+"""Collects data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
+
+What is written follows from the arguments alone, not from the number of workers or from how often the run was broken
+off: shards that are complete are skipped, one that is not is done again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from drive_robust_agents.training.dagger import Mixture, agent_of
+from drive_robust_agents.training.frames import read_done
+from drive_robust_agents.training.pool import written
+from drive_robust_agents.training.rigs import outfit
+from drive_robust_agents.training.routes import training_keys
+from drive_robust_agents.training.shards import Shard, Written
+from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+
+__all__ = ["Collected", "Wish", "add_arguments", "collect", "main", "run", "wish_of"]
+
+_ASKED = "collect.json"
+_GROWS = ("per_type", "routes")
+"""More routes come behind those that are there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What to collect. `per_type` routes of each scenario type of the generator's seed `route_seed`, the first `routes`
+    of them (None: all), `episodes` of each; `dagger` is an agent or a weights file that shares the driving.
+    """
+
+    agent: str
+    route_seed: int = 1
+    per_type: int = 20
+    routes: int | None = None
+    episodes: int = 1
+    data_seed: int = 0
+    shard_routes: int = 4
+    dagger: str | None = None
+    beta: float = 0.5
+
+    def check(self) -> None:
+        """Raises `UsageError` for what cannot be collected."""
+        outfit(self.agent)
+        training_keys(seed=self.route_seed, per_type=self.per_type)
+        for name in ("episodes", "shard_routes"):
+            if getattr(self, name) < 1:
+                raise UsageError(f"--{name.replace('_', '-')} is {getattr(self, name)}, expected at least 1.")
+        if self.routes is not None and self.routes < 1:
+            raise UsageError(f"--routes is {self.routes}, expected at least 1.")
+        if not 0.0 <= self.beta <= 1.0:
+            raise UsageError(f"--beta is {self.beta!r}, expected the expert's share of the time: 0 to 1.")
+        if self.dagger is not None:
+            agent_of(Mixture(self.agent, self.dagger, self.beta))  # an agent that cannot be made is said at once
+
+    def shards(self, folder: Path) -> tuple[Shard, ...]:
+        """All shards of it."""
+        keys = training_keys(seed=self.route_seed, per_type=self.per_type)[: self.routes]
+        mixture = None if self.dagger is None else Mixture(self.agent, self.dagger, self.beta)
+        step = self.shard_routes
+        return tuple(
+            Shard(
+                folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, self.data_seed, mixture
+            )
+            for k in range(-(-len(keys) // step))
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Collected:
+    """What the folder holds of it now."""
+
+    rows: int
+    shards: int
+
+
+def collect(wish: Wish, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
+    """Collect into a folder, going on where an earlier run stopped.
+
+    With one worker everything happens in this process. Raises `UsageError` for a wish that cannot be, and for a folder
+    that holds something else.
+    """
+    wish.check()
+    if workers < 1:
+        raise UsageError(f"--workers is {workers}, expected at least 1.")
+    _claim(wish, out)
+    shards = wish.shards(out)
+    done = {shard.number: found for shard in shards if (found := _done(shard)) is not None}
+    rows, left = sum(int(found["rows"]) for found in done.values()), [s for s in shards if s.number not in done]
+    with _Bar(len(shards), len(done), shown=progress) as bar:
+        for one in written(left, workers):
+            rows += one.rows
+            bar.add(one)
+    return Collected(rows, len(shards))
+
+
+def _done(shard: Shard) -> dict[str, Any] | None:
+    """What `done.json` says of a shard that is complete and holds these routes."""
+    found = read_done(shard.folder, shard.number)
+    return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
+
+
+def _claim(wish: Wish, out: Path) -> None:
+    """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
+    asked: dict[str, Any] = {**asdict(wish), "simulator": EmbeddedSimulator.version}
+    asked["cameras"] = [asdict(camera) for camera in outfit(wish.agent).cameras]
+    file = out / _ASKED
+    if file.is_file():
+        there = json.loads(file.read_text(encoding="utf-8"))
+        other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
+        if other:
+            said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
+            raise UsageError(f"{out} holds other data ({said}). Give another folder, or the same arguments to go on.")
+    elif out.is_dir() and any(out.iterdir()):
+        raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
+    out.mkdir(parents=True, exist_ok=True)
+    file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+class _Bar:
+    """Shards, frames a second and the time left."""
+
+    def __init__(self, shards: int, done: int, *, shown: bool) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._progress = Progress(
+            TextColumn("collect"), BarColumn(), MofNCompleteColumn(), TextColumn("shards"),
+            TextColumn("{task.fields[rows]} frames, {task.fields[rate]:.0f}/s, {task.fields[mib]:.0f} MiB"),
+            TimeRemainingColumn(), disable=not shown,
+        )  # fmt: skip
+        self._task = self._progress.add_task("", total=shards, completed=done, rows=0, rate=0.0, mib=0.0)
+        self._rows = self._bytes = 0
+
+    def __enter__(self) -> _Bar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def add(self, written: Written) -> None:
+        """One more shard."""
+        self._rows += written.rows
+        self._bytes += written.size_bytes
+        seconds = self._progress.tasks[0].elapsed or 1.0
+        self._progress.update(
+            self._task, advance=1, rows=self._rows, rate=self._rows / seconds, mib=self._bytes / 2**20
+        )
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `collect`."""
+    parser.add_argument("--agent", required=True, help="whose cameras: tcp, uniad, vad or simlingo")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the data; goes on where it stopped")
+    parser.add_argument("--route-seed", type=int, default=1, help="seed of the route generator, never 0")
+    parser.add_argument("--per-type", type=int, default=20, help="routes of each of the 44 scenario types")
+    parser.add_argument("--routes", type=int, default=None, help="only the first so many of them")
+    parser.add_argument("--episodes", type=int, default=1, help="episodes of each route, each with its own seed")
+    parser.add_argument("--seed", type=int, default=0, dest="data_seed", help="names all draws of noise and poses")
+    parser.add_argument("--shard-routes", type=int, default=4, help="routes in a shard")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--dagger", default=None, metavar="WEIGHTS_OR_AGENT", help="an agent that shares the driving")
+    parser.add_argument("--beta", type=float, default=0.5, help="with --dagger: the expert's share of the time")
+
+
+def wish_of(given: argparse.Namespace) -> Wish:
+    """The options as a `Wish`."""
+    return Wish(
+        given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
+        given.shard_routes, given.dagger, given.beta,
+    )  # fmt: skip
+
+
+def run(given: argparse.Namespace) -> int:
+    """Collect as the options say; the exit code: 130 when it was broken off. Raises `UsageError`."""
+    try:
+        found = collect(wish_of(given), given.out, workers=given.workers)
+    except KeyboardInterrupt:
+        print(f"stopped; the same command goes on with what {given.out} holds")
+        return 130
+    print(f"{given.out}: {found.rows} frames in {found.shards} shards")
+    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.collect", description=__doc__)
+    add_arguments(parser)
+    given = parser.parse_args(argv)
+    try:
+        return run(given)
+    except DriveRobustError as error:
+        parser.exit(4, f"{error}\n")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,163 @@
+"""Closed loop for choosing weights: the package's own campaign, guarded processes and store, on held-out routes."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import uuid
+from collections.abc import Sequence
+from math import fsum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from drive_robust_agents.training import candidates
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.processes import ProcessExecutor
+from pytest_drive_robust.engine.recipe import Recipe, plugin_source
+from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.options import DEFAULT_SIMULATOR
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
+from pytest_drive_robust.store.folder import FolderStore
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.runner.plan import Task
+
+__all__ = ["degradation", "drive", "summary"]
+
+_STUCK_STOP_S = 30.0
+
+Driven = dict[tuple[str, str], list["EpisodeResult"]]
+"""Results by (agent, setting), in the order of the routes."""
+
+
+def drive(
+    agents: Sequence[str],
+    settings: Sequence[str],
+    routes: Sequence[Route],
+    *,
+    workers: int,
+    store: Path,
+    simulator: str = DEFAULT_SIMULATOR,
+) -> Driven:
+    """Drive every agent (a name of the registry) under every setting over all routes, one seed.
+
+    What the store has is not driven again. An agent that breaks is an error, not a score: raises `AgentError`.
+    """
+    registry = default_registry()
+    candidates.pytest_drive_robust_register(registry)
+    chosen = Settings(routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S)
+    scopes = Scopes(chosen, registry, lambda spec: tuple(routes))
+    plan: dict[tuple[str, str], Sequence[Task]] = {
+        (agent, setting): scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).perturbed
+        for agent in agents
+        for setting in settings
+    }
+    tasks = [task for part in plan.values() for task in part]
+    held = FolderStore(store, run=uuid.uuid4().hex)
+    recipe = Recipe(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=(plugin_source(candidates),),
+        simulator=chosen.simulator,
+        options=SimulatorOptions(stuck_stop_s=_STUCK_STOP_S),
+    )
+    with _Watch(len(tasks)) as watch:
+        scheduler = Scheduler(held, ProcessExecutor(lambda: recipe, Limits(), slots=workers), watch)
+        try:
+            scheduler.ensure(tasks)
+        finally:
+            scheduler.close()
+    return {key: [_scorable(held.get(task.key)) for task in part] for key, part in plan.items()}
+
+
+def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:
+    """Driving score (0 to 100) and success rate (0 to 1) with 95 % intervals, and both for each scenario type."""
+    scores, successes = [driving_score(one) for one in results], [float(is_success(one)) for one in results]
+    types: dict[str, list[EpisodeResult]] = {}
+    for one in results:
+        types.setdefault(one.scenario, []).append(one)
+    return {
+        "episodes": len(results),
+        "driving_score": _mean(scores),
+        "driving_score_interval": mean_interval(scores, bounds=(0.0, 100.0)),
+        "success_rate": _mean(successes),
+        "success_rate_interval": share_interval(successes),
+        "by_type": {
+            name: {
+                "successes": sum(map(is_success, group)),
+                "episodes": len(group),
+                "driving_score": _mean([driving_score(one) for one in group]),
+            }
+            for name, group in sorted(types.items())
+        },
+    }
+
+
+def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> dict[str, Any]:
+    """RD = 1 - DS / clean DS, paired by route, with Fieller's 95 % interval.
+
+    None where clean driving scores nothing, and for a bound that the episodes do not give.
+    """
+    before, after = [driving_score(one) for one in clean], [driving_score(one) for one in perturbed]
+    if not any(before):
+        return {"rd": None, "rd_interval": None}
+    interval = ratio_interval(before, after)
+    known = [bound if math.isfinite(bound) else None for bound in interval]
+    return {"rd": 1.0 - fsum(after) / fsum(before), "rd_interval": known}
+
+
+class _Watch:
+    """A bar (see `runner.scheduler.Listener`)."""
+
+    def __init__(self, total: int) -> None:
+        columns = (TextColumn("drive"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        self._progress = Progress(*columns)
+        self._bar = self._progress.add_task("", total=total)
+
+    def __enter__(self) -> _Watch:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def started(self, task: Task) -> None:
+        """Nothing to show yet."""
+
+    def finished(self, task: Task, result: EpisodeResult) -> None:
+        """One more."""
+        self._progress.advance(self._bar)
+
+    def reused(self, task: Task) -> None:
+        """One that was driven before."""
+        self._progress.advance(self._bar)
+
+    def ticked(self) -> None:
+        """The bar redraws itself."""
+
+
+def _scorable(result: EpisodeResult | None) -> EpisodeResult:
+    assert result is not None  # the scheduler has driven it
+    if result.outcome is Outcome.AGENT_ERROR:
+        raise AgentError(f"{result.episode}: {result.end_detail}")
+    require_scorable([result])
+    return result
+
+
+def _mean(values: Sequence[float]) -> float:
+    return fsum(values) / len(values)

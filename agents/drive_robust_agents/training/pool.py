@@ -1,0 +1,62 @@
+"""Shards written by several processes, in whatever order they are ready."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.synchronize import Event
+
+from drive_robust_agents.training.shards import Shard, Written, write
+
+__all__ = ["written"]
+
+_stop: Event | None = None
+
+
+def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
+    """Write shards, here or in other processes, and tell each when it is complete; Ctrl-C ends it cleanly."""
+    if workers == 1 or len(shards) < 2:
+        for shard in shards:
+            one = write(shard)
+            assert one is not None  # nobody stops it
+            yield one
+        return
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(stop,)) as pool:
+        pending: set[Future[Written | None]] = {pool.submit(_write, shard) for shard in shards}
+        try:
+            while pending:
+                finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    one = future.result()
+                    if one is not None:
+                        yield one
+        finally:
+            stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin(stop: Event) -> None:
+    """In a worker: leave Ctrl-C to the parent, use one thread, end when the parent is gone."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)
+
+
+def _write(shard: Shard) -> Written | None:
+    assert _stop is not None
+    return write(shard, _stop.is_set)

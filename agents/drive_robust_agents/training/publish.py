@@ -1,0 +1,45 @@
+"""`publish`: the weights that drive best go into the package (or another folder), with a word on how they drive."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import drive_robust_agents
+from drive_robust_agents.training.export import publish
+from drive_robust_agents.training.recipe import RECIPES, recipe_of
+from pytest_drive_robust.errors import UsageError
+
+__all__ = ["add_arguments", "run"]
+
+_PACKAGE = Path(drive_robust_agents.__file__).parent / "weights"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `publish`."""
+    parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose weights")
+    parser.add_argument("--run", type=Path, required=True, help="folder of the training, evaluated before")
+    parser.add_argument("--version", required=True, help="new weights, same network: 1.1; another network or rig: 2.0")
+    parser.add_argument("--to", type=Path, default=_PACKAGE, help="folder (that of the package)")
+    parser.add_argument("--note", default="", help="where it was trained, for the manifest")
+
+
+def run(given: argparse.Namespace) -> int:
+    """Publish the best candidate of the last evaluation."""
+    file = given.run / "evaluation.json"
+    if not file.is_file():
+        raise UsageError(f"there is no {file}: candidates are chosen by how they drive, so evaluate the run first.")
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    best = found["candidates"][found["best"]]
+    entry = publish(
+        given.run / best["file"],
+        given.to,
+        recipe=recipe_of(given.agent),
+        version=given.version,
+        score={name: value for name, value in best.items() if name != "file"} | {"routes": found["routes"]},
+        note=given.note,
+    )
+    print(f"{entry.label} is in {given.to}")
+    return 0

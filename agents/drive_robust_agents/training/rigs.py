@@ -1,0 +1,44 @@
+"""What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors.
+
+Here, and not in the agents' own modules, because data is collected by processes that do not import torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.rigs import rig
+
+__all__ = ["OUTFITS", "Outfit", "outfit"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outfit:
+    """`cameras` of the agent; `perception`: are boxes and map vectors among the labels?"""
+
+    cameras: tuple[CameraSpec, ...]
+    perception: bool
+
+
+_AROUND = rig("nuscenes", width_px=160, height_px=96)
+
+OUTFITS: Mapping[str, Outfit] = MappingProxyType(
+    {
+        "simlingo": Outfit(rig("simlingo", width_px=256, height_px=128), perception=False),
+        "tcp": Outfit((CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128),), False),
+        "uniad": Outfit(_AROUND, perception=True),
+        "vad": Outfit(_AROUND, perception=True),
+    }
+)
+"""By the name of the agent."""
+
+
+def outfit(agent: str) -> Outfit:
+    """The outfit of an agent. Raises `UnknownNameError`."""
+    if agent not in OUTFITS:
+        raise UnknownNameError.of("learned agent", agent, OUTFITS)
+    return OUTFITS[agent]

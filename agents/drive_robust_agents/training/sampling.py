@@ -1,0 +1,75 @@
+"""Which frames are visited how often: what is rare and matters is seen more, standing still less.
+
+A drive is mostly lane following and waiting. Frames are put into buckets as SimLingo's data loader does it; then no
+scenario type may fall below a floor. One pass ("epoch") visits every frame about as often as its weight says.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["NEEDS", "bucket_weights", "draw_epoch", "level_types"]
+
+Floats = NDArray[np.float64]
+
+NEEDS = ("command", "controls", "future", "speed", "tag")
+"""The columns of a sample that its weight depends on."""
+
+_STANDING, _STARTING, _BRAKING, _TURNING, _CHANGING = 0.4, 4.0, 2.0, 2.0, 2.5
+_STILL_MPS, _MOVED_M = 0.5, 0.5
+_FLOOR = 0.02
+
+
+def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
+    """(n,) weights of frames, about 1: the largest of its buckets counts, standing and staying is thinned."""
+    speed = columns["speed"].astype(np.float64)
+    future = columns["future"].astype(np.float64)
+    moved = np.hypot(future[:, -1, 0], future[:, -1, 1])
+    in_two_s = future[:, 7, 3]
+    weights = np.ones(len(speed))
+    braking = (columns["controls"][:, :3, 2].max(axis=1) > 0.2) & (speed > 1.0)
+    turning = np.abs(future[:, -1, 2]) > 0.35
+    changing = np.isin(columns["command"], (5, 6)).any(axis=1)
+    starting = (speed < _STILL_MPS) & (in_two_s > 1.0)
+    for chosen, weight in ((braking, _BRAKING), (turning, _TURNING), (changing, _CHANGING), (starting, _STARTING)):
+        weights[chosen] = np.maximum(weights[chosen], weight)
+    weights[(speed < _STILL_MPS) & (moved < _MOVED_M)] = _STANDING
+    return weights
+
+
+def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -> Floats:
+    """The weights, raised for every scenario type whose share is below a floor; they sum to one.
+
+    With k types the floor is at most 0.9 / k. Types above it give in proportion to what they have.
+    """
+    kinds, of = np.unique(tags, return_inverse=True)
+    shares = np.bincount(of, weights=weights, minlength=len(kinds)) / weights.sum()
+    least = min(floor, 0.9 / len(kinds))
+    wanted = shares.copy()
+    low = wanted < least
+    while True:
+        wanted = np.where(low, least, shares * (1.0 - least * low.sum()) / max(shares[~low].sum(), 1e-12))
+        fallen = low | (wanted < least)
+        if (fallen == low).all():
+            break
+        low = fallen
+    leveled: Floats = weights / weights.sum() * (wanted / np.maximum(shares, 1e-300))[of]
+    leveled /= leveled.sum()
+    return leveled
+
+
+def draw_epoch(weights: Floats, generator: np.random.Generator) -> NDArray[np.int64]:
+    """(n,) row numbers in random order: each row comes `n * weight` times, rounded up or down by chance."""
+    count = len(weights)
+    edges = np.cumsum(weights) * count / weights.sum()
+    edges[-1] = count  # rounding must not lose the last one
+    marks = np.arange(count) + generator.random()
+    rows = np.minimum(np.searchsorted(edges, marks, side="right"), count - 1)
+    generator.shuffle(rows)
+    return rows.astype(np.int64)

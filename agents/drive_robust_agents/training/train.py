@@ -1,0 +1,134 @@
+"""`train`: from a folder of frames to candidates for the weights of an agent."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import time
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import torch
+
+from drive_robust_agents._nets.blocks import channels_last
+from drive_robust_agents._nets.weights import locate
+from drive_robust_agents.training.feed import Feed
+from drive_robust_agents.training.frames import Frames
+from drive_robust_agents.training.progress import Display
+from drive_robust_agents.training.recipe import RECIPES, recipe_of
+from drive_robust_agents.training.trainer import Settings, Trainer
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from drive_robust_agents.training.recipe import Recipe
+
+__all__ = ["add_arguments", "candidate_steps", "run"]
+
+_TIMED_STEPS = 6
+_SHARES = (0.6, 0.8, 1.0)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `train`."""
+    parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose network")
+    parser.add_argument("--frames", type=Path, nargs="+", required=True, help="folders that `collect` wrote")
+    parser.add_argument("--run", type=Path, required=True, help="folder of the training; goes on where it stopped")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--visits", type=int, help="frames to see in all (the recipe knows a good number)")
+    length.add_argument("--epochs", type=float, help="passes over the frames")
+    length.add_argument("--minutes", type=float, help="about so long: a few steps are timed first")
+    parser.add_argument("--batch", type=int, help="frames in a step")
+    parser.add_argument("--lr", type=float, help="largest learning rate")
+    parser.add_argument("--seed", type=int, default=0, help="weights at the beginning, order and augmentation")
+    parser.add_argument("--robust", action="store_true", help="train on the deployment failures, too")
+    parser.add_argument("--start", type=Path, help="begin with these weights (a published file) instead of random ones")
+    parser.add_argument("--device", default="cpu", help="cpu or cuda")
+    parser.add_argument(
+        "--threads", type=int, default=1, help="of torch on the CPU; one gives the same bits everywhere"
+    )
+    parser.add_argument("--readers", type=int, help="threads that prepare batches (1 on a CPU, 8 for CUDA)")
+    parser.add_argument("--save-every", type=float, default=5.0, help="minutes between states to go on from")
+
+
+def run(given: argparse.Namespace) -> int:
+    """Train as the options say. The exit code is 130 when it was interrupted."""
+    torch.set_num_threads(given.threads)
+    recipe = recipe_of(given.agent, robust=given.robust)
+    if given.device.startswith("cuda") and not torch.cuda.is_available():
+        raise UsageError(f"--device {given.device}: torch {torch.__version__} sees no CUDA device here. Give cpu.")
+    readers = given.readers or (8 if given.device.startswith("cuda") else 1)
+    frames, batch = Frames(*given.frames), given.batch or recipe.defaults.batch
+    feed = Feed(frames, recipe, batch=batch, seed=given.seed, threads=readers)
+    settings = _settings(given, recipe, feed, batch)
+    trainer = Trainer(
+        recipe, feed, settings, given.run, device=given.device, save_every_s=60.0 * given.save_every, start=given.start
+    )
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    candidates = candidate_steps(settings.steps, given.run)
+    try:
+        with Display(total=settings.steps, done=trainer.step, batch=batch) as display:
+            trainer.train(display, candidates=candidates)
+    except KeyboardInterrupt:
+        print(f"stopped after {trainer.step} of {settings.steps} steps; the same command goes on")
+        return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    print(f"candidates: {', '.join(str(folder) for folder in candidates.values())}")
+    print(f"next: python -m drive_robust_agents.training evaluate --agent {given.agent} --run {given.run}")
+    return 0
+
+
+def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
+    """At which steps the weights are written out, and into which folders: closed loop decides which ones ship."""
+    return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
+
+
+def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int) -> Settings:
+    defaults = recipe.defaults
+    return Settings(
+        agent=given.agent,
+        steps=_steps(given, recipe, feed, batch),
+        batch=batch,
+        lr=given.lr or defaults.lr,
+        weight_decay=defaults.weight_decay,
+        clip=defaults.clip,
+        seed=given.seed,
+        robust=given.robust,
+        frames=tuple(folder.name for folder in given.frames),
+        start="" if given.start is None else locate(given.agent, given.start)[1].label,
+    )
+
+
+def _steps(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int) -> int:
+    if given.minutes is None:
+        epochs = given.epochs
+        visits: float = (given.visits or recipe.defaults.visits) if epochs is None else epochs * len(feed.training)
+        return max(1, round(visits / batch))
+    known = given.run / "settings.json"
+    if known.is_file():  # what was timed when the run began holds
+        steps: int = json.loads(known.read_text(encoding="utf-8"))["steps"]
+        return steps
+    minutes: float = given.minutes
+    return max(_TIMED_STEPS, round(60.0 * minutes / _seconds_per_step(given, recipe, feed)))
+
+
+def _seconds_per_step(given: argparse.Namespace, recipe: Recipe, feed: Feed) -> float:
+    """Of a network that is thrown away."""
+    net = channels_last(recipe.make()).to(given.device).train()
+    optimizer = torch.optim.AdamW(net.parameters(), lr=1e-5, fused=True)
+    times = []
+    for batch in feed.batches(0, _TIMED_STEPS + 2):
+        begin = time.perf_counter()
+        total, _ = recipe.loss(net, {name: value.to(given.device) for name, value in batch.items()})
+        total.backward()  # type: ignore[no-untyped-call,unused-ignore]
+        optimizer.step()
+        optimizer.zero_grad()
+        float(total.detach())  # wait for the device
+        times.append(time.perf_counter() - begin)
+    return sorted(times[2:])[_TIMED_STEPS // 2]
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,72 @@
+"""`vad`: a compact re-implementation of VAD, "Vectorized Scene Representation" (Jiang et al., ICCV 2023).
+
+Never the original: 0.88 M parameters in place of about 58 M (cameras, bird's-eye map and memory 0.40 M, agent queries
+0.11 M, map vectors 0.12 M, lane net 0.01 M, motion 0.10 M, planner 0.14 M), six pictures of 160 x 96 in place of
+1600 x 900, trained in the embedded world.
+
+Kept: a bird's-eye map of features queried from six cameras under a can bus, with the map of the last frame shifted by
+the *sensed* motion (`_nets.bev` tells what of BEVFormer is not kept); agent queries with boxes and several futures;
+map vectors whose queries are the sum of an instance and a point embedding, summarised by a lane net with a maximum over
+points; futures that look at one another and at lanes; an ego query that looks at agents, then at lanes; one plan for
+each of the six commands, of which the command picks one; no speed and no ego state in the plan head; the losses (focal
+and L1 after matching, winner takes all, points in either order) and the three constraints on the plan; GridMask.
+
+Not kept: 24 agents, 12 vectors of 6 points and 3 futures in place of 300, 100 of 20 and 6, two decoder layers in place
+of six; plain attention in place of deformable; queries begin at anchors that move from layer to layer; the constraints
+are measured against labels in place of own predictions; the ego query also looks at the bird's-eye map before it looks
+at agents; the cells of that map are labelled in training and the ego query is asked about the light and what is near
+ahead (auxiliaries that the published model does not have); the memory is 0.5 s old at run time too, and one step deep.
+
+The wrapper is that of Bench2DriveZoo's `vad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
+bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no cap on the
+throttle, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from drive_robust_agents._bev_agent import BevAgent, Network
+from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.vad import VadNet
+from drive_robust_agents._wrappers import tuning
+
+__all__ = ["VAD"]
+
+
+class VAD(BevAgent):
+    """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
+
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or
+    `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
+    Raises `UsageError` for weights that are missing or not what their manifest says.
+    """
+
+    weights: ClassVar[tuple[Path, ...]] = (Path(__file__).parent / "weights" / "vad.safetensors",)
+    configuration: ClassVar[Mapping[str, str]] = {"engine": "torch", "dtype": "float32"}
+    remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}
+
+    def __init__(
+        self,
+        *,
+        engine: str = "torch",
+        device: str = "cpu",
+        dtype: str = "float32",
+        threads: int = 1,
+        weights: str | Path | None = None,
+        network: Network | None = None,
+    ) -> None:
+        super().__init__(
+            network
+            or Policy.of(
+                "vad", VadNet.build, engine=engine, device=device, dtype=dtype, threads=threads, weights=weights
+            ),
+            tuning.VAD,
+        )
+
+    @classmethod
+    def check(cls) -> None:
+        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
+        Policy.check("vad", VadNet.build)

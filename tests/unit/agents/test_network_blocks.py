@@ -1,0 +1,111 @@
+"""The blocks that all compact networks are made of."""
+
+from __future__ import annotations
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from drive_robust_agents._nets.blocks import (
+    Attention,
+    ConvBnRelu,
+    DecoderLayer,
+    ImageNorm,
+    MiniResNet,
+    Mlp,
+    channels_last,
+    fold_batch_norm,
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+    torch.manual_seed(5)
+
+
+def trained_encoder() -> MiniResNet:
+    encoder = channels_last(MiniResNet((16, 24), stem=8)).train()
+    for _ in range(3):
+        encoder(torch.randn(4, 3, 32, 64))
+    return encoder.eval()
+
+
+def test_images_are_normalised_into_channels_last_memory_without_touching_the_original() -> None:
+    image = torch.randint(0, 256, (2, 8, 12, 3), dtype=torch.uint8)
+    kept = image.clone()
+    planes = ImageNorm()(image)
+    assert planes.shape == (2, 3, 8, 12)
+    assert planes.is_contiguous(memory_format=torch.channels_last)
+    assert torch.equal(image, kept)
+    assert planes[1, 2, 3, 4].item() == pytest.approx((image[1, 3, 4, 2].item() - 114.5) / 57.6, abs=1e-6)
+
+
+def test_cameras_become_rows_in_their_order() -> None:
+    images = torch.randint(0, 256, (2, 3, 8, 12, 3), dtype=torch.uint8)
+    planes = ImageNorm()(images)
+    assert planes.shape == (6, 3, 8, 12)
+    assert torch.equal(planes[4], ImageNorm()(images[1, 1][None])[0])
+
+
+def test_an_encoder_divides_the_image_by_its_total_stride() -> None:
+    encoder = MiniResNet((16, 24, 32), stem=8, stride=4)
+    assert encoder(torch.zeros(1, 3, 128, 256)).shape == (
+        1,
+        32,
+        128 // encoder.total_stride,
+        256 // encoder.total_stride,
+    )
+    assert MiniResNet((16,), stem=8, stride=2)(torch.zeros(1, 3, 32, 32)).shape == (1, 16, 8, 8)
+
+
+def test_folding_changes_outputs_by_rounding_only_and_leaves_no_normalisation() -> None:
+    encoder, image = trained_encoder(), torch.randn(2, 3, 32, 64)
+    with torch.inference_mode():
+        before = encoder(image)
+        after = fold_batch_norm(encoder)(image)
+    assert before.abs().max() > 0.1
+    assert (before - after).abs().max() < 1e-5
+    assert not any(isinstance(module, torch.nn.BatchNorm2d) for module in encoder.modules())
+
+
+def test_a_block_without_rectifier_may_give_negative_numbers() -> None:
+    block = ConvBnRelu(3, 8, relu=False)
+    assert block(torch.randn(2, 3, 8, 8)).min() < 0.0
+    assert ConvBnRelu(3, 8)(torch.randn(2, 3, 8, 8)).min() >= 0.0
+
+
+def test_an_mlp_ends_without_activation_unless_asked() -> None:
+    mlp, ends = Mlp(4, 8, 6), Mlp(4, 8, 6, last=True)
+    assert [type(layer).__name__ for layer in mlp] == ["Linear", "ReLU", "Linear"]
+    assert ends(torch.randn(64, 4)).min() >= 0.0
+
+
+def test_attention_sees_only_what_its_mask_allows() -> None:
+    attention = Attention(8, 2).eval()
+    query, memory = torch.randn(1, 3, 8), torch.randn(1, 5, 8)
+    mask = torch.tensor([[True, True, True, False, False]])
+    changed = memory.clone()
+    changed[:, 3:] = 100.0
+    assert torch.allclose(attention(query, memory, mask=mask), attention(query, changed, mask=mask))
+    assert not torch.allclose(attention(query, memory), attention(query, changed))
+
+
+def test_causal_attention_does_not_see_the_future() -> None:
+    attention, sequence = Attention(8, 2).eval(), torch.randn(1, 4, 8)
+    longer = torch.cat((sequence, torch.randn(1, 1, 8)), 1)
+    assert torch.allclose(attention(sequence, causal=True), attention(longer, causal=True)[:, :4], atol=1e-6)
+
+
+def test_heads_must_divide_the_width() -> None:
+    with pytest.raises(ValueError, match="width of 10 .* 4 heads"):
+        Attention(10, 4)
+
+
+def test_a_decoder_layer_keeps_rows_apart_and_queries_in_shape() -> None:
+    layer = DecoderLayer(16, 4, memory=12).eval()
+    query, memory = torch.randn(3, 5, 16), torch.randn(3, 7, 12)
+    whole = layer(query, memory, query_position=torch.randn(5, 16), memory_position=torch.zeros(7, 12))
+    assert whole.shape == query.shape
+    alone = layer(query[1:2], memory[1:2])
+    assert torch.allclose(layer(query, memory)[1:2], alone, atol=1e-5)

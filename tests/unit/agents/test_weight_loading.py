@@ -1,0 +1,175 @@
+"""What ships is loaded; whatever is not exactly what the manifest lists is refused before anything is made of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from drive_robust_agents._nets import require
+from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.manifest import plain_spec, read_manifest, spec_from
+from drive_robust_agents._nets.tcp import TcpNet
+from drive_robust_agents._nets.weights import encode, load
+from pytest_drive_robust.errors import UsageError
+from tiny_tcp import SPEC, published, tiny_net
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return published(tmp_path)
+
+
+def relist(file: Path, content: bytes | None = None, /, **changes: Any) -> None:
+    """Change the file and let the manifest agree, as somebody would who can write both."""
+    manifest = file.parent / "manifest.json"
+    entries = json.loads(manifest.read_text())
+    if content is not None:
+        file.write_bytes(content)
+        changes |= {"sha256": hashlib.sha256(content).hexdigest(), "size_bytes": len(content)}
+    entries["tcp"] |= changes
+    manifest.write_text(json.dumps(entries))
+
+
+def refused(file: Path, match: str) -> None:
+    with pytest.raises(UsageError, match=match):
+        Policy.check("tcp", TcpNet.build, weights=file)
+    with pytest.raises(UsageError, match=match):
+        Policy.of("tcp", TcpNet.build, weights=file)
+
+
+def test_loaded_weights_drive_as_the_trained_network_did_up_to_half_precision(file: Path) -> None:
+    net, entry = load("tcp", TcpNet.build, weights=file)
+    assert not net.training
+    assert not any(parameter.requires_grad for parameter in net.parameters())
+    assert not any(isinstance(module, torch.nn.BatchNorm2d) for module in net.modules())
+    assert entry.label == f"tcp@0.0:{entry.sha256[:8]}"
+    assert entry.parameters == sum(parameter.numel() for parameter in tiny_net().parameters())
+    reference = tiny_net().train()
+    example = reference.example(4)
+    torch.manual_seed(0)  # as `published` found it: what it drew after the network was made
+    tiny_net()
+    example["image"] = torch.randint(0, 256, example["image"].shape, dtype=torch.uint8)
+    reference(**example)
+    with torch.inference_mode():
+        expected, given = reference.eval()(**example), net(**example)
+    for name, value in expected.items():
+        assert (value - given[name]).abs().max() < 5e-3, name
+        assert not torch.equal(value, given[name]), "half precision must leave a trace, or this compares nothing"
+
+
+def test_one_changed_byte_is_refused(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[-7] ^= 1
+    file.write_bytes(content)
+    refused(file, "SHA-256 .* it was changed")
+
+
+def test_a_truncated_file_is_refused(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+    refused(file, "truncated")
+
+
+def test_a_truncated_file_is_refused_even_when_the_manifest_agrees(file: Path) -> None:
+    relist(file, file.read_bytes()[:-100])
+    refused(file, "no safetensors file")
+
+
+def test_a_file_of_more_than_six_megabytes_is_not_even_read(file: Path) -> None:
+    with file.open("r+b") as opened:
+        opened.truncate(7_000_000)
+    relist(file, size_bytes=7_000_000)
+    refused(file, "7000000 bytes")
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 5])
+def test_a_pickle_is_refused_and_never_opened(file: Path, protocol: int) -> None:
+    trace = file.parent / "executed"
+
+    class Trap:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return os.mkdir, (str(trace),)
+
+    relist(file, pickle.dumps({"encoder": Trap()}, protocol=protocol))
+    refused(file, "no safetensors file")
+    assert not trace.exists()
+
+
+def test_what_torch_saves_is_refused_as_a_pickle(file: Path) -> None:
+    saved = file.parent / "net.pt"
+    torch.save(tiny_net().state_dict(), saved)
+    relist(file, saved.read_bytes())
+    refused(file, "looks like a pickle, which we never open")
+
+
+def test_weights_of_another_architecture_are_refused(file: Path) -> None:
+    class VadNet(TcpNet):
+        pass
+
+    relist(file, encode(VadNet(SPEC), SPEC), architecture="VadNet")
+    refused(file, "holds weights of VadNet, but 'tcp' is a TcpNet")
+
+
+def test_a_header_that_does_not_say_what_the_manifest_says_is_refused(file: Path) -> None:
+    relist(file, spec={**plain_spec(SPEC), "hidden": 32})
+    refused(file, r"header of .* does not fit the manifest: spec is")
+
+
+def test_tensors_of_another_shape_are_refused_by_name(file: Path) -> None:
+    wider = spec_from(type(SPEC), {**plain_spec(SPEC), "hidden": 32})
+    relist(file, encode(TcpNet(wider), SPEC))
+    refused(file, r"does not hold the tensors of TcpNet: \d+ differ \(controller")
+
+
+def test_a_specification_that_the_agent_does_not_know_is_refused(file: Path) -> None:
+    spec = {**plain_spec(SPEC), "queries": 24}
+    content = file.read_bytes().replace(b'\\"hidden\\": 16', b'\\"hidden\\": 16, \\"queries\\": 24')
+    grown = len(content) - len(file.read_bytes())
+    length = int.from_bytes(content[:8], "little") + grown
+    relist(file, length.to_bytes(8, "little") + content[8:], spec=spec)
+    refused(file, "cannot build TcpNet .*queries")
+
+
+def test_missing_weights_and_names_are_told(file: Path) -> None:
+    with pytest.raises(UsageError, match=r"no entry in .* named 'vad'.*Known: tcp"):
+        read_manifest(file.parent, "vad")
+    with pytest.raises(UsageError, match=r"manifest.json: train 'tcp' and publish it"):
+        read_manifest(file.parent / "nowhere", "tcp")
+    file.unlink()
+    refused(file, "cannot be read: No such file")
+
+
+def test_a_manifest_may_name_files_of_its_own_folder_only(file: Path) -> None:
+    relist(file, file="../tcp.safetensors")
+    refused(file, "expected a file of that folder")
+
+
+def test_another_file_beside_the_manifest_is_refused(file: Path) -> None:
+    other = file.with_name("other.safetensors")
+    other.write_bytes(file.read_bytes())
+    refused(other, "lists 'tcp.safetensors' for 'tcp', not 'other.safetensors'")
+
+
+def test_weights_that_are_no_numbers_are_not_written() -> None:
+    net = tiny_net()
+    with torch.no_grad():
+        net.pooled.bias[0] = 1e6
+    with pytest.raises(UsageError, match="no finite half-precision numbers: pooled.bias"):
+        encode(net, SPEC)
+
+
+def test_a_missing_library_is_named_with_the_command_that_installs_it() -> None:
+    with pytest.raises(UsageError, match=r"need surely_missing .* pip install 'drive-robust-agents\[onnx\]'"):
+        require("json", "surely_missing", extra="onnx")

@@ -1,0 +1,38 @@
+"""Drives of the expert that several tests of the training data look at; each is driven once in a process."""
+
+from __future__ import annotations
+
+import functools
+
+from drive_robust_agents.training.draws import draws
+from drive_robust_agents.training.noise import burst_plan
+from drive_robust_agents.training.rollouts import Sample, drive_expert
+from drive_robust_agents.training.routes import SCENARIO_NAMES, RouteKey, draw
+from pytest_drive_robust.domain.route import Route
+
+
+def key_of(scenario: str, number: int = 0) -> RouteKey:
+    """The training route of a scenario type."""
+    return RouteKey(1, SCENARIO_NAMES.index(scenario), number)
+
+
+@functools.lru_cache(maxsize=8)
+def route_of(scenario: str, number: int = 0) -> Route:
+    """The same, drawn."""
+    route = draw(key_of(scenario, number))
+    assert route is not None
+    return route
+
+
+def data_seed(route: Route, *, noisy: bool) -> int:
+    """The first seed of the data that gives the first episode of a route steering noise, or none."""
+    return next(
+        seed for seed in range(100) if burst_plan(draws(seed, route.id, 0, "noise"), 400).any() == noisy
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def samples_of(scenario: str, *, noisy: bool = False) -> tuple[Sample, ...]:
+    """The samples of the first episode."""
+    route = route_of(scenario)
+    return tuple(drive_expert(route, data_seed=data_seed(route, noisy=noisy), seed=0))
