@@ -13,18 +13,8 @@ from torch.nn import functional
 from drive_robust_agents._nets.bev import BevEncoder, BevSpec
 from drive_robust_agents._nets.blocks import ConvBnRelu
 from drive_robust_agents._nets.manifest import spec_from
-from drive_robust_agents._nets.uniad_heads import (
-    Begun,
-    LaneHead,
-    MotionHead,
-    Motions,
-    OccupancyHead,
-    Old,
-    PlannerHead,
-    TrackHead,
-    Tracks,
-    View,
-)
+from drive_robust_agents._nets.uniad_ahead import MotionHead, Motions, OccupancyHead, PlannerHead
+from drive_robust_agents._nets.uniad_heads import Begun, LaneHead, Old, TrackHead, Tracks, View
 from drive_robust_agents._nets.vad_heads import Places
 
 __all__ = ["DENSE_CHANNELS", "Perceived", "UniadNet", "UniadSpec"]

@@ -8,10 +8,13 @@ import signal
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event
 
 from drive_robust_agents.training.shards import Shard, Written, write
+from pytest_drive_robust.errors import SimulationError
 
 __all__ = ["written"]
 
@@ -19,7 +22,10 @@ _stop: Event | None = None
 
 
 def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
-    """Write shards, here or in other processes, and tell each when it is complete; Ctrl-C ends it cleanly."""
+    """Write shards, here or in other processes, and tell each when it is complete; Ctrl-C ends it cleanly.
+
+    Raises `SimulationError` when a worker was killed.
+    """
     if workers == 1 or len(shards) < 2:
         for shard in shards:
             one = write(shard)
@@ -29,7 +35,8 @@ def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(stop,)) as pool:
-        pending: set[Future[Written | None]] = {pool.submit(_write, shard) for shard in shards}
+        with _deaf():
+            pending: set[Future[Written | None]] = {pool.submit(_write, shard) for shard in shards}
         try:
             while pending:
                 finished, pending = wait(pending, return_when=FIRST_COMPLETED)
@@ -37,13 +44,31 @@ def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
                     one = future.result()
                     if one is not None:
                         yield one
+        except BrokenProcessPool as error:
+            raise SimulationError(
+                f"one of {workers} workers was killed, perhaps for its memory. The same command goes on with the "
+                "shards that are complete; try fewer workers or --shard-routes 1."
+            ) from error
         finally:
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Processes that begin meanwhile do not hear Ctrl-C, not even before their first line."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def _begin(stop: Event) -> None:
-    """In a worker: leave Ctrl-C to the parent, use one thread, end when the parent is gone."""
+    """In a worker: leave Ctrl-C to the parent, and end when the parent is gone."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -67,9 +67,6 @@ class UniadRecipe:
     stages = (Stage(0.3, _LATER), Stage(0.7))
     defaults = Defaults(batch=32, lr=6e-4, weight_decay=0.01, clip=5.0, visits=250_000)
 
-    def __init__(self, *, robust: bool = False) -> None:
-        self.robust = robust
-
     @property
     def rig(self) -> tuple[CameraSpec, ...]:
         """Six cameras all around."""

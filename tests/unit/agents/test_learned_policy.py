@@ -1,5 +1,7 @@
 """Networks at run time: numpy in and out, one network for all agents, the same bits in any company, any engine."""
 
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -10,13 +12,13 @@ import pytest
 torch = pytest.importorskip("torch")
 import numpy as np
 from numpy.typing import NDArray
+from tiny_tcp import SPEC, published
 
 from drive_robust_agents._nets import onnx_engine
 from drive_robust_agents._nets.inference import ROWS, Policy
 from drive_robust_agents._nets.tcp import TcpNet
 from drive_robust_agents._nets.weights import locate
 from pytest_drive_robust.errors import UsageError
-from tiny_tcp import SPEC, published
 
 Inputs = dict[str, NDArray[Any]]
 

@@ -1,5 +1,7 @@
 """The blocks that all compact networks are made of."""
 
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
 from __future__ import annotations
 
 import pytest
@@ -98,7 +100,7 @@ def test_causal_attention_does_not_see_the_future() -> None:
 
 
 def test_heads_must_divide_the_width() -> None:
-    with pytest.raises(ValueError, match="width of 10 .* 4 heads"):
+    with pytest.raises(ValueError, match=r"width of 10 .* 4 heads"):
         Attention(10, 4)
 
 

@@ -1,4 +1,4 @@
-"""The agent `tcp`: which branch drives, what raw GPS does to it, what it forgets, and the contract with random weights."""
+"""The agent `tcp`: which branch drives, what raw GPS does to it, what it forgets; the contract with any weights."""
 
 from __future__ import annotations
 

@@ -1,14 +1,17 @@
 """The network of `tcp`: its branches, what inference may leave out, and the distributions of actions."""
 
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
 from __future__ import annotations
 
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from tiny_tcp import SPEC, tiny_net
+
 from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec, beta_mode
-from tiny_tcp import SPEC, tiny_net
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -1,5 +1,7 @@
 """What `tcp` learns: targets from labels, the parts of the loss, and what `--robust` does to inputs and labels."""
 
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
 from __future__ import annotations
 
 from typing import Any
@@ -10,9 +12,9 @@ torch = pytest.importorskip("torch")
 import numpy as np
 from frames_on_disk import made_row
 from numpy.typing import NDArray
+from tiny_tcp import CAMERAS, tiny_net
 
 from drive_robust_agents.training.tcp import TcpRecipe, beta_nll
-from tiny_tcp import CAMERAS, tiny_net
 
 
 def rng(seed: int = 0) -> np.random.Generator:

@@ -1,5 +1,7 @@
 """The training loop: it learns, it goes on where it was cut off with the same bits, it refuses what does not fit."""
 
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
 from __future__ import annotations
 
 import json
@@ -11,6 +13,7 @@ import pytest
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
 from rich.console import Console
+from tiny_tcp import CAMERAS, tiny_net, tiny_settings
 
 from drive_robust_agents._nets.weights import load
 from drive_robust_agents.training.average import Average
@@ -21,7 +24,6 @@ from drive_robust_agents.training.recipe import Stage
 from drive_robust_agents.training.tcp import TcpRecipe
 from drive_robust_agents.training.trainer import Trainer
 from pytest_drive_robust.errors import UsageError
-from tiny_tcp import CAMERAS, tiny_net, tiny_settings
 
 TinyNet = Any
 
@@ -114,7 +116,7 @@ def test_a_damaged_state_is_refused_with_what_to_do(frames: Frames, tmp_path: Pa
     trainer(frames, tmp_path).train(display, candidates={}, stop_after=2)
     (state,) = (tmp_path / "state").iterdir()
     state.write_bytes(state.read_bytes()[:-50])
-    with pytest.raises(UsageError, match="cannot be read: .* Remove it to go on"):
+    with pytest.raises(UsageError, match=r"cannot be read: .* Remove it to go on"):
         trainer(frames, tmp_path)
 
 
@@ -161,7 +163,7 @@ def test_a_training_that_diverges_stops_with_advice(frames: Frames, tmp_path: Pa
             total, parts = super().loss(net, batch)
             return total * float("nan"), parts
 
-    with pytest.raises(UsageError, match="has diverged. Give a smaller --lr than 0.003"):
+    with pytest.raises(UsageError, match=r"has diverged\. Give a smaller --lr than 0\.003"):
         trainer(frames, tmp_path, recipe=Broken()).train(display, candidates={})
 
 

@@ -1,7 +1,8 @@
 """Which frames a training sees, how often, and that a step's batch follows from the seed alone."""
 
-from __future__ import annotations
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
 
+from __future__ import annotations
 
 import pytest
 
@@ -10,6 +11,7 @@ import numpy as np
 from frames_on_disk import write_frames
 from hypothesis import given
 from hypothesis import strategies as st
+from tiny_tcp import CAMERAS
 
 from drive_robust_agents.training.draws import draws
 from drive_robust_agents.training.feed import Feed
@@ -19,7 +21,6 @@ from drive_robust_agents.training.sampling import bucket_weights, draw_epoch, le
 from drive_robust_agents.training.schedule import cycle, learning_rate, stage_at
 from drive_robust_agents.training.tcp import TcpRecipe
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from tiny_tcp import CAMERAS
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from drive_robust_agents.training.rollouts import ON_WAY, SHIFTED, START, drive_
 from pytest_drive_robust import Control, Observation
 from pytest_drive_robust.domain.truth import EgoState, Frame
 
-WAY = "NonSignalizedJunctionLeftTurn"
+WAY = "ControlLoss"
 
 
 def same(one: Frame, other: Frame) -> bool:
@@ -29,11 +29,11 @@ def same(one: Frame, other: Frame) -> bool:
 
 
 def drive(*, branches: bool) -> Course:
-    """The expert's own drive, with a branch and a shifted branch off every tenth tick or without."""
+    """The expert's own drive, with a branch and a shifted branch off now and then, or without."""
     course = Course.begin(route_of(WAY), seed=0)
     while not course.over:
         tick, ego = course.simulator.frame.tick, course.simulator.frame.ego
-        if branches and tick % 10 == 0:
+        if branches and tick % 25 == 0:
             sample_branch(course, None, ON_WAY)
             aside = Pose(ego.x_m - math.sin(ego.yaw_rad), ego.y_m + math.cos(ego.yaw_rad), ego.yaw_rad + 0.1, 3.0)
             sample_branch(course, aside, SHIFTED)

@@ -14,7 +14,6 @@ from drive_robust_agents.training.routes import (
     draw,
     training_keys,
     validation_keys,
-    validation_routes,
 )
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
@@ -32,9 +31,9 @@ def line(route: Route) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def training() -> list[Route]:
-    """One of each type, with numbers all over the range."""
+    """One of every second type, with numbers all over the range."""
     keys = training_keys(seed=1, per_type=20)
-    drawn = [draw(keys[44 * (tag % 20) + tag]) for tag in range(44)]
+    drawn = [draw(keys[44 * (tag % 20) + tag]) for tag in range(0, 44, 2)]
     return [route for route in drawn if route is not None]
 
 
@@ -46,7 +45,7 @@ def test_the_towns_of_evaluation_and_of_every_training_seed_have_numbers_that_ne
 
 
 def test_training_routes_lie_in_towns_of_their_own(training: list[Route]) -> None:
-    assert len(training) >= 43
+    assert len(training) >= 21
     assert all(TOWNS_PER_SEED < town_number(route) <= 2 * TOWNS_PER_SEED for route in training)
     assert not {route.town for route in training} & {route.town for route in named_routes("full")}
 
@@ -73,8 +72,8 @@ def test_every_first_part_of_the_keys_holds_all_types_in_equal_shares() -> None:
 
 
 def test_validation_routes_are_drawn_by_a_seed_of_their_own() -> None:
-    routes = validation_routes()
-    assert len(routes) >= 43
+    routes = [draw(key) for key in validation_keys()[::6]]
+    assert None not in routes
     low = TOWNS_PER_SEED * VALIDATION_SEED
     assert all(low < town_number(route) <= low + TOWNS_PER_SEED for route in routes)
 

@@ -148,3 +148,17 @@ def test_it_may_be_driven_in_lockstep(weights: Path) -> None:
         Recording(PLAN, seed, tuple(seen(tick, seed=seed, speed=2.0 * seed) for tick in (0, 11))) for seed in (0, 1)
     ]
     assert check_lockstep(lambda: UniAD(weights=weights), recordings, widths=(4, 8)) is None
+
+
+def test_onnx_runtime_plans_the_same(weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    plans = []
+    for engine in ("torch", "onnx"):
+        agent = UniAD(weights=weights, engine=engine)
+        agent.reset(PLAN, 0)
+        for tick in (0, 11):
+            agent.act(seen(tick))
+        plans.append(agent.plan().path)
+    np.testing.assert_allclose(plans[0], plans[1], atol=1e-4)

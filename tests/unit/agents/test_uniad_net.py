@@ -13,7 +13,8 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.bev import BevSpec, warp  # noqa: E402
 from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm  # noqa: E402
 from drive_robust_agents._nets.uniad import UniadNet, UniadSpec, move  # noqa: E402
-from drive_robust_agents._nets.uniad_heads import Old, PlannerHead, View  # noqa: E402
+from drive_robust_agents._nets.uniad_ahead import PlannerHead  # noqa: E402
+from drive_robust_agents._nets.uniad_heads import Old, View  # noqa: E402
 
 Inputs = dict[str, torch.Tensor]
 

@@ -26,9 +26,7 @@ def route_of(scenario: str, number: int = 0) -> Route:
 
 def data_seed(route: Route, *, noisy: bool) -> int:
     """The first seed of the data that gives the first episode of a route steering noise, or none."""
-    return next(
-        seed for seed in range(100) if burst_plan(draws(seed, route.id, 0, "noise"), 400).any() == noisy
-    )
+    return next(seed for seed in range(100) if burst_plan(draws(seed, route.id, 0, "noise"), 400).any() == noisy)
 
 
 @functools.lru_cache(maxsize=8)

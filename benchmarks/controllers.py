@@ -1,0 +1,144 @@
+"""How well the controllers of the learned agents drive when the network is perfect: what their numbers are tuned with.
+
+The perfect network is the privileged expert. At a tick the world is snapshot, a fork of the expert drives on for up to
+3 s, and the world is put back: what the fork did are the waypoints, the line that it followed is the path. So whatever
+is lost against the expert's own driving is lost by the controller, and not by eyes that see badly.
+
+`--published` drives TCP, UniAD and VAD with the published gains and target rules instead, `--settings` under
+perturbations: latency shows how stiff a controller is, GPS noise what its target point does to it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from rich.progress import track
+
+from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.path_controller import PathController
+from drive_robust_agents._wrappers.pid import Pedals, Point, WaypointController, WaypointTuning
+from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
+from drive_robust_agents.expert import Expert
+from drive_robust_agents.training.labels import path_ahead
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+
+TUNINGS = {"tcp": (tuning.TCP, 4), "uniad": (tuning.UNIAD, 6), "vad": (tuning.VAD, 6)}
+AGENTS = ("expert", *TUNINGS, "simlingo")
+
+Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
+
+
+class Perfect:
+    """An agent whose waypoints are the expert's own future; `make` begins an episode's controller."""
+
+    privileged = True
+    consumes = frozenset({"gps", "compass", "speed"})
+
+    def __init__(self, simulator: EmbeddedSimulator, make: Callable[[], Steer], *, horizon_s: float, every: int):
+        self._simulator, self._make, self._every = simulator, make, every
+        self._ticks = round(20.0 * horizon_s) + every
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        return ()
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        self.expert, self._planner, self._steer = Expert(), RoutePlanner(route), self._make()
+        self.expert.reset(route, seed)
+        self._future: list[EgoState] = []
+        self._age = 0
+
+    def act(self, observation: Observation) -> Control:
+        assert observation.truth is not None
+        ego, gps = observation.truth.frame.ego, observation.gps
+        self.expert.act(observation)
+        self._age += 1
+        if not self._future or self._age >= self._every:
+            self._future, self._age = self._drive_on(observation), 0
+        target = self._planner.step(gps.x_m, gps.y_m)
+        local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
+        pedals = self._steer(self, ego, observation.speed.mps, local)
+        return Control(pedals.throttle, pedals.steer, pedals.brake)
+
+    def waypoints(self, ego: EgoState, step_s: float, count: int) -> list[Point]:
+        """Where the expert would be after so many steps, in the ego frame."""
+        rows = [min(self._age + round(20.0 * step_s * k), len(self._future) - 1) for k in range(1, count + 1)]
+        poses = [self._future[row] for row in rows]
+        return [to_ego(pose.x_m - ego.x_m, pose.y_m - ego.y_m, ego.yaw_rad) for pose in poses]
+
+    def path(self, ego: EgoState) -> list[Point]:
+        """The line that the expert follows, a point a metre."""
+        intent = self.expert.intent()
+        return [(x, y) for x, y in path_ahead(ego, intent.line, intent.row).tolist()]
+
+    def _drive_on(self, observation: Observation) -> list[EgoState]:
+        simulator, fork, kept = self._simulator, self.expert.fork(), self._simulator.snapshot()
+        found = [simulator.frame.ego]
+        while len(found) <= self._ticks and simulator.done is None:
+            control = fork.act(replace(observation, truth=simulator.truth()))
+            found.append(simulator.step(control).ego)
+        simulator.restore(kept)
+        return found
+
+
+def by_waypoints(numbers: WaypointTuning, count: int) -> Callable[[], Steer]:
+    def make() -> Steer:
+        controller = WaypointController(numbers)
+        return lambda net, ego, mps, target: controller.step(net.waypoints(ego, 0.5, count), mps, target)
+
+    return make
+
+
+def by_path() -> Steer:
+    controller = PathController()
+    return lambda net, ego, mps, _: controller.step(net.path(ego), net.waypoints(ego, 0.25, 3), mps)
+
+
+def published(numbers: WaypointTuning) -> WaypointTuning:
+    """Bench2Drive's gains and rules, with the caps of ours."""
+    caps = ("cruise_throttle", "free_throttle", "coast_above_mps")
+    return replace(tuning.PUBLISHED, **{name: getattr(numbers, name) for name in caps})
+
+
+def agent_of(name: str, simulator: EmbeddedSimulator, given: argparse.Namespace) -> Perfect | Expert:
+    if name == "expert":
+        return Expert()
+    if name == "simlingo":
+        return Perfect(simulator, by_path, horizon_s=0.75, every=given.every)
+    numbers, count = TUNINGS[name]
+    make = by_waypoints(published(numbers) if given.published else numbers, count)
+    return Perfect(simulator, make, horizon_s=0.5 * count, every=given.every)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--agents", default=",".join(AGENTS), help="names, separated by commas")
+    parser.add_argument("--routes", default="one-per-scenario", help="a named set, a route file, or route ids")
+    parser.add_argument("--settings", default="clean", help="sentences, separated by commas")
+    parser.add_argument("--every", type=int, default=8, help="a new branch every so many ticks (default: 8)")
+    parser.add_argument("--published", action="store_true", help="published gains and target rules")
+    given = parser.parse_args()
+    for name in given.agents.split(","):
+        for setting in map(Setting.parse, given.settings.split(",")):
+            scores, failed = [], []
+            for route in track(resolve_routes(given.routes), f"{name}, {setting}", transient=True):
+                simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0))
+                agent = agent_of(name, simulator, given)
+                result = drive_episode(simulator, agent, route=route, setting=setting, seed=0, agent_name=name)
+                scores.append(driving_score(result))
+                failed += [] if is_success(result) else [route.label]
+            success = f"{len(scores) - len(failed)}/{len(scores)}"
+            print(f"{name:9s} {setting!s:20s} SR {success}  DS {statistics.mean(scores):.1f}  {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()
