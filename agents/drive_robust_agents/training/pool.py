@@ -6,19 +6,16 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event
 
 from drive_robust_agents.training.shards import Shard, Written, write
 from pytest_drive_robust.errors import SimulationError
 
 __all__ = ["written"]
-
-_stop: Event | None = None
 
 
 def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
@@ -28,30 +25,27 @@ def written(shards: Sequence[Shard], workers: int) -> Iterator[Written]:
     """
     if workers == 1 or len(shards) < 2:
         for shard in shards:
-            one = write(shard)
-            assert one is not None  # nobody stops it
-            yield one
+            yield write(shard)
         return
     context = multiprocessing.get_context("spawn")
     stop = context.Event()
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(stop,)) as pool:
         with _deaf():
-            pending: set[Future[Written | None]] = {pool.submit(_write, shard) for shard in shards}
+            pending: set[Future[Written]] = {pool.submit(write, shard) for shard in shards}
         try:
             while pending:
                 finished, pending = wait(pending, return_when=FIRST_COMPLETED)
                 for future in finished:
-                    one = future.result()
-                    if one is not None:
-                        yield one
+                    yield future.result()
         except BrokenProcessPool as error:
             raise SimulationError(
                 f"one of {workers} workers was killed, perhaps for its memory. The same command goes on with the "
                 "shards that are complete; try fewer workers or --shard-routes 1."
             ) from error
-        finally:
+        except BaseException:
             stop.set()
             pool.shutdown(wait=True, cancel_futures=True)
+            raise
 
 
 @contextmanager
@@ -68,20 +62,13 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin(stop: Event) -> None:
-    """In a worker: leave Ctrl-C to the parent, and end when the parent is gone."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """In a worker: end at once when the parent says so or is gone. A shard under way is done again later."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    for ends in (stop.wait, parent.join):
+        threading.Thread(target=_end_after, args=(ends,), daemon=True).start()
 
 
-def _end_with(parent: BaseProcess) -> None:
-    parent.join()
+def _end_after(ends: Callable[[], object]) -> None:
+    ends()
     os._exit(1)
-
-
-def _write(shard: Shard) -> Written | None:
-    assert _stop is not None
-    return write(shard, _stop.is_set)

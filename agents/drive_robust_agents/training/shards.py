@@ -42,8 +42,8 @@ class Written:
     size_bytes: int
 
 
-def write(shard: Shard, stopped: Callable[[], bool] = lambda: False) -> Written | None:
-    """Drive and write a shard; None when `stopped` said so between two episodes."""
+def write(shard: Shard) -> Written:
+    """Drive and write a shard."""
     drive = _driver(shard)
     found: list[Row] = []
     skipped = []
@@ -53,8 +53,6 @@ def write(shard: Shard, stopped: Callable[[], bool] = lambda: False) -> Written 
             skipped.append(key.id)
             continue
         for number in range(shard.episodes):
-            if stopped():
-                return None
             samples = drive(route, number)
             episode = (shard.first + k) * shard.episodes + number
             found += rows(samples, route, outfit(shard.agent), tag=key.tag, episode=episode)
