@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from highway_env.road.lane import AbstractLane
-from highway_env.road.road import RoadNetwork
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane, RoadNetwork
 
 __all__ = ["Arm", "Control", "LaneKey", "Pose", "Section", "Town"]
 

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from highway_env.road.lane import LineType
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.base import Arm, Control, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
+from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
 
 __all__ = ["Connection", "chains_through", "connect", "control_of", "crosswalk", "draw_arms", "turn_between"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from highway_env.road.lane import CircularLane, StraightLane
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind, StopLine
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
 from pytest_drive_robust.simulators.embedded.towns.base import Control, LaneKey, Town
+from pytest_drive_robust.simulators.embedded.towns.road_library import CircularLane, StraightLane
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 
 __all__ = ["draw_lanes", "stop_lines"]

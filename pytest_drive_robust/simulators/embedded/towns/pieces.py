@@ -7,10 +7,15 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from highway_env.road.lane import AbstractLane, CircularLane, LineType, StraightLane
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.base import LaneKey, Pose, Section, Town
+from pytest_drive_robust.simulators.embedded.towns.road_library import (
+    AbstractLane,
+    CircularLane,
+    LineType,
+    StraightLane,
+)
 
 __all__ = ["Piece", "advance", "beside", "draw_strips", "piece", "retreat", "road", "winding"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from highway_env.road.lane import LineType
 
 from pytest_drive_robust.simulators.embedded.towns.base import Arm, LaneKey, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, retreat
+from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
 
 __all__ = ["roundabout"]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from highway_env.road.lane import AbstractLane
 from numpy.typing import NDArray
 
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
+from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane
 
 __all__ = ["TracedLane"]
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from highway_env.road.lane import LineType
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LaneKind
@@ -14,6 +13,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.towns.base import Arm, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import control_of, crosswalk
+from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 from pytest_drive_robust.simulators.embedded.traced.course import Course
 from pytest_drive_robust.simulators.embedded.traced.drawing import trace_road
