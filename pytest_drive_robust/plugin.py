@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.owner import Record, RunOwner
     from pytest_drive_robust.planning import PlanPlugin
     from pytest_drive_robust.regression.choices import Choices
+    from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.campaign import Observer
     from pytest_drive_robust.runner.plan import Scope
@@ -248,14 +249,9 @@ class ReportingPlugin:
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
     from pytest_drive_robust.crewing import is_outside, outside_settings
-    from pytest_drive_robust.epilogue import Epilogue
     from pytest_drive_robust.execution import Execution
-    from pytest_drive_robust.keeping import new_run_name, open_store
-    from pytest_drive_robust.owner import LocalRecord, RunOwner
-    from pytest_drive_robust.planning import check_plan_alone
     from pytest_drive_robust.regression.choices import Choices
     from pytest_drive_robust.regression.waivers import Waivers
-    from pytest_drive_robust.screen import progress_for
     from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.stopping import StopPlugin
     from pytest_drive_robust.waiving import WaivingPlugin
@@ -267,12 +263,25 @@ def _activate(config: pytest.Config) -> None:
     waivers = Waivers.of(choices.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     config.pluginmanager.register(StopPlugin(), "drive_robust_stopping")
-    if distributed.is_worker(config):
-        begin = partial(_drive_here, config, settings, execution, choices, shared=True)
-        folder = distributed.join_run(config, settings, begin)
-        if not is_outside(settings):
-            _help_others(config, folder)
+    if not distributed.is_worker(config):
+        _own_the_run(config, settings, execution, choices, waivers)
         return
+    begin = partial(_drive_here, config, settings, execution, choices, shared=True)
+    folder = distributed.join_run(config, settings, begin)
+    if not is_outside(settings):
+        _help_others(config, folder)
+
+
+def _own_the_run(
+    config: pytest.Config, settings: Settings, execution: Execution, choices: Choices, waivers: Waivers
+) -> None:
+    """In the process that reports: drive here, or follow what the workers drive."""
+    from pytest_drive_robust.epilogue import Epilogue
+    from pytest_drive_robust.keeping import new_run_name, open_store
+    from pytest_drive_robust.owner import LocalRecord, RunOwner
+    from pytest_drive_robust.planning import check_plan_alone
+    from pytest_drive_robust.screen import progress_for
+
     if config.getoption("drive_plan"):
         check_plan_alone(config)
     epilogue = Epilogue(choices, settings, waivers)  # before anything is driven: its reference may not be there
@@ -304,7 +313,6 @@ def _drive_here(
     shared: bool,
 ) -> None:
     from pytest_drive_robust.crewing import crew_of
-    from pytest_drive_robust.planning import PlanPlugin
     from pytest_drive_robust.runner.campaign import Campaign
 
     scopes, executor = crew_of(config, settings, execution, shared=shared, store=store, ticked=observer.ticked)
@@ -315,6 +323,8 @@ def _drive_here(
     config.stash[DRIVER] = driver
     config.pluginmanager.register(DrivingPlugin(driver, getattr(executor, "last_words", tuple)), "drive_robust_driving")
     if config.getoption("drive_plan"):
+        from pytest_drive_robust.planning import PlanPlugin
+
         config.pluginmanager.register(PlanPlugin(config, store, slots=executor.slots), _PLANNING)
 
 

@@ -1,4 +1,4 @@
-"""A process that drives loads highway-env's road model and none of its environments, and harms nobody who wants them."""
+"""A process that drives loads the road model of highway-env and none of its environments, and leaves it whole."""
 
 from __future__ import annotations
 
