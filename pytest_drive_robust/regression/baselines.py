@@ -177,4 +177,4 @@ def _firsts(places: Iterable[tuple[str, ...]]) -> list[str]:
 
 def _natural(text: str) -> list[tuple[int, int, str]]:
     """`"merge-v0-2"` before `"merge-v0-10"`."""
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", text)]
+    return [(0, int(part), part) if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", text)]

@@ -210,3 +210,13 @@ def test_an_empty_cell_takes_nothing_away(tmp_path: Path) -> None:
     run = snapshot(Cell("driver", "clean", "", {}), cell([3.0], setting="occlusion 0.5"))
     (blessed,) = bless(run, tmp_path, SIGNATURE, environ={})
     assert (blessed.added, blessed.replaced, blessed.kept) == (1, 0, 1)
+
+
+def test_routes_whose_numbers_are_equal_have_an_order() -> None:
+    route = BlessedRoute("2026-11-20", "Kind", ds=0.0, sr=0.0, seeds=(0,), worst_seed=0, outcome="", digest="")
+    blessing = Blessing("2026-11-20", reason="first", by="", run="before", commit="", fingerprint=PRINT)
+    routes = {("embedded", "clean", name): route for name in ("10", "00", "9", "0")}
+    baseline = Baseline("driver", {blessing.date: blessing}, routes)
+    turned = replace(baseline, routes=dict(reversed(routes.items())))
+    assert turned.to_text() == baseline.to_text()
+    assert list(json.loads(baseline.to_text())["scores"]["embedded"]["clean"]) == ["0", "00", "9", "10"]
