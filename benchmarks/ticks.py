@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 import gymnasium
+import highway_env  # noqa: F401 -- registers its ids
 import numpy as np
 from rich.console import Console
 from rich.table import Table
