@@ -1,0 +1,234 @@
+"""Seven patterns of the paper's table, and whether the driven episodes show them.
+
+A pattern consists of *parts*, each the difference of two figures with its 95 % interval, positive where the pattern
+holds. A part appears when the whole interval lies above what it needs (0, or `FAR` where the pattern says "far more"),
+does not appear when the whole interval lies at or below it, and cannot be told otherwise. A pattern appears when all
+its parts do and does not when one does not. Rankings differ already by one pair of agents: there one part is enough,
+and the intervals are wider, so that all of them together are wrong 5 % of the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from typing import Literal
+
+from _paper.estimates import Estimate, ds_means, efficiency_means, gap, rd_means
+from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT, published_mean_rd
+from _paper.results import Results
+
+__all__ = ["FAR", "Part", "Pattern", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
+
+Verdict = Literal["appears", "does not appear", "cannot be told", "not driven"]
+
+FAR = 0.20
+"""What "far more" means here, in RD. The paper's differences under GPS noise of 15 m are 0.57 to 0.67."""
+
+CAPPED = ("tcp", "uniad")
+"""The agents that cut their throttle above a measured speed (`drive_robust_agents/_wrappers/tuning.py`)."""
+
+REFERENCE = "simlingo"
+"""The agent that two of the patterns compare the others with."""
+
+_MILD, _SEVERE = FAMILIES["latency"][0], FAMILIES["latency"][-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One comparison. `agents` are those whose column it belongs to; `paper` is the same in the paper's table."""
+
+    agents: tuple[str, ...]
+    what: str
+    estimate: Estimate | None
+    paper: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A statement about the paper's table; `key` names its explanation, `how` says how its parts are to be read."""
+
+    key: str
+    statement: str
+    unit: str
+    parts: tuple[Part, ...]
+    verdict: Verdict
+    how: str = ""
+    digits: int = 2
+    interval: str = "95 % interval"
+
+    def verdict_of(self, agent: str) -> Verdict | None:
+        """What the parts of one agent say together; None when the pattern is not about it."""
+        own = [part.verdict for part in self.parts if agent in part.agents]
+        return all_of(own) if own else None
+
+
+def judge(estimate: Estimate | None, needs: float = 0.0) -> Verdict:
+    """What an interval says about "more than `needs`"; an interval of the one point `needs` is no more."""
+    if estimate is None:
+        return "not driven"
+    if estimate.low > needs:
+        return "appears"
+    return "does not appear" if estimate.high <= needs else "cannot be told"
+
+
+def all_of(verdicts: Iterable[Verdict]) -> Verdict:
+    """The verdict on a statement that holds when every part does. What was not driven cannot be told, alone or not."""
+    return _together(verdicts, decisive="does not appear", otherwise="appears")
+
+
+def any_of(verdicts: Iterable[Verdict]) -> Verdict:
+    """The verdict on a statement that holds when one part does."""
+    return _together(verdicts, decisive="appears", otherwise="does not appear")
+
+
+def _together(verdicts: Iterable[Verdict], *, decisive: Verdict, otherwise: Verdict) -> Verdict:
+    seen = set(verdicts)
+    if decisive in seen:
+        return decisive
+    if seen == {otherwise}:
+        return otherwise
+    return "not driven" if seen <= {"not driven"} else "cannot be told"
+
+
+def patterns_of(results: Results) -> tuple[Pattern, ...]:
+    """All seven; the last one judges pairs of agents, the others agents."""
+    return (
+        _all("severity", "RD rises with severity in every family", _severity(results)),
+        _all("latency", "Latency of 500 ms hurts every agent more than 100 ms", _latency(results)),
+        _all(
+            "gps",
+            "GPS noise of 15 m hurts TCP, UniAD and VAD far more than SimLingo",
+            _gps(results),
+            how=f"Far more: the interval lies above {FAR:.2f}.",
+        ),
+        _all("occlusion", "Occlusion 0.8 hurts more than 0.5, and hurts SimLingo most", _occlusion(results)),
+        _all(
+            "burst",
+            "Burst is the mildest camera failure",
+            _burst(results),
+            how="The mean over both severities of occlusion against that of burst.",
+        ),
+        _all(
+            "speed",
+            "Speed underestimation raises the efficiency of the throttle-capped agents",
+            _speed(results),
+            how=f"Capped above a measured speed: {' and '.join(CAPPED)}. Over the routes with data in both runs.",
+            unit="efficiency, points",
+            digits=1,
+        ),
+        _ranking(results),
+    )
+
+
+def _all(key: str, statement: str, parts: list[Part], *, how: str = "", unit: str = "RD", digits: int = 2) -> Pattern:
+    """A pattern that appears when all its parts do."""
+    return Pattern(key, statement, unit, tuple(parts), all_of(part.verdict for part in parts), how, digits)
+
+
+def _rd_gap(results: Results, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]) -> Estimate | None:
+    """How much larger the mean RD of the first (agent, settings) is."""
+    return gap(rd_means(results, *more), rd_means(results, *less))
+
+
+def _paper_rd(agent: str, settings: tuple[str, ...]) -> float:
+    rows = PUBLISHED[agent]
+    return sum(1.0 - rows[setting].ds / rows[CLEAN].ds for setting in settings) / len(settings)
+
+
+def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> Part:
+    """One agent: RD under some settings against RD under others."""
+    estimate = _rd_gap(results, (agent, more), (agent, less))
+    return Part((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
+
+
+def _step(results: Results, agent: str, mild: str, severe: str) -> Part:
+    return _within(results, agent, (severe,), (mild,), f"{agent}: {SHORT[severe]} - {SHORT[mild]}")
+
+
+def _severity(results: Results) -> list[Part]:
+    return [
+        _step(results, agent, mild, severe)
+        for agent in AGENTS
+        for family in FAMILIES.values()
+        for mild, severe in pairwise(family)
+    ]
+
+
+def _latency(results: Results) -> list[Part]:
+    return [_step(results, agent, _MILD, _SEVERE) for agent in AGENTS]
+
+
+def _gps(results: Results) -> list[Part]:
+    severe = FAMILIES["GPS"][-1:]
+    parts = []
+    for agent in AGENTS:
+        if agent != REFERENCE:
+            estimate = _rd_gap(results, (agent, severe), (REFERENCE, severe))
+            what = f"{agent} - {REFERENCE}: {SHORT[severe[0]]}, more than {FAR:.2f}"
+            paper = _paper_rd(agent, severe) - _paper_rd(REFERENCE, severe)
+            parts.append(Part((agent,), what, estimate, paper, judge(estimate, FAR)))
+    return parts
+
+
+def _occlusion(results: Results) -> list[Part]:
+    mild, severe = FAMILIES["occlusion"]
+    parts = [_step(results, agent, mild, severe) for agent in AGENTS]
+    for agent in AGENTS:
+        if agent != REFERENCE:
+            estimate = _rd_gap(results, (REFERENCE, (severe,)), (agent, (severe,)))
+            paper = _paper_rd(REFERENCE, (severe,)) - _paper_rd(agent, (severe,))
+            what = f"{REFERENCE} - {agent}: {SHORT[severe]}"
+            parts.append(Part((REFERENCE,), what, estimate, paper, judge(estimate)))
+    return parts
+
+
+def _burst(results: Results) -> list[Part]:
+    more, less = FAMILIES["occlusion"], FAMILIES["burst"]
+    what = "mean of occlusion - mean of burst"
+    return [_within(results, agent, more, less, f"{agent}: {what}") for agent in AGENTS]
+
+
+def _speed(results: Results) -> list[Part]:
+    parts = []
+    for agent in CAPPED:
+        for setting in FAMILIES["speed"]:
+            pair = efficiency_means(results, agent, setting)
+            estimate = None if pair is None else gap(pair[1], pair[0])
+            paper = PUBLISHED[agent][setting].efficiency - PUBLISHED[agent][CLEAN].efficiency
+            parts.append(Part((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
+    return parts
+
+
+def _ranking(results: Results) -> Pattern:
+    """Of each pair of agents: does the one that drives better without failures lose more of it under them?"""
+    pairs = list(combinations(AGENTS, 2))
+    confidence = 1.0 - 0.05 / len(pairs)
+    parts = tuple(_reversal(results, *pair, confidence) for pair in pairs)
+    return Pattern(
+        "ranking",
+        "The ranking by clean DS differs from the ranking by RD",
+        "mean RD of the eleven settings",
+        parts,
+        any_of(part.verdict for part in parts),
+        how="One pair is enough: the better driver without failures loses more under them, and both are clear. The "
+        "intervals are wider, so that all six together are wrong 5 % of the time.",
+        interval=f"{100.0 * confidence:.1f} % interval",
+    )
+
+
+def _reversal(results: Results, first: str, second: str, confidence: float) -> Part:
+    """It appears when the better driver's RD is clearly larger, and both DS and RD are clearly apart."""
+    better, worse = first, second
+    ahead = gap(ds_means(results, first, CLEAN), ds_means(results, second, CLEAN), confidence)
+    if ahead is not None and ahead.value < 0.0:
+        better, worse, ahead = second, first, Estimate(-ahead.value, -ahead.high, -ahead.low)
+    lost = gap(rd_means(results, better, SETTINGS), rd_means(results, worse, SETTINGS), confidence)
+    verdict = judge(lost)
+    if ahead is not None and ahead.low <= 0.0 and verdict != "not driven":
+        verdict = "cannot be told"
+    what = f"{better} - {worse}"
+    if ahead is not None:
+        what += f" (clean DS {ahead.value:+.1f}, {ahead.low:+.1f} to {ahead.high:+.1f})"
+    return Part((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)

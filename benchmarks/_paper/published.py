@@ -1,0 +1,124 @@
+"""The paper's own numbers: every agent and setting of its table `tab:robust_full_combined`, as printed.
+
+Source: Bench2Drive-Robust, section "Results". RD is a share, DS 0..100, SR and efficiency in percent. They were
+measured in CARLA with the original networks; nothing here was computed by us.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+__all__ = ["AGENTS", "CLEAN", "FAMILIES", "PUBLISHED", "SETTINGS", "SHORT", "Published", "published_mean_rd"]
+
+CLEAN = "clean"
+
+FAMILIES: dict[str, tuple[str, ...]] = {
+    "burst": ("1 s burst frame drop", "3 s burst frame drop"),
+    "occlusion": ("occlusion 0.5", "occlusion 0.8"),
+    "GPS": ("GPS noise 5 m", "GPS noise 15 m"),
+    "speed": ("speed noise 0.5", "speed noise 0.2"),
+    "latency": ("100 ms latency", "200 ms latency", "500 ms latency"),
+}
+"""The eleven settings by family, each from its mildest to its most severe (`tab:perturbation_summary`)."""
+
+SETTINGS = tuple(setting for family in FAMILIES.values() for setting in family)
+"""The eleven settings as `suites/paper` names them, without clean."""
+
+SHORT = {
+    "1 s burst frame drop": "burst 1 s",
+    "3 s burst frame drop": "burst 3 s",
+    "occlusion 0.5": "occlusion 0.5",
+    "occlusion 0.8": "occlusion 0.8",
+    "GPS noise 5 m": "GPS 5 m",
+    "GPS noise 15 m": "GPS 15 m",
+    "speed noise 0.5": "speed 0.5",
+    "speed noise 0.2": "speed 0.2",
+    "100 ms latency": "latency 100 ms",
+    "200 ms latency": "latency 200 ms",
+    "500 ms latency": "latency 500 ms",
+}
+"""Names of the settings for a picture."""
+
+
+class Published(NamedTuple):
+    """One row of the table; `efficiency` is percent of the traffic's speed."""
+
+    rd: float
+    ds: float
+    sr_pct: float
+    efficiency: float
+
+
+_ROWS: dict[str, tuple[tuple[float, float, float, float], ...]] = {
+    "tcp": (  # TCP-traj
+        (0.00, 59.90, 30.00, 76.54),
+        (0.01, 59.17, 28.64, 78.41),
+        (0.05, 56.80, 25.00, 78.26),
+        (0.16, 50.16, 24.09, 75.28),
+        (0.24, 45.54, 18.18, 76.10),
+        (0.30, 41.88, 18.18, 71.37),
+        (0.65, 21.12, 0.45, 58.37),
+        (0.04, 57.49, 27.72, 91.43),
+        (0.07, 55.61, 23.64, 123.01),
+        (-0.02, 60.91, 32.27, 77.75),
+        (0.44, 33.43, 0.00, 77.22),
+        (0.46, 32.22, 0.00, 80.22),
+    ),
+    "uniad": (
+        (0.00, 45.81, 16.36, 129.21),
+        (0.03, 44.26, 14.55, 134.70),
+        (0.08, 42.20, 13.64, 126.88),
+        (0.11, 40.71, 15.45, 127.46),
+        (0.39, 28.03, 2.27, 133.95),
+        (0.15, 39.07, 11.36, 141.52),
+        (0.55, 20.50, 0.00, 117.55),
+        (0.19, 37.27, 12.72, 184.92),
+        (0.37, 29.08, 4.55, 221.40),
+        (0.19, 37.01, 14.09, 123.44),
+        (0.26, 33.84, 10.45, 130.93),
+        (0.30, 31.85, 7.73, 143.88),
+    ),
+    "vad": (
+        (0.00, 42.35, 15.00, 157.94),
+        (-0.02, 43.04, 17.73, 151.75),
+        (0.08, 39.09, 13.18, 149.70),
+        (0.00, 42.21, 17.73, 163.26),
+        (0.22, 33.15, 6.39, 167.09),
+        (0.13, 37.02, 12.27, 163.82),
+        (0.62, 16.26, 0.00, 155.12),
+        (0.06, 39.64, 14.09, 213.24),
+        (0.19, 34.33, 8.64, 243.92),
+        (0.14, 36.52, 11.36, 144.35),
+        (0.36, 27.15, 3.64, 252.31),
+        (0.44, 23.55, 2.27, 242.62),
+    ),
+    "simlingo": (
+        (0.00, 85.94, 66.82, 244.18),
+        (0.01, 85.47, 66.36, 235.40),
+        (0.00, 85.82, 69.09, 236.16),
+        (0.29, 60.71, 25.00, 226.06),
+        (0.83, 14.79, 0.00, 199.93),
+        (-0.02, 87.91, 73.64, 238.02),
+        (-0.02, 87.53, 70.91, 238.64),
+        (0.28, 61.77, 29.09, 276.62),
+        (0.50, 42.73, 6.36, 282.45),
+        (0.67, 28.45, 2.27, 218.92),
+        (0.77, 19.47, 0.00, 189.95),
+        (0.82, 15.70, 0.00, 177.93),
+    ),
+}
+
+AGENTS = tuple(_ROWS)
+"""The four agents, in the paper's order, as this repository names its re-implementations of them."""
+
+PUBLISHED: dict[str, dict[str, Published]] = {
+    agent: {setting: Published(*row) for setting, row in zip((CLEAN, *SETTINGS), rows, strict=True)}
+    for agent, rows in _ROWS.items()
+}
+"""Agent to setting to its row."""
+
+
+def published_mean_rd(agent: str) -> float:
+    """RD of the mean DS over the eleven settings: the paper's row "Avg. all perturb."."""
+    rows = PUBLISHED[agent]
+    return 1.0 - sum(rows[setting].ds for setting in SETTINGS) / len(SETTINGS) / rows[CLEAN].ds

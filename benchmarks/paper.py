@@ -1,0 +1,75 @@
+"""The paper's table, its figures and its patterns, from episodes that were driven here.
+
+Drive first, once for each of `tcp`, `uniad`, `vad`, `simlingo`. What the store has is not driven again, so the same
+command goes on where it was stopped. Its limits are another agent's and may well be broken:
+
+    pytest --drive-robust suites/paper --drive-agent tcp --drive-routes full --drive-verdict point --drive-json tcp.json
+
+Then draw, from one or more such reports; of an agent that is in several files the last one counts, so that a new
+report can be put over the committed results:
+
+    python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
+    python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
+
+Written are `results.json` (score, success and efficiency of every episode), `table.md`, `patterns.md`,
+`rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes `explanations.md` of the same
+folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`, `latency`, `gps`, `occlusion`,
+`burst`, `speed` and `ranking`. Agents and settings that are in no file are shown as not driven.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from _paper.figures import heat_map, latency_curves, retention_radar
+from _paper.patterns import patterns_of
+from _paper.reading import read
+from _paper.results import text_of
+from _paper.texts import explanations, patterns_text, table_text
+
+from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.store.whole_file import write_whole
+
+
+def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a report of --drive-json, or results.json")
+    parser.add_argument("--write", type=Path, required=True, metavar="FOLDER", help="where everything is written")
+    return parser.parse_args(argv)
+
+
+def render(files: Sequence[Path], folder: Path) -> None:
+    """Read `files`, then write everything into `folder`: all of it or, when the files are refused, nothing."""
+    results = read(files)
+    patterns = patterns_of(results)
+    explained = explanations(folder / "explanations.md", patterns)
+    written = {
+        "results.json": text_of(results),
+        "table.md": table_text(results),
+        "patterns.md": patterns_text(results, patterns, explained),
+        "rd_heatmap.svg": heat_map(results),
+        "retention_radar.svg": retention_radar(results),
+        "latency_curves.svg": latency_curves(results),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in written.items():
+        write_whole(folder / name, text)
+    print(f"{folder}: {', '.join(written)}; {len(results.routes)} routes, {', '.join(results.agents)}")
+    for pattern in patterns:
+        lacks = pattern.verdict in ("does not appear", "cannot be told") and pattern.key not in explained
+        print(f"  {pattern.key:10} {pattern.verdict}{', to be explained in explanations.md' if lacks else ''}")
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    given = parsed(argv)
+    try:
+        render(given.files, given.write)
+    except DriveRobustError as error:
+        sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    main()

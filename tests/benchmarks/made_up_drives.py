@@ -1,0 +1,56 @@
+"""Reports of made-up drives, with what `benchmarks/paper.py` reads of a report of `--drive-json`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+CLEAN_DS = (95.0, 72.0, 48.0, 95.0, 90.0, 64.0, 80.0, 55.0)
+"""Clean driving scores of the routes 101, 201, ..."""
+
+
+def report(
+    agent: str,
+    share_of: Mapping[str, float],
+    *,
+    efficiency_of: Mapping[str, float] | None = None,
+    routes: int = len(CLEAN_DS),
+) -> dict[str, Any]:
+    """An agent whose driving score on every route is that of `CLEAN_DS` times the share of the setting.
+
+    `efficiency_of` is percent, by setting, 100 when left out; the last route has no data on it.
+    """
+    fast = efficiency_of or dict.fromkeys(share_of, 100.0)
+    episodes = [
+        {
+            "agent": agent,
+            "route_id": str(100 * place + 101),
+            "scenario": f"Type{place}",
+            "setting": setting,
+            "driving_score": min(100.0, share * CLEAN_DS[place]),
+            "success": share * CLEAN_DS[place] >= 90.0,
+            "speed_ratios_pct": [] if place == routes - 1 else [fast[setting] - place, fast[setting] + place, 5000.0],
+        }
+        for setting, share in share_of.items()
+        for place in range(routes)
+    ]
+    return {
+        "schema": 1,
+        "settings": {"seeds": [0], "metrics": "bench2drive", "stuck_stop_s": 30.0},
+        "versions": {"simulator": "made-up 1", "machine": "0123"},
+        "fingerprint": {
+            "agents": {agent: {"distribution": "none 1.0", "source": "aa", "weights": "bb"}},
+            "routes": {str(100 * place + 101): f"digest{place}" for place in range(routes)},
+        },
+        "episodes": episodes,
+    }
+
+
+def saved(folder: Path, *reports: Mapping[str, Any]) -> Sequence[Path]:
+    """One file for each."""
+    paths = [folder / f"{number}.json" for number in range(len(reports))]
+    for path, content in zip(paths, reports, strict=True):
+        path.write_text(json.dumps(content), encoding="utf-8")
+    return paths
