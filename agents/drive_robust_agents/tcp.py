@@ -16,42 +16,26 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._learned import LearnedAgent, Seen
+from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.tcp import TcpNet
+from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
-from drive_robust_agents._wrappers.route_planner import RoutePlanner
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["CAMERA", "TCP", "Fusion", "Mode", "Network"]
+__all__ = ["CAMERA", "TCP", "Fusion", "Mode"]
 
 Mode = Literal["traj", "ctrl", "fused"]
 
 CAMERA = CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128)
 """One wide camera in place of the three that the published agent joins into one picture."""
-
-
-class Network(Protocol):
-    """What the agent needs of `_nets.inference.Policy`."""
-
-    def run(self, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
-        """All rows at once: arrays with the batch axis first."""
-        ...
-
-
-class Seen(NamedTuple):
-    """One row of the network's inputs."""
-
-    image: NDArray[np.uint8]
-    speed: float
-    target: Point
-    command: int
 
 
 class Fusion:
@@ -81,7 +65,7 @@ class Fusion:
         self._steered.append(abs(steer) > self.TURNS_FROM)
 
 
-class TCP:
+class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or
@@ -89,8 +73,10 @@ class TCP:
     Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
     """
 
-    consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
-    weights: ClassVar[tuple[Path, ...]] = (Path(__file__).parent / "weights" / "tcp.safetensors",)
+    consumes = frozenset({"cameras", "gps", "compass", "speed"})
+    name = "tcp"
+    build = TcpNet.build
+    weights = (SHIPPED / "tcp.safetensors",)
     configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "torch", "dtype": "float32"}
 
     def __init__(
@@ -107,22 +93,8 @@ class TCP:
         if mode not in get_args(Mode):
             raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
         self.mode: Mode = mode
-        self._network: Network = network or Policy.of(
-            "tcp",
-            TcpNet.build,
-            engine=engine,
-            device=device,
-            dtype=dtype,
-            threads=threads,
-            weights=weights,
-            control=mode != "traj",
-        )
-        self.reset(GlobalPlan(()), 0)
-
-    @classmethod
-    def check(cls) -> None:
-        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
-        Policy.check("tcp", TcpNet.build)
+        self._options = {"control": mode != "traj"}
+        super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
 
     def sensors(self) -> Sequence[CameraSpec]:
         """One wide camera at the front edge of the roof."""
@@ -130,57 +102,37 @@ class TCP:
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
-        self._planner = RoutePlanner(route) if route.points else None
+        super().reset(route, seed)
         self._controller, self._fusion = WaypointController(tuning.TCP), Fusion()
         self._coasts = True
-        self._planned = PlannedPath()
-
-    def act(self, observation: Observation) -> Control:
-        """Look, plan, steer. Raises `ValueError` before a `reset` with a plan."""
-        return self.act_batch((self,), (observation,))[0]
-
-    @classmethod
-    def act_batch(cls, agents: Sequence[TCP], observations: Sequence[Observation]) -> Sequence[Control]:
-        """`act` for agents that share a network, in one run of it."""
-        seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
-        outputs = agents[0]._network.run(
-            image=np.stack([row.image for row in seen]),
-            speed=np.array([row.speed for row in seen], dtype=np.float32),
-            target=np.array([row.target for row in seen], dtype=np.float32),
-            command=np.array([row.command for row in seen], dtype=np.int64),
-        )
-        waypoints = outputs["waypoints"].tolist()
-        actions = outputs["action"].tolist() if "action" in outputs else [(0.0, 0.0)] * len(seen)
-        return [
-            agent._follow(row, [(x, y) for x, y in way], action)
-            for agent, row, way, action in zip(agents, seen, waypoints, actions, strict=True)
-        ]
-
-    def plan(self) -> PlannedPath:
-        """The waypoints and the target point behind the last control."""
-        return self._planned
 
     def _look(self, observation: Observation) -> Seen:
-        if self._planner is None:
-            raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
-        gps = observation.gps
-        target = self._planner.step(gps.x_m, gps.y_m)
+        gps, target = observation.gps, self._target(observation.gps.x_m, observation.gps.y_m)
         aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
-        pixels = observation.cameras[CAMERA.name].pixels
-        return Seen(pixels, observation.speed.mps, aim, int(target.command))
+        inputs: dict[str, NDArray[Any]] = {
+            "image": observation.cameras[CAMERA.name].pixels,
+            "speed": np.array(observation.speed.mps, dtype=np.float32),
+            "target": np.array(aim, dtype=np.float32),
+            "command": np.array(int(target.command), dtype=np.int64),
+        }
+        return Seen(inputs, (aim,))
 
-    def _follow(self, seen: Seen, waypoints: Sequence[Point], action: Sequence[float]) -> Control:
-        """The control of one row; the first tick of an episode coasts."""
-        self._planned = PlannedPath(tuple(waypoints), (seen.target,), tuple(waypoints))
+    def _follow(
+        self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
+    ) -> Control:
+        """The first tick of an episode coasts."""
+        waypoints = tuple((x, y) for x, y in outputs["waypoints"].tolist())
+        self._planned = PlannedPath(waypoints, targets, waypoints)
         if self._coasts:
             self._coasts = False
             return Control()
-        pedals = self._controller.step(waypoints, seen.speed, seen.target)
+        speed_mps = observation.speed.mps
+        pedals = self._controller.step(waypoints, speed_mps, targets[0])
         control = Control(pedals.throttle, pedals.steer, pedals.brake)
         if self.mode != "traj":
-            direct = _direct(action)
+            direct = _direct(outputs["action"].tolist())
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
-            most = 0.0 if control.brake > 0.5 else capped_throttle(tuning.TCP, seen.speed, control.steer)
+            most = 0.0 if control.brake > 0.5 else capped_throttle(tuning.TCP, speed_mps, control.steer)
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
         return control

@@ -36,10 +36,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._bev_agent import BevAgent, Network
+from drive_robust_agents._bev_agent import BevAgent
 from drive_robust_agents._nets.bev_grid import BevSpec
-from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.uniad import UniadNet
+from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.collision import clear_of
 
@@ -60,8 +61,11 @@ class UniAD(BevAgent):
     not what their manifest says.
     """
 
-    weights: ClassVar[tuple[Path, ...]] = (Path(__file__).parent / "weights" / "uniad.safetensors",)
+    name = "uniad"
+    build = UniadNet.build
+    weights = (SHIPPED / "uniad.safetensors",)
     configuration: ClassVar[Mapping[str, object]] = {"engine": "torch", "dtype": "float32", "optimise": True}
+    tuning = tuning.UNIAD
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}
 
     def __init__(
@@ -75,13 +79,7 @@ class UniAD(BevAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        super().__init__(
-            network
-            or Policy.of(
-                "uniad", UniadNet.build, engine=engine, device=device, dtype=dtype, threads=threads, weights=weights
-            ),
-            tuning.UNIAD,
-        )
+        super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
         self._optimise = optimise
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:

@@ -25,12 +25,11 @@ throttle, the brake dropped where the throttle is larger. Gains are those of our
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import ClassVar
 
-from drive_robust_agents._bev_agent import BevAgent, Network
-from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._bev_agent import BevAgent
 from drive_robust_agents._nets.vad import VadNet
+from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 
 __all__ = ["VAD"]
@@ -44,29 +43,9 @@ class VAD(BevAgent):
     Raises `UsageError` for weights that are missing or not what their manifest says.
     """
 
-    weights: ClassVar[tuple[Path, ...]] = (Path(__file__).parent / "weights" / "vad.safetensors",)
+    name = "vad"
+    build = VadNet.build
+    weights = (SHIPPED / "vad.safetensors",)
     configuration: ClassVar[Mapping[str, str]] = {"engine": "torch", "dtype": "float32"}
+    tuning = tuning.VAD
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}
-
-    def __init__(
-        self,
-        *,
-        engine: str = "torch",
-        device: str = "cpu",
-        dtype: str = "float32",
-        threads: int = 1,
-        weights: str | Path | None = None,
-        network: Network | None = None,
-    ) -> None:
-        super().__init__(
-            network
-            or Policy.of(
-                "vad", VadNet.build, engine=engine, device=device, dtype=dtype, threads=threads, weights=weights
-            ),
-            tuning.VAD,
-        )
-
-    @classmethod
-    def check(cls) -> None:
-        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
-        Policy.check("vad", VadNet.build)

@@ -18,9 +18,9 @@ from torch.nn import functional
 from drive_robust_agents._nets.bev_grid import BevSpec, CameraView, camera_views
 from drive_robust_agents._nets.blocks import BasicBlock, ImageNorm, MiniResNet, Mlp
 
-__all__ = ["CAN_BUS", "BevEncoder", "BevLift", "BevSpec", "CameraEncoder", "TemporalFusion", "warp"]
+__all__ = ["BevEncoder", "BevLift", "CameraEncoder", "TemporalFusion", "columns_of", "rows_of", "warp"]
 
-CAN_BUS = (10.0, 1.0, 5.0, 5.0, 5.0, 1.0)
+_CAN_BUS_UNITS = (10.0, 1.0, 5.0, 5.0, 5.0, 1.0)
 """What the six numbers of the can bus are divided by: speed [m/s], yaw rate [rad/s], acceleration forward and to the
 right [m/s2], and the sensed way of the last 0.5 s, forward and to the right of then [m]."""
 
@@ -78,7 +78,7 @@ class BevLift(nn.Module):
         for number, view in enumerate(views):
             self.register_buffer(f"cells_{number}", torch.from_numpy(view.cells), persistent=False)
             self.register_buffer(f"bias_{number}", torch.from_numpy(view.bias), persistent=False)
-        self.register_buffer("scale", 1.0 / torch.tensor(CAN_BUS), persistent=False)
+        self.register_buffer("scale", 1.0 / torch.tensor(_CAN_BUS_UNITS), persistent=False)
         gather, share = _merging(views, spec.cells)
         self.register_buffer("gather", gather, persistent=False)
         self.register_buffer("share", share, persistent=False)

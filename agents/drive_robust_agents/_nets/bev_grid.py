@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.rigs import rig
 
-__all__ = ["BevSpec", "CameraView", "camera_views", "project"]
+__all__ = ["OUT_OF_SIGHT", "BevSpec", "CameraView", "camera_views", "project"]
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]

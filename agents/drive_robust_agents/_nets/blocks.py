@@ -1,4 +1,4 @@
-"""Building blocks of the compact networks: convolutions that fold, a small residual encoder, attention.
+"""Building blocks of the compact networks: convolutions that fold, a small residual encoder, linear layers.
 
 Every block keeps rows of a batch apart (no statistics across rows outside training) and works in channels-last memory.
 Shapes are written (N, ...) for a batch of N; the images that enter are uint8 and height x width x channel, as the
@@ -17,15 +17,15 @@ from torch.nn import functional
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 __all__ = [
-    "Attention",
+    "RARE",
     "BasicBlock",
     "ConvBnRelu",
-    "DecoderLayer",
     "ImageNorm",
     "MiniResNet",
     "Mlp",
     "channels_last",
     "fold_batch_norm",
+    "mostly_nothing",
 ]
 
 _MEAN, _DEVIATION = 114.5, 57.6
@@ -137,74 +137,14 @@ class Mlp(nn.Sequential):
         super().__init__(*(layers if last else layers[:-1]))
 
 
-class Attention(nn.Module):
-    """Multi-head attention: queries (N, Q, d) over keys and values (N, K, memory) -> (N, Q, d)."""
-
-    def __init__(self, width: int, heads: int, *, memory: int | None = None) -> None:
-        super().__init__()
-        if width % heads:
-            raise ValueError(f"a width of {width} cannot be divided among {heads} heads")
-        self.heads = heads
-        inputs = width if memory is None else memory
-        self.query = nn.Linear(width, width)
-        self.key = nn.Linear(inputs, width)
-        self.value = nn.Linear(inputs, width)
-        self.out = nn.Linear(width, width)
-
-    def forward(
-        self,
-        query: Tensor,
-        key: Tensor | None = None,
-        value: Tensor | None = None,
-        *,
-        mask: Tensor | None = None,
-        causal: bool = False,
-    ) -> Tensor:
-        """Attend; to the queries themselves without `key`, with the keys as values without `value`.
-
-        `mask` is True (or 0.0) where a query may look, broadcast to (N, heads, Q, K); `causal` lets a query look at
-        keys up to its own place. A query that may look at nothing must not occur.
-        """
-        key = query if key is None else key
-        value = key if value is None else value
-        q, k, v = self._split(self.query(query)), self._split(self.key(key)), self._split(self.value(value))
-        mixed = functional.scaled_dot_product_attention(q, k, v, attn_mask=mask, is_causal=causal)
-        y: Tensor = self.out(mixed.transpose(1, 2).flatten(2))
-        return y
-
-    def _split(self, x: Tensor) -> Tensor:
-        """(N, L, d) -> (N, heads, L, d / heads)."""
-        return x.reshape(x.shape[0], x.shape[1], self.heads, -1).transpose(1, 2)
+RARE = -2.2
+"""The logit of a probability of 0.1, where focal losses like to begin: there is nothing in most places."""
 
 
-class DecoderLayer(nn.Module):
-    """Self-attention among queries, cross-attention to a memory, feed-forward (2 d); normalised after each (post-norm).
-
-    (N, Q, d) and (N, K, memory) -> (N, Q, d). Position codes are added to queries and keys, never to values.
-    """
-
-    def __init__(self, width: int, heads: int, *, memory: int | None = None, hidden: int | None = None) -> None:
-        super().__init__()
-        self.self_attention = Attention(width, heads)
-        self.cross_attention = Attention(width, heads, memory=memory)
-        self.feed_forward = Mlp(width, 2 * width if hidden is None else hidden, width)
-        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
-
-    def forward(
-        self,
-        query: Tensor,
-        memory: Tensor,
-        *,
-        query_position: Tensor | None = None,
-        memory_position: Tensor | None = None,
-        self_mask: Tensor | None = None,
-        memory_mask: Tensor | None = None,
-    ) -> Tensor:
-        """Refine the queries. Masks as in `Attention.forward`."""
-        placed = query if query_position is None else query + query_position
-        query = self.norms[0](query + self.self_attention(placed, placed, query, mask=self_mask))
-        placed = query if query_position is None else query + query_position
-        keys = memory if memory_position is None else memory + memory_position
-        query = self.norms[1](query + self.cross_attention(placed, keys, memory, mask=memory_mask))
-        y: Tensor = self.norms[2](query + self.feed_forward(query))
-        return y
+def mostly_nothing(mlp: Mlp, classes: int) -> Mlp:
+    """The same MLP, its first outputs (logits of classes) biased to `RARE`."""
+    last = mlp[-1]
+    assert isinstance(last, nn.Linear)
+    with torch.no_grad():
+        last.bias[:classes] = RARE
+    return mlp

@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -18,21 +17,29 @@ from typing import Any, Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import nn
 
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.manifest import Entry
+from drive_robust_agents._nets.torch_engine import TYPES, TorchEngine
 from pytest_drive_robust.errors import UsageError, nearest
 
-__all__ = ["ROWS", "Policy"]
+__all__ = ["ROWS", "Network", "Policy"]
 
 ROWS = 4
 """Rows of a batch. With one size for all the sums of a matrix product are added in the same order everywhere."""
 
 _ENGINES = ("torch", "onnx")
-_TYPES = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.float16}
 
 _Arrays = Mapping[str, NDArray[Any]]
+
+
+class Network(Protocol):
+    """What an agent needs of a `Policy`."""
+
+    def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+        """What a method of the network says to all rows at once: arrays with the rows as their first axis."""
+        ...
 
 
 class Engine(Protocol):
@@ -92,7 +99,7 @@ class Policy:
             build,
             _one_of("engine", engine, _ENGINES),
             _device(device, engine),
-            _one_of("dtype", dtype, tuple(_TYPES)),
+            _one_of("dtype", dtype, tuple(TYPES)),
             threads,
             None if weights is None else Path(weights).absolute(),
             entry.sha256,
@@ -138,33 +145,6 @@ class Policy:
                 self.run(**example)
 
 
-class TorchEngine:
-    """Eager PyTorch: inference mode, channels-last, mixed precision where it is asked for."""
-
-    def __init__(self, net: nn.Module, *, device: str, dtype: str) -> None:
-        self._device = torch.device(device)
-        self._net: Any = net.to(self._device)
-        self._dtype = _TYPES[dtype]
-        if self._device.type == "cuda":
-            torch.backends.cudnn.benchmark = False
-            torch.backends.cudnn.deterministic = True
-
-    def __call__(self, method: str, inputs: _Arrays) -> dict[str, NDArray[Any]]:
-        """One copy to the device, one back; the device has finished when this returns."""
-        with torch.inference_mode(), self._precision():
-            given = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in inputs.items()}
-            if self._device.type == "cuda":
-                given = {name: value.pin_memory().to(self._device, non_blocking=True) for name, value in given.items()}
-            outputs: dict[str, Tensor] = getattr(self._net, method)(**given)
-            found = {name: _plain(value) for name, value in outputs.items()}
-        if self._device.type == "cuda":
-            torch.cuda.synchronize(self._device)
-        return found
-
-    def _precision(self) -> AbstractContextManager[Any]:
-        return nullcontext() if self._dtype is None else torch.autocast(self._device.type, self._dtype)
-
-
 _making = threading.Lock()
 
 
@@ -188,11 +168,6 @@ def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
-
-
-def _plain(value: Tensor) -> NDArray[Any]:
-    plain: NDArray[Any] = (value.float() if value.is_floating_point() else value).cpu().numpy()
-    return plain
 
 
 def _one_of(what: str, given: str, known: tuple[str, ...]) -> str:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
@@ -103,9 +103,15 @@ def plain_spec(spec: object) -> dict[str, Any]:
 
 
 def spec_from(cls: type[_Spec], plain: Mapping[str, Any]) -> _Spec:
-    """The specification of plain values: lists become tuples. Raises `TypeError` for fields that it does not have."""
-    return cls(**{name: _frozen(value) for name, value in plain.items()})
+    """The specification of plain values: lists become tuples, a field that is a specification is made the same way.
+
+    Raises `TypeError` for fields that it does not have.
+    """
+    kinds = get_type_hints(cls)
+    return cls(**{name: _frozen(kinds.get(name), value) for name, value in plain.items()})
 
 
-def _frozen(value: object) -> object:
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+def _frozen(kind: Any, value: Any) -> object:
+    if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+        return spec_from(kind, value)
+    return tuple(_frozen(None, item) for item in value) if isinstance(value, list) else value

@@ -10,16 +10,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from drive_robust_agents._nets.bev import BevEncoder, BevSpec
-from drive_robust_agents._nets.blocks import ConvBnRelu
+from drive_robust_agents._nets.bev_grid import BevSpec
+from drive_robust_agents._nets.bev_net import DENSE_CHANNELS, BevNet
+from drive_robust_agents._nets.blocks import RARE, ConvBnRelu
 from drive_robust_agents._nets.manifest import spec_from
 from drive_robust_agents._nets.uniad_ahead import MotionHead, Motions, OccupancyHead, PlannerHead
 from drive_robust_agents._nets.uniad_heads import Begun, LaneHead, Old, TrackHead, Tracks, View
-from drive_robust_agents._nets.vad_heads import Places
 
-__all__ = ["DENSE_CHANNELS", "Perceived", "UniadNet", "UniadSpec"]
+__all__ = ["Perceived", "UniadNet", "UniadSpec", "move"]
 
-DENSE_CHANNELS = 8
 _BESIDE_PEAK = 0.25
 
 
@@ -54,21 +53,19 @@ class Perceived(NamedTuple):
     lane_masks: Tensor
 
 
-class UniadNet(nn.Module):
+class UniadNet(BevNet):
     """Bird's-eye features, then track, lane, motion, occupancy and planner queries, each reading those before it.
 
-    The inputs are those of `BevAgent`. Training calls `look`, `perceive`, `foresee` and the heads; driving `forward`.
+    Training calls `look`, `perceive`, `foresee` and the heads; driving calls `forward`. `coarse` (cells / 4, 2) are the
+    middles of the overview's cells, metres.
     """
 
-    centres: Tensor
     coarse: Tensor
 
     def __init__(self, spec: UniadSpec) -> None:
-        super().__init__()
+        super().__init__(spec.bev)
         self.spec = spec
         width, bev = spec.bev.width, spec.bev
-        self.encoder = BevEncoder(bev)
-        self.places = Places(width)
         self.overview = ConvBnRelu(width, width, stride=2)
         self.dense = nn.Linear(width, DENSE_CHANNELS + 4)
         self.track = TrackHead(width, spec.heads, spec.agents)
@@ -77,32 +74,21 @@ class UniadNet(nn.Module):
         self.occupancy = OccupancyHead(width, steps=spec.occupancy_steps)
         self.planner = PlannerHead(width, spec.heads, steps=spec.steps)
         with torch.no_grad():
-            self.dense.bias.fill_(-2.2)
-        centres = torch.from_numpy(bev.centres())
-        by_four = centres.reshape(bev.rows // 2, 2, bev.columns // 2, 2, 2).mean(dim=(1, 3))
-        self.register_buffer("centres", centres.flatten(0, 1), persistent=False)
+            self.dense.bias.fill_(RARE)
+        by_four = self.centres.reshape(bev.rows // 2, 2, bev.columns // 2, 2, 2).mean(dim=(1, 3))
         self.register_buffer("coarse", by_four.flatten(0, 1), persistent=False)
 
     @classmethod
-    def build(cls, spec: Mapping[str, Any], **options: Any) -> UniadNet:
-        """From the plain values of a manifest. Raises what `spec_from` raises."""
-        bev = spec_from(BevSpec, spec.get("bev", {}))
-        return cls(spec_from(UniadSpec, {**spec, "bev": bev}), **options)
+    def build(cls, spec: Mapping[str, Any]) -> UniadNet:
+        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        return cls(spec_from(UniadSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Zeros of the shapes and types that `forward` takes."""
-        spec, bev = self.spec, self.spec.bev
-        return {
-            "images": torch.zeros(
-                rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3, dtype=torch.uint8
-            ),
-            "can_bus": torch.zeros(rows, 6),
-            "command": torch.ones(rows, dtype=torch.int64),
-            "motion": torch.zeros(rows, 3),
-            "known": torch.zeros(rows),
-            "old_bev": torch.zeros(rows, bev.width, bev.rows, bev.columns),
-            "old_queries": torch.zeros(rows, spec.agents, bev.width),
-            "old_spots": torch.zeros(rows, spec.agents, 2),
+        """As for every `BevNet`, and nobody known of before."""
+        agents = self.spec.agents
+        return super().example(rows) | {
+            "old_queries": torch.zeros(rows, agents, self.spec.bev.width),
+            "old_spots": torch.zeros(rows, agents, 2),
         }
 
     def forward(

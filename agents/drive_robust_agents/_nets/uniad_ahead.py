@@ -11,9 +11,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
+from drive_robust_agents._nets.attention import CrossLayer
 from drive_robust_agents._nets.blocks import ConvBnRelu, Mlp
 from drive_robust_agents._nets.uniad_heads import View
-from drive_robust_agents._nets.vad_heads import CrossLayer
 
 __all__ = ["MotionHead", "Motions", "OccupancyHead", "PlannerHead"]
 

@@ -12,20 +12,12 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.blocks import DecoderLayer, Mlp
-from drive_robust_agents._nets.vad_heads import CrossLayer, Places
+from drive_robust_agents._nets.attention import CrossLayer, DecoderLayer, Places
+from drive_robust_agents._nets.blocks import Mlp, mostly_nothing
 
-__all__ = [
-    "Begun",
-    "LaneHead",
-    "Old",
-    "TrackHead",
-    "Tracks",
-    "View",
-]
+__all__ = ["Begun", "LaneHead", "Old", "TrackHead", "Tracks", "View"]
 
 _NEAR_M, _SPEED_MPS = 4.0, 8.0
-_RARE = -2.2
 _HIDDEN = -1.0e4
 
 
@@ -83,7 +75,7 @@ class TrackHead(nn.Module):
         self.ego = nn.Parameter(torch.randn(1, 1, width) * 0.1)
         self.front = CrossLayer(width, heads)
         self.first, self.propagate, self.second = (DecoderLayer(width, heads) for _ in range(3))
-        self.boxes = nn.ModuleList(_rare(Mlp(width, width, 12)) for _ in range(2))
+        self.boxes = nn.ModuleList(mostly_nothing(Mlp(width, width, 12), 4) for _ in range(2))
         self.hints = Mlp(width, width, 8)
 
     def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: View, front: Tensor) -> Begun:
@@ -130,7 +122,7 @@ class LaneHead(nn.Module):
         super().__init__()
         self.content = nn.Parameter(torch.randn(queries, width) * 0.5)
         self.layer = DecoderLayer(width, heads)
-        self.classes = _rare(Mlp(width, width, 8), 8)
+        self.classes = mostly_nothing(Mlp(width, width, 8), 8)
         self.mask, self.paint = Mlp(width, width, width), nn.Linear(width, width)
 
     def forward(self, cells: Tensor, view: View) -> tuple[Tensor, Tensor, Tensor]:
@@ -139,12 +131,3 @@ class LaneHead(nn.Module):
         query = self.layer(start, view.tokens, query_position=start, memory_position=view.code)
         masks = self.mask(query) @ self.paint(cells).transpose(1, 2) * cells.shape[-1] ** -0.5
         return query, self.classes(query), masks - 2.0
-
-
-def _rare(mlp: Mlp, classes: int = 4) -> Mlp:
-    """The same MLP, its first outputs biased towards "nothing there", where focal losses like to begin."""
-    last = mlp[-1]
-    assert isinstance(last, nn.Linear)
-    with torch.no_grad():
-        last.bias[:classes] = _RARE
-    return mlp

@@ -9,15 +9,15 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.bev import BevEncoder, BevSpec
+from drive_robust_agents._nets.bev_grid import BevSpec
+from drive_robust_agents._nets.bev_net import DENSE_CHANNELS, BevNet
 from drive_robust_agents._nets.blocks import Mlp
 from drive_robust_agents._nets.manifest import spec_from
-from drive_robust_agents._nets.vad_heads import AgentHead, MapHead, MotionHead, Places, PlanHead
+from drive_robust_agents._nets.vad_heads import AgentHead, MapHead, MotionHead, PlanHead
 
-__all__ = ["VadNet", "VadSpec"]
+__all__ = ["VadNet", "VadSpec", "choose"]
 
-COMMANDS = 6
-DENSE_CHANNELS = 8
+_COMMANDS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,48 +40,31 @@ class VadSpec:
     ego_sees_bev: bool = True
 
 
-class VadNet(nn.Module):
+class VadNet(BevNet):
     """Camera features lifted to a bird's-eye grid, queries for agents and map vectors, an ego query that plans.
 
-    The inputs are those of `BevAgent`. Training reads `encoder` and `heads`; driving calls `forward`.
+    Training reads `encoder` and `heads`; driving calls `forward`. `sizes` (cells, 2) are the lengths and widths of the
+    map's cells, metres.
     """
 
-    centres: Tensor
     sizes: Tensor
 
     def __init__(self, spec: VadSpec) -> None:
-        super().__init__()
+        super().__init__(spec.bev)
         self.spec = spec
         width = spec.bev.width
-        self.encoder = BevEncoder(spec.bev)
-        self.places = Places(width)
         self.agents = AgentHead(width, spec.heads, queries=spec.agents, layers=spec.layers)
         self.map = MapHead(width, spec.heads, vectors=spec.vectors, points=spec.points, layers=spec.layers)
         self.lane_net = Mlp(2 * width, width, width)
         self.motion = MotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
-        self.planner = PlanHead(width, spec.heads, commands=COMMANDS, steps=spec.steps, sees_bev=spec.ego_sees_bev)
+        self.planner = PlanHead(width, spec.heads, commands=_COMMANDS, steps=spec.steps, sees_bev=spec.ego_sees_bev)
         self.dense = nn.Linear(width, DENSE_CHANNELS)
-        self.register_buffer("centres", torch.from_numpy(spec.bev.centres()).flatten(0, 1), persistent=False)
         self.register_buffer("sizes", torch.from_numpy(spec.bev.sizes()).flatten(0, 1), persistent=False)
 
     @classmethod
-    def build(cls, spec: Mapping[str, Any], **options: Any) -> VadNet:
-        """From the plain values of a manifest. Raises `TypeError` for fields that the specification does not have."""
-        return cls(spec_from(VadSpec, {**spec, "bev": spec_from(BevSpec, spec["bev"])}), **options)
-
-    def example(self, rows: int) -> dict[str, Tensor]:
-        """Zeros of the shapes and types that `forward` takes."""
-        bev = self.spec.bev
-        return {
-            "images": torch.zeros(
-                rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3, dtype=torch.uint8
-            ),
-            "can_bus": torch.zeros(rows, 6),
-            "command": torch.ones(rows, dtype=torch.int64),
-            "motion": torch.zeros(rows, 3),
-            "known": torch.zeros(rows),
-            "old_bev": torch.zeros(rows, bev.width, bev.rows, bev.columns),
-        }
+    def build(cls, spec: Mapping[str, Any]) -> VadNet:
+        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        return cls(spec_from(VadSpec, spec))
 
     def forward(
         self, images: Tensor, can_bus: Tensor, command: Tensor, motion: Tensor, known: Tensor, old_bev: Tensor

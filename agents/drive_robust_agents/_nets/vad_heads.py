@@ -6,50 +6,16 @@ Everything is in the ego frame (x forward, y right), metres and m/s. A head take
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.blocks import Attention, DecoderLayer, Mlp
+from drive_robust_agents._nets.attention import Attention, CrossLayer, DecoderLayer, Places
+from drive_robust_agents._nets.blocks import Mlp, mostly_nothing
 
-__all__ = ["AGENT_CLASSES", "LANE_CLASSES", "AgentHead", "CrossLayer", "MapHead", "MotionHead", "Places", "PlanHead"]
+__all__ = ["LANE_CLASSES", "AgentHead", "MapHead", "MotionHead", "PlanHead"]
 
-AGENT_CLASSES = ("vehicle", "bicycle", "pedestrian", "obstacle")
 LANE_CLASSES = ("route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
 _STEP_M, _NEAR_M, _SPEED_MPS = 4.0, 8.0, 8.0
-_RARE = -2.2  # the logit of a probability of 0.1, where focal losses like to begin
-
-
-class Places(nn.Module):
-    """A code for points in metres: waves of 128, 64, 32 and 16 m through an MLP, (..., 2) -> (..., width)."""
-
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.frequencies = tuple(math.tau / length for length in (128.0, 64.0, 32.0, 16.0))
-        self.mix = Mlp(16, width, width)
-
-    def forward(self, points: Tensor) -> Tensor:
-        """Encode."""
-        waves = torch.cat([points * frequency for frequency in self.frequencies], dim=-1)
-        y: Tensor = self.mix(torch.cat([waves.sin(), waves.cos()], dim=-1))
-        return y
-
-
-class CrossLayer(nn.Module):
-    """Cross-attention and feed-forward, normalised after each: (N, Q, d) and (N, K, d) -> (N, Q, d)."""
-
-    def __init__(self, width: int, heads: int) -> None:
-        super().__init__()
-        self.attention = Attention(width, heads)
-        self.feed_forward = Mlp(width, 2 * width, width)
-        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
-
-    def forward(self, query: Tensor, keys: Tensor, values: Tensor | None = None) -> Tensor:
-        """Attend to all keys; they are the values too where none are given."""
-        query = self.norms[0](query + self.attention(query, keys, values))
-        y: Tensor = self.norms[1](query + self.feed_forward(query))
-        return y
 
 
 class AgentHead(nn.Module):
@@ -60,7 +26,7 @@ class AgentHead(nn.Module):
         self.content = nn.Parameter(torch.randn(queries, width) * 0.1)
         self.anchors = nn.Parameter(_grid(queries) / _NEAR_M)
         self.layers = nn.ModuleList(DecoderLayer(width, heads) for _ in range(layers))
-        self.boxes = nn.ModuleList(_rare(Mlp(width, width, 12), 4) for _ in range(layers))
+        self.boxes = nn.ModuleList(mostly_nothing(Mlp(width, width, 12), 4) for _ in range(layers))
 
     def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """(queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
@@ -93,7 +59,7 @@ class MapHead(nn.Module):
         self.anchors = nn.Parameter(_lines(vectors, points) / _NEAR_M)
         self.layers = nn.ModuleList(DecoderLayer(width, heads) for _ in range(layers))
         self.moves = nn.ModuleList(Mlp(width, width, 4) for _ in range(layers))
-        self.classes = nn.ModuleList(_rare(Mlp(width, width, 8), 8) for _ in range(layers))
+        self.classes = nn.ModuleList(mostly_nothing(Mlp(width, width, 8), 8) for _ in range(layers))
 
     def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """(point queries (N, V, P, d), class logits (N, V, 6) and points (N, V, P, 2) in metres of each layer)."""
@@ -189,12 +155,3 @@ def _lines(vectors: int, points: int) -> Tensor:
     along = [torch.stack([t * 56.0 - 8.0, torch.full_like(t, float(y))], dim=-1) for y in sides]
     cross = [torch.stack([torch.full_like(t, float(x)), t * 12.0 - 6.0], dim=-1) for x in ahead[:across]]
     return torch.stack(along + cross)
-
-
-def _rare(mlp: Mlp, classes: int) -> Mlp:
-    """The same MLP, its first outputs biased towards "nothing there"."""
-    last = mlp[-1]
-    assert isinstance(last, nn.Linear)
-    with torch.no_grad():
-        last.bias[:classes] = _RARE
-    return mlp

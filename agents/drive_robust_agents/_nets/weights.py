@@ -21,18 +21,20 @@ from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm
 from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, Entry, plain_spec, read_manifest
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["Build", "begin_with", "encode", "load", "locate", "verified_bytes"]
+__all__ = ["SHIPPED", "Build", "begin_with", "encode", "load", "locate", "verified_bytes"]
 
 Build = Callable[..., nn.Module]
 """Makes a network of a plain specification and keyword options: `TcpNet.build`."""
 
-_SHIPPED = Path(__file__).parent.parent / "weights"
+SHIPPED = Path(__file__).parent.parent / "weights"
+"""The folder of the weights that ship."""
+
 _UNSTORED = "num_batches_tracked"
 
 
 def locate(name: str, weights: str | Path | None = None) -> tuple[Path, Entry]:
     """The file and the manifest entry of an agent: those that ship, or a file with its `manifest.json` beside it."""
-    folder = _SHIPPED if weights is None else Path(weights).absolute().parent
+    folder = SHIPPED if weights is None else Path(weights).absolute().parent
     entry = read_manifest(folder, name)
     path = folder / entry.file
     if weights is not None and path != Path(weights).absolute():
@@ -87,8 +89,18 @@ def encode(net: nn.Module, spec: object) -> bytes:
     wild = [name for name, value in state.items() if value.is_floating_point() and not bool(value.isfinite().all())]
     if wild:
         raise UsageError(f"these weights are no finite half-precision numbers: {', '.join(wild)}.")
-    content: bytes = safetensors.torch.save(state, metadata=_metadata(type(net).__name__, plain_spec(spec)))
-    return content
+    return _in_order(safetensors.torch.save(state, metadata=_metadata(type(net).__name__, plain_spec(spec))))
+
+
+def _in_order(content: bytes) -> bytes:
+    """The same file with a sorted header: safetensors writes metadata in an order of chance, and digests would differ.
+
+    A file is the header's length in 8 bytes, the header (JSON, padded to a multiple of 8), the tensors.
+    """
+    begin = 8 + int.from_bytes(content[:8], "little")
+    header = json.dumps(json.loads(content[8:begin]), sort_keys=True, separators=(",", ":")).encode()
+    header += b" " * (-len(header) % 8)
+    return len(header).to_bytes(8, "little") + header + content[begin:]
 
 
 _ADVICE = "Install drive-robust-agents again, or give weights of your own with their manifest.json beside them."

@@ -1,1 +1,1 @@
-"""What stands around the networks: route planner, controllers, filter. Numbers in, numbers out; no torch."""
+"""What stands around the networks: route planner, controllers, filter, memory. Numbers in, numbers out; no torch."""

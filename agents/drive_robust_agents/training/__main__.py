@@ -1,4 +1,4 @@
-"""`python -m drive_robust_agents.training collect|train|evaluate|publish`: from the expert to weights that ship."""
+"""`python -m drive_robust_agents.training COMMAND`: from the expert to weights that ship."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from importlib import import_module
 from pytest_drive_robust.errors import DriveRobustError
 
 _COMMANDS = {
+    "reproduce": "everything below in one go, as for the weights that ship",
     "collect": "frames and labels, by drives of the expert",
     "train": "a network, from frames",
     "evaluate": "candidates in closed loop, on routes that were neither trained nor are judged on",

@@ -11,9 +11,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from drive_robust_agents._bev_agent import CAMERAS, can_bus, motion_between
+from drive_robust_agents._bev_agent import CAMERAS
 from drive_robust_agents._nets.bev import BevEncoder
-from drive_robust_agents.training.augment import occlude, photometric_gridmask
+from drive_robust_agents._wrappers.memory import can_bus, motion_between
+from drive_robust_agents.training.augment import photometric_gridmask
+from drive_robust_agents.training.failures import gps_errors, hang, misread, muddy
 
 __all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remember"]
 
@@ -25,7 +27,8 @@ HISTORY = (*_IMAGES, "speed", "imu", "pose")
 
 _LAG_S = 0.5
 _MEMORY_SHARE = 0.5
-_ROBUST_SHARE = 1.0 / 3.0
+_TWO_FIXES = math.sqrt(2.0)
+"""The error of the way between two noisy positions, against that of one."""
 
 
 def bev_inputs(
@@ -37,8 +40,9 @@ def bev_inputs(
     without a memory. The movement in the can bus is what speed and yaw rate make of half a second, not the difference
     of two poses: that would tell a frame from a shifted pose by how much it was shifted.
 
-    `robust` adds in training what deployment does: a black rectangle in every second picture, for a third of the rows
-    GPS noise of 0 to 15 m in what the ego moved by, for a third a speedometer that reads a fraction.
+    `robust` adds in training what deployment does: for every second row a black rectangle in each camera, now and in
+    the memory; for a third each some cameras that hang and show the picture of the memory, GPS noise of 0 to 15 m in
+    what the ego moved by, and a speedometer that reads a fraction, now and then.
     """
     images = np.stack([arrays[name] for name in _IMAGES], axis=1)
     old_images = np.stack([arrays[f"old_{name}"] for name in _IMAGES], axis=1)
@@ -51,13 +55,15 @@ def bev_inputs(
         old_images[known] = seen
     motion = motion_between(arrays["old_pose"], arrays["pose"]) * known[:, None]
     moved = driven_in(arrays["speed"], arrays["imu"]) * known[:, None]
-    old_moved, speed = driven_in(arrays["old_speed"], arrays["old_imu"]), arrays["speed"]
+    old_moved = driven_in(arrays["old_speed"], arrays["old_imu"])
+    speed, old_speed = arrays["speed"], arrays["old_speed"]
     if training and robust:
-        occlude(images, generator, chance=0.5, most=0.85)
-        jumps = _gps_jumps(len(images), generator) * known[:, None]
+        hang(images, old_images, known, generator)
+        muddy(images, old_images, generator)
+        jumps = _TWO_FIXES * gps_errors(len(images), generator).astype(np.float32) * known[:, None]
         motion[:, :2] += jumps
         moved[:, :2] += jumps
-        speed = speed * _readings(len(images), generator)
+        speed, old_speed = misread(np.stack([speed, old_speed]), generator)
     values = {
         "images": images,
         "can_bus": can_bus(speed, arrays["imu"], moved),
@@ -65,21 +71,9 @@ def bev_inputs(
         "motion": motion,
         "known": known.astype(np.float32),
         "old_images": old_images,
-        "old_can_bus": can_bus(arrays["old_speed"], arrays["old_imu"], old_moved),
+        "old_can_bus": can_bus(old_speed, arrays["old_imu"], old_moved),
     }
     return {name: torch.from_numpy(value) for name, value in values.items()}
-
-
-def _gps_jumps(rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
-    """(rows, 2) metres by which two noisy positions differ beyond the truth; 0 for two thirds of the rows."""
-    deviation = generator.uniform(0.0, 15.0, (rows, 1)) * (generator.random((rows, 1)) < _ROBUST_SHARE)
-    return (math.sqrt(2.0) * deviation * generator.standard_normal((rows, 2))).astype(np.float32)
-
-
-def _readings(rows: int, generator: np.random.Generator) -> NDArray[np.float32]:
-    """(rows,) factors of the speedometer: 1, and 0.2 to 1 for a third of the rows."""
-    wrong = generator.random(rows) < _ROBUST_SHARE
-    return np.where(wrong, generator.uniform(0.2, 1.0, rows), 1.0).astype(np.float32)
 
 
 def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -> NDArray[np.float32]:

@@ -30,8 +30,9 @@ _GROWS = ("per_type", "routes")
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What to collect. `per_type` routes of each scenario type of the generator's seed `route_seed`, the first `routes`
-    of them (None: all), `episodes` of each; `dagger` is an agent or a weights file that shares the driving.
+    """What to collect. `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
+    `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
+    that shares the driving.
     """
 
     agent: str
@@ -43,11 +44,12 @@ class Wish:
     shard_routes: int = 4
     dagger: str | None = None
     beta: float = 0.5
+    types: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Raises `UsageError` for what cannot be collected."""
         outfit(self.agent)
-        training_keys(seed=self.route_seed, per_type=self.per_type)
+        training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
         for name in ("episodes", "shard_routes"):
             if getattr(self, name) < 1:
                 raise UsageError(f"--{name.replace('_', '-')} is {getattr(self, name)}, expected at least 1.")
@@ -60,7 +62,7 @@ class Wish:
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """All shards of it."""
-        keys = training_keys(seed=self.route_seed, per_type=self.per_type)[: self.routes]
+        keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
         mixture = None if self.dagger is None else Mixture(self.agent, self.dagger, self.beta)
         step = self.shard_routes
         return tuple(
@@ -107,7 +109,7 @@ def _done(shard: Shard) -> dict[str, Any] | None:
 
 def _claim(wish: Wish, out: Path) -> None:
     """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
-    asked: dict[str, Any] = {**asdict(wish), "simulator": EmbeddedSimulator.version}
+    asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "simulator": EmbeddedSimulator.version}
     asked["cameras"] = [asdict(camera) for camera in outfit(wish.agent).cameras]
     file = out / _ASKED
     if file.is_file():
@@ -159,6 +161,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the data; goes on where it stopped")
     parser.add_argument("--route-seed", type=int, default=1, help="seed of the route generator, never 0")
     parser.add_argument("--per-type", type=int, default=20, help="routes of each of the 44 scenario types")
+    parser.add_argument("--types", nargs="+", default=[], metavar="TYPE", help="only these scenario types")
     parser.add_argument("--routes", type=int, default=None, help="only the first so many of them")
     parser.add_argument("--episodes", type=int, default=1, help="episodes of each route, each with its own seed")
     parser.add_argument("--seed", type=int, default=0, dest="data_seed", help="names all draws of noise and poses")
@@ -172,7 +175,7 @@ def wish_of(given: argparse.Namespace) -> Wish:
     """The options as a `Wish`."""
     return Wish(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
-        given.shard_routes, given.dagger, given.beta,
+        given.shard_routes, given.dagger, given.beta, tuple(given.types),
     )  # fmt: skip
 
 

@@ -6,10 +6,11 @@ seed 0; training routes are of the seeds `TRAINING_SEEDS`, validation routes of 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.errors import RouteError, UsageError
+from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
 from pytest_drive_robust.simulators.embedded.generate import draw_route
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 
@@ -39,17 +40,20 @@ class RouteKey:
         return f"{self.seed}-{100 * (self.tag + 1) + self.number + 1}"
 
 
-def training_keys(*, seed: int = 1, per_type: int = 20) -> tuple[RouteKey, ...]:
-    """`per_type` routes of each type; any first part of them holds the types in equal shares.
+def training_keys(*, seed: int = 1, per_type: int = 20, types: Collection[str] = ()) -> tuple[RouteKey, ...]:
+    """`per_type` routes of each of these types (none: of all); any first part holds the types in equal shares.
 
-    Raises `UsageError` for the seeds of evaluation and validation, and for numbers that cannot be drawn.
+    Raises `UsageError` for the seeds of evaluation and validation, and for numbers and types that cannot be drawn.
     """
+    for name in types:
+        if name not in SCENARIOS:
+            raise UnknownNameError.of("scenario type", name, SCENARIO_NAMES)
     if seed not in TRAINING_SEEDS:
         raise UsageError(
             f"route seed {seed} draws no training routes: expected {TRAINING_SEEDS[0]} to {TRAINING_SEEDS[-1]}. "
             f"Seed 0 drew the routes that agents are judged on, {VALIDATION_SEED} those that choose checkpoints."
         )
-    return _keys(seed, per_type)
+    return tuple(key for key in _keys(seed, per_type) if not types or SCENARIO_NAMES[key.tag] in types)
 
 
 def validation_keys(*, per_type: int = 1) -> tuple[RouteKey, ...]:

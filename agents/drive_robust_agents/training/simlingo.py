@@ -40,6 +40,7 @@ from drive_robust_agents.training.dreaming import (
     is_safe,
 )
 from drive_robust_agents.training.facts import FACTS
+from drive_robust_agents.training.failures import MOST_HIDDEN, gps_errors, misread
 from drive_robust_agents.training.reasons import commentary
 from drive_robust_agents.training.recipe import Defaults, Stage
 from drive_robust_agents.training.rigs import outfit
@@ -59,6 +60,12 @@ _SILENT = 0.5
 """So often an answer that could be said is not, because the agent can also be told to be silent."""
 _BETA_M = 0.25
 """Errors below this count by their square, others by their length."""
+
+_GAIN = 0.014
+"""How much the agent's position filter believes a GPS fix, once settled (`_wrappers.kalman`)."""
+_NOISE_LEFT = (_GAIN / (2.0 - _GAIN)) ** 0.5
+_LAG_S = 0.05 / _GAIN
+"""What the filter leaves of a deviation of the GPS, and by how many seconds a misread speed keeps its position back."""
 
 _prompt = lru_cache(maxsize=65536)(prompt_row)
 _answer = lru_cache(maxsize=4096)(answer_row)
@@ -80,8 +87,10 @@ class SimLingoRecipe:
 
     Every image is driven once by its plain driving prompt. `talking` of the rows (more than 1: several times) get a
     prompt of another kind on top, for which the image is not encoded again: commentary to say or given, an instruction
-    to follow (a dream) or to weigh, the way by command, as often as `mix` says. `robust` adds missing blocks to the
-    images, which SimLingo's own augmentation never has.
+    to follow (a dream) or to weigh, the way by command, as often as `mix` says. `robust` adds what deployment does: a
+    black rectangle in every second image, which SimLingo's own augmentation never has; for a third of the rows each
+    what its filter leaves of GPS noise of 0 to 15 m, and a speedometer that reads too low, in the speed, in the prompts
+    and in target points that are farther ahead, because the filter lags behind. The labels stay those of the truth.
     """
 
     name = "simlingo"
@@ -107,24 +116,26 @@ class SimLingoRecipe:
 
         Row k of the second prompts belongs to image k modulo the number of images.
         """
-        image = np.array(arrays["cam_front"])
+        image, future = np.array(arrays["cam_front"]), arrays["future"].astype(np.float32)
+        speed, target = arrays["speed"].astype(np.float32), arrays["target"][:, 1].astype(np.float32)
+        rows = len(image)
         if training:
             simlingo_mild(image, generator)
             if self.robust:
-                occlude(image, generator, chance=0.5, most=0.85)
-        speed, future = arrays["speed"].astype(np.float32), arrays["future"].astype(np.float32)
-        rows = len(image)
+                occlude(image, generator, chance=0.5, most=MOST_HIDDEN)
+                speed, target = _sensed(speed, target, generator)
         numbers: dict[str, NDArray[Any]] = {
             "image": image,
             "speed": speed,
-            "target": arrays["target"][:, 1].astype(np.float32),
+            "target": target,
             "prompt": np.array([_prompt(driving(by_targets(mps))) for mps in speed.tolist()]),
             "true_path": arrays["path"][:, :PATH_POINTS].astype(np.float32),
             "true_waypoints": future[:, :WAYPOINTS, :2],
             "true_ok": arrays["future_ok"][:, :WAYPOINTS].astype(np.float32),
         }
         told = [
-            talk(arrays, k % rows, generator, quiet=training, mix=self.mix) for k in range(round(self.talking * rows))
+            talk(arrays, k % rows, generator, quiet=training, mix=self.mix, reads_mps=float(speed[k % rows]))
+            for k in range(round(self.talking * rows))
         ]
         numbers |= _talking(told, numbers)
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in numbers.items()}
@@ -152,14 +163,24 @@ class SimLingoRecipe:
 
 
 def talk(
-    arrays: Arrays, row: int, generator: np.random.Generator, *, quiet: bool, mix: Mapping[str, float] = MIX
+    arrays: Arrays,
+    row: int,
+    generator: np.random.Generator,
+    *,
+    quiet: bool,
+    mix: Mapping[str, float] = MIX,
+    reads_mps: float | None = None,
 ) -> Talk:
-    """A second prompt for a sample, of a kind by `mix`; `quiet`: what could be said is often left out."""
+    """A second prompt for a sample, of a kind by `mix`; `quiet`: what could be said is often left out.
+
+    `reads_mps` is what the speedometer says, the truth when left out: prompts tell it, answers and dreams do not.
+    """
     speed_mps = float(arrays["speed"][row])
+    reads_mps = speed_mps if reads_mps is None else reads_mps
     speeds = arrays["future"][row, :, 3].astype(np.float64)
     path = arrays["path"][row].astype(np.float64)
     facts = dict(zip(FACTS, arrays["facts"][row].tolist(), strict=True))
-    said, way = commentary(facts, speed_mps, speeds, path), by_targets(speed_mps)
+    said, way = commentary(facts, speed_mps, speeds, path), by_targets(reads_mps)
     kind = str(generator.choice(list(mix), p=list(mix.values())))
     silent = quiet and generator.random() < _SILENT
     if kind == "comment":
@@ -168,7 +189,7 @@ def talk(
         return Talk(given(way, said.text), None if silent else "")
     if kind == "command":
         x, y = arrays["target"][row, 1, 0].tolist()
-        to = by_command(speed_mps, RoadOption(int(arrays["command"][row, 1])), float(np.hypot(x, y)))
+        to = by_command(reads_mps, RoadOption(int(arrays["command"][row, 1])), float(np.hypot(x, y)))
         return Talk(driving(to), None if silent else "")
     moment, safety = Moment(path, speed_mps, speeds, facts), kind == "safety"
     told = draw_instruction(moment, generator, safety=safety)
@@ -176,6 +197,14 @@ def talk(
     if safety and not is_safe(told, moment):
         return Talk(prompt, None if silent else refusal(said))
     return Talk(prompt, None if silent else FOLLOWING, dream(told, moment))
+
+
+def _sensed(speed: Floats, target: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
+    """Speeds (N,) and target points (N, 2, 2) as a failing speedometer and a filtered, failing GPS give them."""
+    reads = misread(speed, generator)
+    off = _NOISE_LEFT * gps_errors(len(speed), generator)
+    off[:, 0] += _LAG_S * (speed - reads)
+    return reads, (target + off[:, None]).astype(np.float32)
 
 
 def _talking(told: list[Talk], own: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec
 from drive_robust_agents.training.augment import occlude, tcp_hard
+from drive_robust_agents.training.failures import MOST_HIDDEN, gps_errors, late, misread
 from drive_robust_agents.training.recipe import Defaults, Stage
 from drive_robust_agents.training.rigs import outfit
 
@@ -67,9 +68,9 @@ class TcpRecipe:
         if training:
             tcp_hard(image, generator, strength=generator.random())
             if self.robust:
-                occlude(image, generator, chance=0.5, most=0.85)
-                target, sensed = _noisy_target(target, generator), _noisy_speed(speed, generator)
-                future = _late(future, generator)
+                occlude(image, generator, chance=0.5, most=MOST_HIDDEN)
+                target = (target + gps_errors(len(target), generator)).astype(np.float32)
+                sensed, future = misread(speed, generator), late(future, generator)
         numbers = {
             "image": image,
             "speed": sensed,
@@ -118,43 +119,3 @@ def _freedom(gap: NDArray[Any], speed: Floats) -> Floats:
     wanted = _FREE_M + _FREE_S * speed + np.maximum(speed - other, 0.0) ** 2 / 8.0
     free: Floats = 1.0 - np.exp(-np.maximum(distance, 0.0) / wanted)
     return free
-
-
-# --- deployment failures as augmentation ---
-
-
-def _noisy_target(target: Floats, generator: np.random.Generator) -> Floats:
-    """GPS noise, the same in both directions, 0 to 15 m, for a third of the rows."""
-    deviation = generator.uniform(0.0, 15.0, (len(target), 1)) * (generator.random((len(target), 1)) < 1.0 / 3.0)
-    return (target + deviation * generator.standard_normal(target.shape)).astype(np.float32)
-
-
-def _noisy_speed(speed: Floats, generator: np.random.Generator) -> Floats:
-    """A third of the rows reads a fraction of its speed, around 0.2 to 1, and some noise."""
-    factor = generator.uniform(0.2, 1.0, len(speed)) + 0.2 * generator.standard_normal(len(speed))
-    return np.where(generator.random(len(speed)) < 1.0 / 3.0, factor * speed, speed).astype(np.float32)
-
-
-def _late(future: Floats, generator: np.random.Generator) -> Floats:
-    """The expert's drive as it looks from where the car will be when a late control arrives, for a third of the rows.
-
-    The delay is one or two columns (0.25 or 0.5 s); positions and yaw are those of the car then. The last columns,
-    which nobody drove, repeat the last step.
-    """
-    shifted: Floats = future.copy()
-    rows = np.nonzero(generator.random(len(future)) < 1.0 / 3.0)[0]
-    for row, delay in zip(rows, generator.integers(1, 3, len(rows)), strict=True):
-        shifted[row] = _seen_later(future[row], int(delay))
-    return shifted
-
-
-def _seen_later(future: Floats, delay: int) -> Floats:
-    """(12, 4): the drive from the pose in column `delay - 1`, in that pose's frame."""
-    x, y, yaw, _ = future[delay - 1]
-    ahead = np.concatenate([future[delay:], np.repeat(future[-1:], delay, axis=0)])
-    ahead[-delay:, :2] += np.arange(1, delay + 1)[:, None] * (future[-1, :2] - future[-2, :2])
-    away = ahead[:, :2] - (x, y)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    turned = (cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0])
-    seen: Floats = np.stack([*turned, ahead[:, 2] - yaw, ahead[:, 3]], axis=1).astype(np.float32)
-    return seen

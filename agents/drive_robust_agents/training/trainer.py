@@ -41,8 +41,8 @@ _VALIDATED_FRAMES = 2048
 class Settings:
     """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
 
-    `spec` changes the network from the one that ships. `frames` and `start` say for the manifest
-    what was learnt from and which weights it began with.
+    `spec` changes the network from the one that ships. `frames` and `start` say for the manifest what was learnt from
+    and which weights it began with.
     """
 
     agent: str
@@ -93,17 +93,11 @@ class Trainer:
             self._states.restore(self.net, self.average.net, self._optimizer)
             self.step = int(known["step"])
 
-    @property
-    def spec(self) -> object:
-        """The specification of the network."""
-        return self.net.spec
-
     def train(self, display: Display, *, candidates: Mapping[int, Path], stop_after: int | None = None) -> None:
         """Go on to the end (or for `stop_after` steps), saving on the way; KeyboardInterrupt saves and goes through.
 
-        Raises `UsageError` when the loss is no number any more; the last state is from before that.
-
-        `candidates`: at which steps the mean is written out as weights, and where.
+        `candidates`: at which steps the mean is written out as weights, and where. Raises `UsageError` when the loss is
+        no number any more; the last state is from before that.
         """
         from drive_robust_agents.training.export import write_weights
 

@@ -59,13 +59,19 @@ _LATER = ("motion", "occupancy", "planner")
 
 
 class UniadRecipe:
-    """UniAD's losses: tracks, lanes, motion, occupancy, plan with collision losses (2.5, 1, 0.25 for 0, 0.5, 1 m)."""
+    """UniAD's losses: tracks, lanes, motion, occupancy, plan with collision losses (2.5, 1, 0.25 for 0, 0.5, 1 m).
+
+    `robust` adds what deployment does to the inputs, see `bev_inputs`; the labels stay those of the truth.
+    """
 
     name = "uniad"
     needs = (*NEEDS, *_LABELS)
     history = HISTORY
     stages = (Stage(0.3, _LATER), Stage(0.7))
     defaults = Defaults(batch=32, lr=6e-4, weight_decay=0.01, clip=5.0, visits=250_000)
+
+    def __init__(self, *, robust: bool = False) -> None:
+        self.robust = robust
 
     @property
     def rig(self) -> tuple[CameraSpec, ...]:
@@ -79,7 +85,7 @@ class UniadRecipe:
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """The inputs of `bev_inputs`, and the labels as they are, by their names with `true_` before."""
         labels = {f"true_{name}": torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in _LABELS}
-        return bev_inputs(arrays, generator, training=training) | labels
+        return bev_inputs(arrays, generator, training, robust=self.robust) | labels
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
         """The weighted sum and its parts; while the later heads rest, only what is seen is scored."""

@@ -37,7 +37,7 @@ class VadRecipe:
 
     Published (VAD-base): two stages, perception first. On few samples the plan's own gradient is needed from the start,
     and so are hints to the ego query: what the light ahead shows, how near a stop line, a leader, an obstacle are.
-    `robust` adds what deployment does to the inputs, see `bev_inputs`.
+    `robust` adds what deployment does to the inputs, see `bev_inputs`; the labels stay those of the truth.
     """
 
     name = "vad"

@@ -40,7 +40,7 @@ def focal_cost(logits: Tensor, classes: Tensor, *, alpha: float = 0.25, gamma: f
 
 
 def class_of(kind: Tensor) -> Tensor:
-    """`AGENT_CLASSES` of `ActorKind`s: vehicle, bicycle, pedestrian, obstacle."""
+    """What agent queries tell apart, of `ActorKind`s: 0 vehicle, 1 bicycle, 2 pedestrian, 3 obstacle."""
     plain = torch.full_like(kind, 3)
     plain = torch.where(kind == ActorKind.PEDESTRIAN, torch.full_like(kind, 2), plain)
     plain = torch.where(kind == ActorKind.BICYCLE, torch.full_like(kind, 1), plain)

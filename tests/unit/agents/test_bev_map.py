@@ -14,13 +14,12 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.bev import (  # noqa: E402
     BevEncoder,
     BevLift,
-    BevSpec,
     TemporalFusion,
     columns_of,
     rows_of,
     warp,
 )
-from drive_robust_agents._nets.bev_grid import OUT_OF_SIGHT, camera_views, project  # noqa: E402
+from drive_robust_agents._nets.bev_grid import OUT_OF_SIGHT, BevSpec, camera_views, project  # noqa: E402
 from pytest_drive_robust.simulators.embedded.drawing.view import View  # noqa: E402
 
 SPEC = BevSpec()

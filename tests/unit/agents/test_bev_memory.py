@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._bev_agent import CAN_BUS, Memory, Sensed, can_bus, motion_between
+from drive_robust_agents._wrappers.memory import CAN_BUS, Memory, Sensed, can_bus, motion_between
 from drive_robust_agents.training.pairs import earlier_rows
 
 POSE = Sensed(1.0, 2.0, 0.5)

@@ -37,7 +37,7 @@ class Scripted:
         self.asked: list[dict[str, NDArray[Any]]] = []
         self._way, self._action = [(0.5 * mps * k, 0.0) for k in range(1, 5)], action
 
-    def run(self, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+    def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
         self.asked.append(inputs)
         rows = len(inputs["speed"])
         return {

@@ -88,3 +88,12 @@ def test_the_seeds_of_evaluation_and_validation_draw_no_training_routes(seed: in
 def test_numbers_that_cannot_be_drawn_are_refused(per_type: int) -> None:
     with pytest.raises(UsageError, match="expected 1 to 99"):
         training_keys(per_type=per_type)
+
+
+def test_some_types_alone_have_the_routes_that_they_have_among_all() -> None:
+    names = ("Accident", "ParkingExit")
+    some = training_keys(per_type=3, types=names)
+    assert [SCENARIO_NAMES[key.tag] for key in some] == [*names] * 3
+    assert some == tuple(key for key in training_keys(per_type=3) if SCENARIO_NAMES[key.tag] in names)
+    with pytest.raises(UsageError, match="Did you mean 'ParkingExit'"):
+        training_keys(types=["ParkingExits"])

@@ -37,7 +37,7 @@ class Scripted:
         self.asked: list[Arrays] = []
         self.occupancy = np.zeros((5, 80, 32), dtype=np.float32)
 
-    def run(self, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+    def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
         self.asked.append(inputs)
         rows, number = len(inputs["known"]), float(len(self.asked))
         way = np.stack([np.arange(1, 7) * 2.0, np.zeros(6)], axis=-1).astype(np.float32)

@@ -10,7 +10,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from drive_robust_agents._nets.bev import BevSpec, warp  # noqa: E402
+from drive_robust_agents._nets.bev import warp  # noqa: E402
+from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
 from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm  # noqa: E402
 from drive_robust_agents._nets.uniad import UniadNet, UniadSpec, move  # noqa: E402
 from drive_robust_agents._nets.uniad_ahead import PlannerHead  # noqa: E402

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 torch = pytest.importorskip("torch")
 
-from drive_robust_agents._bev_agent import CAN_BUS  # noqa: E402
 from drive_robust_agents._nets.blocks import fold_batch_norm  # noqa: E402
-from drive_robust_agents._nets.inference import Policy, TorchEngine  # noqa: E402
+from drive_robust_agents._nets.inference import Policy  # noqa: E402
+from drive_robust_agents._nets.torch_engine import TorchEngine  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec  # noqa: E402
+from drive_robust_agents._wrappers.memory import CAN_BUS  # noqa: E402
 from drive_robust_agents.training.vad import VadRecipe  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
@@ -56,7 +57,7 @@ class Spy:
     def __init__(self) -> None:
         self.given: list[Mapping[str, NDArray[Any]]] = []
 
-    def run(self, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
+    def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
         self.given.append(inputs)
         rows = len(inputs["command"])
         way = np.stack([2.0 * np.arange(1.0, 7.0), np.zeros(6)], axis=-1)

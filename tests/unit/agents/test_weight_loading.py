@@ -53,6 +53,11 @@ def refused(file: Path, match: str) -> None:
         Policy.of("tcp", TcpNet.build, weights=file)
 
 
+def test_equal_weights_are_equal_bytes() -> None:
+    net = tiny_net()
+    assert len({encode(net, SPEC) for _ in range(12)}) == 1
+
+
 def test_loaded_weights_drive_as_the_trained_network_did_up_to_half_precision(file: Path) -> None:
     net, entry = load("tcp", TcpNet.build, weights=file)
     assert not net.training

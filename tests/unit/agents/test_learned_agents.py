@@ -1,0 +1,55 @@
+"""What the four learned agents promise alike: names, constructors, weights that are checked before anything drives."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from drive_robust_agents._learned import LearnedAgent  # noqa: E402
+from drive_robust_agents._nets import weights  # noqa: E402
+from drive_robust_agents.simlingo import SimLingo  # noqa: E402
+from drive_robust_agents.tcp import TCP  # noqa: E402
+from drive_robust_agents.training.recipe import RECIPES  # noqa: E402
+from drive_robust_agents.uniad import UniAD  # noqa: E402
+from drive_robust_agents.vad import VAD  # noqa: E402
+from pytest_drive_robust.errors import UsageError  # noqa: E402
+from pytest_drive_robust.registry import default_registry  # noqa: E402
+
+AGENTS = (SimLingo, TCP, UniAD, VAD)
+every_agent = pytest.mark.parametrize("agent", AGENTS)
+
+
+@every_agent
+def test_it_is_registered_under_the_name_of_its_weights(agent: type[LearnedAgent]) -> None:
+    assert default_registry().entry("agents", agent.name).load() is agent
+    assert [file.name for file in agent.weights] == [f"{agent.name}.safetensors"]
+
+
+def test_there_is_a_recipe_for_each() -> None:
+    assert sorted(agent.name for agent in AGENTS) == sorted(RECIPES)
+
+
+@every_agent
+def test_its_constructor_says_how_the_network_is_run(agent: type[LearnedAgent]) -> None:
+    shared = dict(inspect.signature(LearnedAgent).parameters)
+    own = inspect.signature(agent).parameters
+    assert {name: own.get(name) for name in shared} == shared
+
+
+@every_agent
+def test_an_argument_that_it_does_not_have_is_an_error(agent: type[LearnedAgent]) -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'engin'"):
+        agent(engin="onnx")  # type: ignore[call-arg]
+
+
+@every_agent
+def test_missing_weights_are_told_before_anything_drives(
+    agent: type[LearnedAgent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(weights, "SHIPPED", tmp_path)
+    with pytest.raises(UsageError, match=f"train '{agent.name}' and publish it"):
+        agent.check()
