@@ -22,11 +22,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
+from rich.live import Live
 from rich.table import Table
 
 from pytest_drive_robust import Setting, requirement
@@ -64,7 +65,7 @@ SEEDS = [pytest.param(seed, marks=pytest.mark.drive_robust(seeds=[seed])) for se
 def test_it(drive, seed):
     drive.check(requirement("DS") >= 1, verdict="point")
 """
-Rows = list[tuple[str, str]]
+Rows = Iterable[tuple[str, str]]
 
 
 def overhead(rounds: int) -> Rows:
@@ -144,8 +145,7 @@ def scaling(rounds: int) -> Rows:
     def pool(slots: int) -> float:
         return drive_all(ProcessExecutor(recipe, Limits(), slots=slots), tasks)
 
-    walls = [(pool(1), pool(2)) for _ in range(rounds)]
-    rows = [("two children / one, 40 episodes", ratio_of(walls))]
+    yield "two children / one, 40 episodes", ratio_of([(pool(1), pool(2)) for _ in range(rounds)])
     if importlib.util.find_spec("ray") is not None:
         from pytest_drive_robust.engine.ray_executor import RayExecutor
 
@@ -153,14 +153,14 @@ def scaling(rounds: int) -> Rows:
             return drive_all(RayExecutor(recipe, Limits(), address="local", slots=2), tasks)
 
         ray()
-        rows.append(("children / Ray, two each", ratio_of([(pool(2), ray()) for _ in range(rounds)])))
+        yield "children / Ray, two each", ratio_of([(pool(2), ray()) for _ in range(rounds)])
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "test_forty.py").write_text(FORTY)
         shared = ("--drive-robust", "--drive-agent", AGENT, "--drive-routes", "dev10", "--drive-store", "off", folder)
         runs = [
             (run_pytest("--drive-workers", "1", *shared)[0], run_pytest("-n", "2", *shared)[0]) for _ in range(rounds)
         ]
-    return [*rows, ("-n 2 / one worker, 40 episodes", ratio_of(runs))]
+    yield "-n 2 / one worker, 40 episodes", ratio_of(runs)
 
 
 def cached(rounds: int) -> Rows:
@@ -301,10 +301,11 @@ def main() -> None:
     if unknown:
         parser.error(f"{unknown[0]!r} is no part, expected {', '.join(PARTS)}")
     table = Table("", "", "", title="The engine, CPU time where nothing is said", show_header=False)
-    for name in given.parts or PARTS:
-        for number, (what, figure) in enumerate(PARTS[name](given.rounds)):
-            table.add_row(name if number == 0 else "", what, figure)
-    Console(width=100).print(table)
+    with Live(table, console=Console(width=100), auto_refresh=False) as shown:
+        for name in given.parts or PARTS:
+            for number, (what, figure) in enumerate(PARTS[name](given.rounds)):
+                table.add_row(name if number == 0 else "", what, figure)
+                shown.refresh()
 
 
 if __name__ == "__main__":
