@@ -83,7 +83,7 @@ def spoil(file: Path, damage: str, trace: Path) -> str:
         foreign = new_weights(OTHERS[agent], file.parent / "foreign")
         told = listed(foreign)
         relist(file, foreign.read_bytes(), architecture=told["architecture"], spec=told["spec"])
-        return f"{agent!r} cannot build {told['architecture']} as {agent}@0.0:{told['sha256'][:8]} specifies"
+        return f"no {told['architecture']} can be built as {agent}@0.0:{told['sha256'][:8]} specifies"
     relist(file, pickle.dumps({"encoder": Trap(trace)}))
     return f"{file} is no safetensors file"
 
@@ -105,7 +105,7 @@ def test_what_is_not_as_its_manifest_says_is_refused_before_anything_is_driven(s
     for name, sentence in sentences.items():
         told = output.partition(f"test_it[{name}]")[2].partition("test_suite.py::")[0]
         assert sentence in told, name
-        assert "give weights of your own with their manifest.json" in told or "cannot build" in told
+        assert "give weights of your own with their manifest.json" in told
     assert not trace.exists()
     assert driven() == []
     assert not (pytester.path / "run.json").exists()

@@ -30,6 +30,8 @@ SHIPPED = Path(__file__).parent.parent / "weights"
 """The folder of the weights that ship."""
 
 _UNSTORED = "num_batches_tracked"
+_PICKLES = (b"PK", *(bytes((0x80, protocol)) for protocol in range(2, 6)))
+"""How `torch.save` and `pickle.dump` begin their files."""
 
 
 def locate(name: str, weights: str | Path | None = None) -> tuple[Path, Entry]:
@@ -67,7 +69,7 @@ def load(name: str, build: Build, *, weights: str | Path | None = None, **option
     """
     path, entry = locate(name, weights)
     tensors = _parsed(path, entry, verified_bytes(path, entry))
-    net = _built(name, entry, build, options)
+    net = _built(path, entry, build, options)
     _fill(net, tensors, path)
     net.requires_grad_(False).eval()
     return channels_last(fold_batch_norm(net)), entry
@@ -117,7 +119,7 @@ def _parsed(path: Path, entry: Entry, content: bytes) -> dict[str, Tensor]:
         header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
         given = header.get("__metadata__", {})
     except (safetensors.SafetensorError, ValueError) as error:
-        kind = " It looks like a pickle, which we never open." if content[:2] in (b"PK", b"\x80\x02") else ""
+        kind = " It looks like a pickle, which we never open." if content[:2] in _PICKLES else ""
         raise UsageError(f"{path} is no safetensors file: {error}.{kind} {_ADVICE}") from None
     expected = _metadata(entry.architecture, entry.spec)
     wrong = [name for name, value in expected.items() if given.get(name) != value]
@@ -127,14 +129,16 @@ def _parsed(path: Path, entry: Entry, content: bytes) -> dict[str, Tensor]:
     return tensors
 
 
-def _built(name: str, entry: Entry, build: Build, options: Mapping[str, object]) -> nn.Module:
+def _built(path: Path, entry: Entry, build: Build, options: Mapping[str, object]) -> nn.Module:
     try:
         net = build(entry.spec, **options)
         made = type(net).__name__
     except (TypeError, ValueError) as error:
-        raise UsageError(f"{name!r} cannot build {entry.architecture} as {entry.label} specifies: {error}.") from error
+        raise UsageError(
+            f"{path}: no {entry.architecture} can be built as {entry.label} specifies: {error}. {_ADVICE}"
+        ) from error
     if made != entry.architecture:
-        raise UsageError(f"{entry.label} holds weights of {entry.architecture}, but {name!r} is a {made}. {_ADVICE}")
+        raise UsageError(f"{path} holds weights of {entry.architecture}, expected those of {made}. {_ADVICE}")
     return net
 
 
