@@ -181,7 +181,10 @@ class Drive:
         if not stack.wants_inference(self.recorder.ticks):
             return None
         self.witness.seen(captured, observation)
-        return replace(observation.private(), truth=private_truth(self.simulator.truth()) if self.privileged else None)
+        given = observation.private()
+        if self.privileged:
+            return replace(given, truth=private_truth(self.simulator.truth()))
+        return given if given.truth is None else replace(given, truth=None)
 
     def advance(self, control: Control | None, inference_s: float) -> None:
         """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
