@@ -11,6 +11,7 @@ perturbations: latency shows how stiff a controller is, GPS noise what its targe
 from __future__ import annotations
 
 import argparse
+import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,6 +25,7 @@ from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.labels import path_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.perturbations import Setting
@@ -34,6 +36,7 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 TUNINGS = {"tcp": (tuning.TCP, 4), "uniad": (tuning.UNIAD, 6), "vad": (tuning.VAD, 6)}
 AGENTS = ("expert", *TUNINGS, "simlingo")
+SPEED_POINTS = 10
 
 Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
 
@@ -70,10 +73,14 @@ class Perfect:
         return Control(pedals.throttle, pedals.steer, pedals.brake)
 
     def waypoints(self, ego: EgoState, step_s: float, count: int) -> list[Point]:
-        """Where the expert would be after so many steps, in the ego frame."""
-        rows = [min(self._age + round(20.0 * step_s * k), len(self._future) - 1) for k in range(1, count + 1)]
-        poses = [self._future[row] for row in rows]
-        return [to_ego(pose.x_m - ego.x_m, pose.y_m - ego.y_m, ego.yaw_rad) for pose in poses]
+        """Where the expert would be after so many steps, in the ego frame; straight on after the end of the route."""
+        points, last = list[Point](), len(self._future) - 1
+        for row in (self._age + round(20.0 * step_s * k) for k in range(1, count + 1)):
+            pose = self._future[min(row, last)]
+            beyond_m = pose.speed_mps * max(row - last, 0) / 20.0
+            x_m, y_m = pose.x_m + beyond_m * math.cos(pose.yaw_rad), pose.y_m + beyond_m * math.sin(pose.yaw_rad)
+            points.append(to_ego(x_m - ego.x_m, y_m - ego.y_m, ego.yaw_rad))
+        return points
 
     def path(self, ego: EgoState) -> list[Point]:
         """The line that the expert follows, a point a metre."""
@@ -100,7 +107,7 @@ def by_waypoints(numbers: WaypointTuning, count: int) -> Callable[[], Steer]:
 
 def by_path() -> Steer:
     controller = PathController()
-    return lambda net, ego, mps, _: controller.step(net.path(ego), net.waypoints(ego, 0.25, 3), mps)
+    return lambda net, ego, mps, _: controller.step(net.path(ego), net.waypoints(ego, 0.25, SPEED_POINTS), mps)
 
 
 def published(numbers: WaypointTuning) -> WaypointTuning:
@@ -113,7 +120,7 @@ def agent_of(name: str, simulator: EmbeddedSimulator, given: argparse.Namespace)
     if name == "expert":
         return Expert()
     if name == "simlingo":
-        return Perfect(simulator, by_path, horizon_s=0.75, every=given.every)
+        return Perfect(simulator, by_path, horizon_s=0.25 * SPEED_POINTS, every=given.every)
     numbers, count = TUNINGS[name]
     make = by_waypoints(published(numbers) if given.published else numbers, count)
     return Perfect(simulator, make, horizon_s=0.5 * count, every=given.every)
@@ -134,6 +141,8 @@ def main() -> None:
                 simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0))
                 agent = agent_of(name, simulator, given)
                 result = drive_episode(simulator, agent, route=route, setting=setting, seed=0, agent_name=name)
+                if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+                    raise SystemExit(f"{name} on {route.label}: {result.end_detail}")
                 scores.append(driving_score(result))
                 failed += [] if is_success(result) else [route.label]
             success = f"{len(scores) - len(failed)}/{len(scores)}"

@@ -17,6 +17,9 @@ from drive_robust_agents._wrappers.pid import Gains, Pedals, Point, WindowedPid,
 
 __all__ = ["Creep", "PathController", "PathTuning", "along"]
 
+_STEP_S = 0.25
+"""From one speed waypoint to the next."""
+
 _TURN = Gains(p=2.2, i=0.641, d=1.378, window=6)
 _SPEED = Gains(p=1.75, i=1.0, d=2.0, window=20)
 
@@ -26,17 +29,23 @@ class PathTuning:
     """Every number of a `PathController`.
 
     It looks ahead `look_s` seconds and `look_m` metres, clipped to `least_look_m` and `most_look_m`. `turn` acts on an
-    angle in units of 90 degrees, `speed` on metres per second. Published: a gain of 3.118, 0.351 s and at least 2.4 m,
-    with which our vehicle overshoots when it changes lanes.
+    angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the one between the waypoints of the
+    numbers `speed_from` and `speed_to`, counted from 0; it means to stop below `brake_below_mps`.
+
+    Published: a gain of 3.118, 0.351 s and at least 2.4 m, with which our vehicle overshoots when it changes lanes; the
+    waypoints 0 and 2, with which a small network, whose plans slow down too gently, begins to brake too late, and a
+    stop below 0.4 m/s.
     """
 
     turn: Gains = _TURN
     speed: Gains = _SPEED
     look_s: float = 0.5
     look_m: float = 0.19
-    least_look_m: float = 4.0
+    least_look_m: float = 2.8
     most_look_m: float = 10.5
-    brake_below_mps: float = 0.4
+    speed_from: int = 2
+    speed_to: int = 6
+    brake_below_mps: float = 0.8
     brake_ratio: float = 1.1
     most_missing_mps: float = 1.0
 
@@ -44,7 +53,7 @@ class PathTuning:
 class PathController:
     """Steers for a point of the path whose distance grows with the speed; accelerates or brakes by the waypoints.
 
-    The wanted speed is what the first and third waypoint are apart, in half a second. One object per episode.
+    Path and waypoints know nothing of each other. One object per episode.
     """
 
     def __init__(self, tuning: PathTuning | None = None) -> None:
@@ -52,10 +61,10 @@ class PathController:
         self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
 
     def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Pedals:
-        """The controls for this tick; at least one point of a path and three waypoints."""
+        """The controls for this tick; at least one point of a path and `speed_to` + 1 waypoints."""
         tuning = self.tuning
-        (x0, y0), (x2, y2) = speed_points[0], speed_points[2]
-        desired = 2.0 * math.hypot(x2 - x0, y2 - y0)
+        (x0, y0), (x1, y1) = speed_points[tuning.speed_from], speed_points[tuning.speed_to]
+        desired = math.hypot(x1 - x0, y1 - y0) / (_STEP_S * (tuning.speed_to - tuning.speed_from))
         brake = desired < tuning.brake_below_mps or speed_mps / desired > tuning.brake_ratio
         missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
         throttle = min(max(self._speed.step(missing), 0.0), 1.0)

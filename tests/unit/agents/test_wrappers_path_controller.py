@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._wrappers.path_controller import Creep, PathController, along
+from drive_robust_agents._wrappers.path_controller import Creep, PathController, PathTuning, along
 from drive_robust_agents._wrappers.pid import Pedals, Point
 
 STRAIGHT = [(float(k), 0.0) for k in range(1, 21)]
@@ -35,6 +35,14 @@ def test_it_accelerates_brakes_and_coasts() -> None:
     assert step(STRAIGHT, 7.0, 5.0).throttle == 1.0
     assert step(STRAIGHT, 5.0, 7.0).brake == 1.0
     assert step(STRAIGHT, 5.0, 5.2)[:3] == (0.0, 0.0, 0.0)
+
+
+def test_it_brakes_at_once_for_a_plan_that_slows_down_within_two_seconds() -> None:
+    slowing = [(8.0 * t - 1.5 * t * t, 0.0) for t in (0.25 * k for k in range(1, 11))]
+    assert PathController().step(STRAIGHT, slowing, 8.0).brake == 1.0
+    published = PathTuning(speed_from=0, speed_to=2)
+    assert PathController(published).step(STRAIGHT, slowing, 6.8).brake == 0.0
+    assert PathController().step(STRAIGHT, slowing, 6.8).brake == 1.0
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 3.0, 8.0])
