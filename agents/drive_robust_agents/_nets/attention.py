@@ -13,7 +13,20 @@ from torch.nn import functional
 
 from drive_robust_agents._nets.blocks import Mlp
 
-__all__ = ["Attention", "CrossLayer", "DecoderLayer", "Places"]
+__all__ = ["Attention", "CrossLayer", "DecoderLayer", "Places", "attend"]
+
+
+def attend(query: Tensor, key: Tensor, value: Tensor, *, mask: Tensor | None = None, causal: bool = False) -> Tensor:
+    """Scaled dot-product attention: (..., Q, d), (..., K, d), (..., K, d) -> (..., Q, d).
+
+    Under mixed precision on a CPU it computes in float32: what torch has there for bfloat16 takes three times as long,
+    forward and back.
+    """
+    if query.device.type == "cpu" and torch.is_autocast_enabled("cpu"):
+        mask = mask if mask is None or mask.dtype == torch.bool else mask.float()
+        with torch.autocast("cpu", enabled=False):
+            return attend(query.float(), key.float(), value.float(), mask=mask, causal=causal)
+    return functional.scaled_dot_product_attention(query, key, value, attn_mask=mask, is_causal=causal)
 
 
 class Attention(nn.Module):
@@ -45,7 +58,7 @@ class Attention(nn.Module):
         key = query if key is None else key
         value = key if value is None else value
         q, k, v = self._split(self.query(query)), self._split(self.key(key)), self._split(self.value(value))
-        mixed = functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
+        mixed = attend(q, k, v, mask=mask)
         y: Tensor = self.out(mixed.transpose(1, 2).flatten(2))
         return y
 

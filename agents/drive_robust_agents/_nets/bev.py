@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from drive_robust_agents._nets.attention import attend
 from drive_robust_agents._nets.bev_grid import BevSpec, CameraView, camera_views
 from drive_robust_agents._nets.blocks import BasicBlock, ImageNorm, MiniResNet, Mlp
 
@@ -111,7 +112,7 @@ class BevLift(nn.Module):
         parts = (mine, *key_value.chunk(2, dim=2))
         q, k, v = (x.reshape(*x.shape[:2], self.heads, -1).transpose(1, 2) for x in parts)
         bias = self.get_buffer(f"bias_{number}").to(q.dtype)[None]
-        return functional.scaled_dot_product_attention(q, k, v, attn_mask=bias).transpose(1, 2).flatten(2)
+        return attend(q, k, v, mask=bias).transpose(1, 2).flatten(2)
 
 
 def _merging(views: tuple[CameraView, ...], cells: int) -> tuple[Tensor, Tensor]:

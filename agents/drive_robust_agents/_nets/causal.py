@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
+from drive_robust_agents._nets.attention import attend
 from drive_robust_agents._nets.blocks import Mlp
 
 __all__ = ["Cache", "CausalLayer", "Decoder", "select"]
@@ -41,7 +41,7 @@ class CausalLayer(nn.Module):
 
     def finish(self, x: Tensor, query: Tensor, key: Tensor, value: Tensor, mask: Tensor | None) -> Tensor:
         """The rest of the layer for the places whose queries are given; causal among themselves without a mask."""
-        mixed = functional.scaled_dot_product_attention(query, key, value, attn_mask=mask, is_causal=mask is None)
+        mixed = attend(query, key, value, mask=mask, causal=mask is None)
         x = x + self.out(mixed.transpose(1, 2).flatten(2))
         y: Tensor = x + self.feed_forward(self.norms[1](x))
         return y

@@ -46,6 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=Path, help="begin with these weights (a published file) instead of random ones")
     parser.add_argument("--device", default="cpu", help="cpu or cuda")
     parser.add_argument(
+        "--dtype",
+        choices=("float32", "bfloat16"),
+        help="of mixed precision (bfloat16 with CUDA, else float32; 1.5 times as fast on CPUs with AVX512-BF16)",
+    )
+    parser.add_argument(
         "--threads", type=int, default=1, help="of torch on the CPU; one gives the same bits everywhere"
     )
     parser.add_argument("--readers", type=int, help="threads that prepare batches (1 on a CPU, 8 for CUDA)")
@@ -59,9 +64,10 @@ def run(given: argparse.Namespace) -> int:
     if given.device.startswith("cuda") and not torch.cuda.is_available():
         raise UsageError(f"--device {given.device}: torch {torch.__version__} sees no CUDA device here. Give cpu.")
     readers = given.readers or (8 if given.device.startswith("cuda") else 1)
+    dtype = given.dtype or ("bfloat16" if given.device.startswith("cuda") else "float32")
     frames, batch = Frames(*given.frames), given.batch or recipe.defaults.batch
     feed = Feed(frames, recipe, batch=batch, seed=given.seed, threads=readers)
-    settings = _settings(given, recipe, feed, batch)
+    settings = _settings(given, recipe, feed, batch, dtype)
     trainer = Trainer(
         recipe, feed, settings, given.run, device=given.device, save_every_s=60.0 * given.save_every, start=given.start
     )
@@ -85,7 +91,7 @@ def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
-def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int) -> Settings:
+def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int, dtype: str) -> Settings:
     defaults = recipe.defaults
     return Settings(
         agent=given.agent,
@@ -96,6 +102,7 @@ def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int)
         clip=defaults.clip,
         seed=given.seed,
         robust=given.robust,
+        dtype=dtype,
         frames=tuple(folder.name for folder in given.frames),
         start="" if given.start is None else locate(given.agent, given.start)[1].label,
     )

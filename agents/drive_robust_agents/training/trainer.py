@@ -19,6 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from drive_robust_agents._nets.blocks import channels_last
+from drive_robust_agents._nets.torch_engine import TYPES
 from drive_robust_agents._nets.weights import begin_with
 from drive_robust_agents.training.average import Average
 from drive_robust_agents.training.draws import draws
@@ -41,8 +42,8 @@ _VALIDATED_FRAMES = 2048
 class Settings:
     """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
 
-    `spec` changes the network from the one that ships. `frames` and `start` say for the manifest what was learnt from
-    and which weights it began with.
+    `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
+    `frames` and `start` say for the manifest what was learnt from and which weights it began with.
     """
 
     agent: str
@@ -53,6 +54,7 @@ class Settings:
     clip: float
     seed: int = 0
     robust: bool = False
+    dtype: str = "float32"
     spec: Mapping[str, Any] | None = None
     frames: tuple[str, ...] = ()
     start: str = ""
@@ -180,7 +182,8 @@ class Trainer:
         return {name: value.pin_memory().to(self.device, non_blocking=True) for name, value in batch.items()}
 
     def _precision(self) -> AbstractContextManager[Any]:
-        return torch.autocast("cuda", torch.bfloat16) if self.device.type == "cuda" else nullcontext()
+        dtype = TYPES[self.settings.dtype]
+        return nullcontext() if dtype is None else torch.autocast(self.device.type, dtype)
 
     def _note(self, display: Display) -> None:
         """Validate, show it and append it to the log."""

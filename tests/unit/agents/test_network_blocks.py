@@ -8,7 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from drive_robust_agents._nets.attention import Attention, DecoderLayer
+from drive_robust_agents._nets.attention import Attention, DecoderLayer, attend
 from drive_robust_agents._nets.blocks import (
     ConvBnRelu,
     ImageNorm,
@@ -104,3 +104,18 @@ def test_a_decoder_layer_keeps_rows_apart_and_queries_in_shape() -> None:
     assert whole.shape == query.shape
     alone = layer(query[1:2], memory[1:2])
     assert torch.allclose(layer(query, memory)[1:2], alone, atol=1e-5)
+
+
+@pytest.mark.parametrize("mask", [None, "bool", "float"])
+def test_attention_is_computed_in_float32_under_mixed_precision_on_a_cpu(mask: str | None) -> None:
+    query, key, value = (torch.randn(2, 3, count, 8) for count in (4, 6, 6))
+    allowed = torch.rand(4, 6) < 0.7
+    allowed[:, 0] = True
+    masks = {None: None, "bool": allowed, "float": torch.where(allowed, 0.0, -torch.inf)}
+    exact = attend(query, key, value, mask=masks[mask])
+    with torch.autocast("cpu", torch.bfloat16):
+        mixed = attend(query, key, value, mask=masks[mask])
+        halves = attend(*(x.bfloat16() for x in (query, key, value)), mask=masks[mask])
+    assert torch.equal(mixed, exact)
+    assert halves.dtype == torch.float32
+    assert torch.allclose(halves, exact, atol=0.03)

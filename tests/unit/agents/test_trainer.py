@@ -63,6 +63,17 @@ def test_it_learns(frames: Frames, tmp_path: Path, display: Display) -> None:
     assert logged[-1]["loss"] == pytest.approx(after["loss"])
 
 
+def test_mixed_precision_learns_the_same_in_other_bits(frames: Frames, tmp_path: Path, display: Display) -> None:
+    exact, mixed = trainer(frames, tmp_path / "exact"), trainer(frames, tmp_path / "mixed", dtype="bfloat16")
+    for made in (exact, mixed):
+        made.train(display, candidates={})
+    assert bits(exact.average.net) != bits(mixed.average.net)
+    assert {value.dtype for value in mixed.net.state_dict().values()} <= {torch.float32, torch.int64}
+    assert mixed.validate()["loss"] == pytest.approx(exact.validate()["loss"], rel=0.05)
+    with pytest.raises(UsageError, match="dtype: 'bfloat16' there, 'float32' now"):
+        trainer(frames, tmp_path / "mixed")
+
+
 def test_a_run_that_was_cut_off_ends_with_the_same_weights_bit_for_bit(
     frames: Frames, tmp_path: Path, display: Display
 ) -> None:
