@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--lr", type=float, help="largest learning rate")
     parser.add_argument("--seed", type=int, default=0, help="weights at the beginning, order and augmentation")
     parser.add_argument("--robust", action="store_true", help="train on the deployment failures, too")
-    parser.add_argument("--start", type=Path, help="begin with these weights (a published file) instead of random ones")
+    parser.add_argument(
+        "--start", type=Path, help="begin with these weights (a published file), and with the last stage of the recipe"
+    )
     parser.add_argument("--device", default="cpu", help="cpu or cuda")
     parser.add_argument(
         "--dtype",

@@ -64,7 +64,8 @@ class Trainer:
     """One training in the folder `run`.
 
     `net` is the network under training, `average` its mean, `step` how many steps are done; `start` are weights to
-    begin with. Raises `UsageError` when the folder holds a run with other settings.
+    begin with: then only the last stage of the recipe follows, as what the others are for is learnt already. Raises
+    `UsageError` when the folder holds a run with other settings.
     """
 
     def __init__(
@@ -88,6 +89,7 @@ class Trainer:
         self.average = Average(self.net)
         self._optimizer = _optimizer(self.net, settings)
         self._states, self._save_every_s = States(run), save_every_s
+        self._stages = recipe.stages if start is None else recipe.stages[-1:]
         self._stage = -1
         self.step = 0
         known = self._states.latest()
@@ -160,16 +162,16 @@ class Trainer:
 
     def _rate(self) -> float:
         return learning_rate(
-            self.recipe.stages, min(self.step, self.settings.steps - 1), self.settings.steps, self.settings.lr
+            self._stages, min(self.step, self.settings.steps - 1), self.settings.steps, self.settings.lr
         )
 
     def _enter_stage(self) -> None:
         """Let parameters rest, with their statistics, as the stage of this step says."""
-        number, _ = stage_at(self.recipe.stages, self.step, self.settings.steps)
+        number, _ = stage_at(self._stages, self.step, self.settings.steps)
         if number == self._stage:
             return
         self._stage = number
-        resting = self.recipe.stages[number].frozen
+        resting = self._stages[number].frozen
         for name, parameter in self.net.named_parameters():
             parameter.requires_grad_(not name.startswith(resting) if resting else True)
         for name, module in self.net.named_modules():

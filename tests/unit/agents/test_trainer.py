@@ -13,7 +13,7 @@ import pytest
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
 from rich.console import Console
-from tiny_tcp import CAMERAS, tiny_net, tiny_settings
+from tiny_tcp import CAMERAS, published, tiny_net, tiny_settings
 
 from drive_robust_agents._nets.weights import load
 from drive_robust_agents.training.average import Average
@@ -44,8 +44,9 @@ def display() -> Display:
 
 
 def trainer(frames: Frames, run: Path, *, recipe: TcpRecipe | None = None, **changes: Any) -> Trainer:
-    recipe, settings = recipe or TcpRecipe(), tiny_settings(**changes)
-    return Trainer(recipe, Feed(frames, recipe, batch=settings.batch, seed=settings.seed), settings, run)
+    recipe, start, settings = recipe or TcpRecipe(), changes.pop("start", None), tiny_settings(**changes)
+    feed = Feed(frames, recipe, batch=settings.batch, seed=settings.seed)
+    return Trainer(recipe, feed, settings, run, start=start)
 
 
 def bits(net: torch.nn.Module) -> dict[str, bytes]:
@@ -150,12 +151,21 @@ def test_candidates_are_the_mean_and_load_as_weights(frames: Frames, tmp_path: P
     assert (tmp_path / "w6" / "manifest.json").is_file()
 
 
+class Staged(TcpRecipe):
+    stages = (Stage(0.5, ("encoder",)), Stage(0.5))
+
+
+def test_published_weights_go_on_with_the_last_stage(frames: Frames, tmp_path: Path, display: Display) -> None:
+    start = published(tmp_path / "published")
+    made = trainer(frames, tmp_path / "run", recipe=Staged(), start=start)
+    begin = bits(made.net)
+    made.train(display, candidates={}, stop_after=2)
+    assert [name for name, value in bits(made.net).items() if value == begin[name]] == []
+
+
 def test_what_rests_in_a_stage_does_not_move_and_moves_in_the_next(
     frames: Frames, tmp_path: Path, display: Display
 ) -> None:
-    class Staged(TcpRecipe):
-        stages = (Stage(0.5, ("encoder",)), Stage(0.5))
-
     made = trainer(frames, tmp_path, recipe=Staged())
     begin = bits(made.net)
     made.train(display, candidates={}, stop_after=6)
