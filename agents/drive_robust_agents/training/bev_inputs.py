@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from drive_robust_agents._bev_agent import CAMERAS
-from drive_robust_agents._nets.bev import BevEncoder
 from drive_robust_agents._wrappers.memory import can_bus, motion_between
 from drive_robust_agents.training.augment import photometric_gridmask
 from drive_robust_agents.training.failures import gps_errors, hang, misread, muddy
 
-__all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remember"]
+__all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remembered"]
+
+Recall = Callable[[Tensor, Tensor], Mapping[str, Tensor]]
+"""From pictures and can bus to what is remembered of them."""
 
 _IMAGES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")
@@ -34,7 +37,7 @@ _TWO_FIXES = math.sqrt(2.0)
 def bev_inputs(
     arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool, *, robust: bool = False
 ) -> dict[str, Tensor]:
-    """What `BevAgent` documents, without `old_bev`, and what `remember` needs to make it.
+    """What `BevAgent` documents, without `old_bev`, and what `remembered` needs to make it.
 
     In training only half of the rows that have an earlier frame get it: it saves time, and the others teach to drive
     without a memory. The movement in the can bus is what speed and yaw rate make of half a second, not the difference
@@ -83,19 +86,29 @@ def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -
     return np.column_stack([way * np.cos(turned / 2.0), way * np.sin(turned / 2.0), turned]).astype(np.float32)
 
 
-def remember(encoder: BevEncoder, batch: Mapping[str, Tensor]) -> Tensor:
-    """The maps (N, d, rows, columns) of 0.5 s before, zeros for none.
+def remembered(
+    net: nn.Module, recall: Recall, shapes: Mapping[str, tuple[int, ...]], batch: Mapping[str, Tensor]
+) -> dict[str, Tensor]:
+    """What `recall` makes of the frame 0.5 s before: (N, *shape) of each name, zeros for rows that know of none.
 
-    Without gradient and in evaluation mode, as published.
+    Without gradient and with `net` in evaluation mode, as published; afterwards every module is as it was.
     """
-    spec, known = encoder.spec, batch["known"]
-    old = known.new_zeros(len(known), spec.width, spec.rows, spec.columns)
+    known = batch["known"]
+    old = {name: known.new_zeros(len(known), *shape) for name, shape in shapes.items()}
     rows = known.nonzero()[:, 0]
     if len(rows):
-        was_training = encoder.training
-        encoder.eval()
-        with torch.no_grad():
-            seen = encoder.look(batch["old_images"][rows], batch["old_can_bus"][rows])
-        encoder.train(was_training)
-        old = old.to(seen.dtype).index_copy(0, rows, seen)
+        with torch.no_grad(), _as_driven(net):
+            kept = recall(batch["old_images"][rows], batch["old_can_bus"][rows])
+        old = {name: value.index_copy(0, rows, kept[name].to(value.dtype)) for name, value in old.items()}
     return old
+
+
+@contextmanager
+def _as_driven(net: nn.Module) -> Iterator[None]:
+    learning = [module for module in net.modules() if module.training]
+    net.eval()
+    try:
+        yield
+    finally:
+        for module in learning:
+            module.training = True

@@ -6,8 +6,7 @@ on (agent queries begin at its peaks), and hints to the ego's query about the li
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,7 +17,7 @@ from torch import Tensor, nn
 from drive_robust_agents._nets.matching import Match
 from drive_robust_agents._nets.uniad import Perceived, UniadNet, UniadSpec, move
 from drive_robust_agents._nets.uniad_heads import Old
-from drive_robust_agents.training.bev_inputs import HISTORY, NEEDS, bev_inputs
+from drive_robust_agents.training.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
 from drive_robust_agents.training.dense import dense_loss
 from drive_robust_agents.training.recipe import Defaults, Stage
 from drive_robust_agents.training.rigs import outfit
@@ -55,6 +54,8 @@ _HALF_SECONDS = (1, 3, 5, 7, 9, 11)
 """Columns of `future` (a quarter of a second apart) that are 0.5 s apart."""
 _DRAWN_AGENTS = 6
 """Occupancy is drawn for the nearest few: each costs a map of 5 x 80 x 32."""
+_WEIGHTS = {"plan": 4.0, "collision": 4.0, "metres": 0.0}
+"""Published: 1, 1. A small network on few samples spends what it has on boxes and lines otherwise."""
 _LATER = ("motion", "occupancy", "planner")
 
 
@@ -91,40 +92,17 @@ class UniadRecipe:
         """The weighted sum and its parts; while the later heads rest, only what is seen is scored."""
         uniad = cast("UniadNet", net)
         now, front = uniad.look(batch["images"], batch["can_bus"])
-        memory = recalled(uniad, batch, now)
+        spec = uniad.spec
+        shapes = {"bev": now.shape[1:], "queries": (spec.agents, spec.bev.width), "spots": (spec.agents, 2)}
+        memory = remembered(uniad, uniad.recall, shapes, batch)
         fused = uniad.encoder.fusion(now, memory["bev"], batch["motion"])
         spots = move(memory["spots"], batch["motion"])
         seen = uniad.perceive(fused, front, Old(memory["queries"], spots, batch["known"]))
         parts, found = _seen(uniad, seen, batch)
         if any(weight.requires_grad for weight in uniad.planner.parameters()) or not uniad.training:
             parts |= _planned(uniad, seen, found, batch)
-        total = torch.stack([part for name, part in parts.items() if name != "metres"]).sum()
+        total = torch.stack([_WEIGHTS.get(name, 1.0) * part for name, part in parts.items()]).sum()
         return total, {name: part.detach() for name, part in parts.items()}
-
-
-def recalled(net: UniadNet, batch: Mapping[str, Tensor], like: Tensor) -> dict[str, Tensor]:
-    """What was remembered 0.5 s before, zeros for rows that know nothing; no gradient goes there."""
-    spec, rows = net.spec, len(batch["known"])
-    shapes = {"bev": like.shape[1:], "queries": (spec.agents, spec.bev.width), "spots": (spec.agents, 2)}
-    old = {name: like.new_zeros(rows, *shape) for name, shape in shapes.items()}
-    there = batch["known"].nonzero()[:, 0]
-    if len(there):
-        with torch.no_grad(), _as_driven(net):
-            kept = net.recall(batch["old_images"][there], batch["old_can_bus"][there])
-        old = {name: value.index_copy(0, there, kept[name].to(value.dtype)) for name, value in old.items()}
-    return old
-
-
-@contextmanager
-def _as_driven(net: nn.Module) -> Iterator[None]:
-    """In evaluation mode, as published for frames of before; afterwards every module is as it was."""
-    learning = [module for module in net.modules() if module.training]
-    net.eval()
-    try:
-        yield
-    finally:
-        for module in learning:
-            module.training = True
 
 
 def _seen(net: UniadNet, seen: Perceived, batch: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], Match]:

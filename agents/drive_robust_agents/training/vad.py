@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from drive_robust_agents._bev_agent import CAMERAS
 from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose
-from drive_robust_agents.training.bev_inputs import HISTORY, NEEDS, bev_inputs, remember
+from drive_robust_agents.training.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
 from drive_robust_agents.training.dense import dense_loss, dense_targets
 from drive_robust_agents.training.recipe import Defaults, Stage
 from drive_robust_agents.training.uniad_losses import hint_loss
@@ -82,7 +82,9 @@ class VadRecipe:
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
         """The sum of all parts."""
         assert isinstance(net, VadNet)
-        fused, _ = net.encoder(batch["images"], batch["can_bus"], remember(net.encoder, batch), batch["motion"])
+        encoder, shape = net.encoder, (net.encoder.spec.width, net.encoder.spec.rows, net.encoder.spec.columns)
+        memory = remembered(encoder, lambda *frame: {"bev": encoder.look(*frame)}, {"bev": shape}, batch)
+        fused, _ = encoder(batch["images"], batch["can_bus"], memory["bev"], batch["motion"])
         told = net.heads(fused)
         boxes, lanes, kind = batch["boxes"], batch["lanes"], batch["lane_kind"]
         driving = plan_loss(choose(told["plans"], batch["command"]), batch)

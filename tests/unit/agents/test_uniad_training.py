@@ -14,8 +14,9 @@ from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
 from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
+from drive_robust_agents.training.bev_inputs import remembered  # noqa: E402
 from drive_robust_agents.training.dense import CHANNELS  # noqa: E402
-from drive_robust_agents.training.uniad import UniadRecipe, recalled  # noqa: E402
+from drive_robust_agents.training.uniad import UniadRecipe  # noqa: E402
 from drive_robust_agents.training.uniad_losses import (  # noqa: E402
     collision_loss,
     heat_loss,
@@ -106,7 +107,8 @@ def test_the_memory_is_made_as_in_driving_and_leaves_the_network_as_it_was() -> 
     net, batch = UniadRecipe().make(), samples(2)
     net.planner.eval()
     before = {name: value.clone() for name, value in net.state_dict().items()}
-    old = recalled(net, batch, torch.zeros(2, 64, 40, 16))
+    shapes = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}
+    old = remembered(net, net.recall, shapes, batch)
     assert net.training
     assert net.encoder.training
     assert not net.planner.training

@@ -11,7 +11,7 @@ from bev_samples import bev_samples  # noqa: E402
 
 from drive_robust_agents._nets.matching import match  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose  # noqa: E402
-from drive_robust_agents.training.bev_inputs import bev_inputs, driven_in, remember  # noqa: E402
+from drive_robust_agents.training.bev_inputs import bev_inputs, driven_in  # noqa: E402
 from drive_robust_agents.training.dense import CHANNELS, dense_targets  # noqa: E402
 from drive_robust_agents.training.vad import VadRecipe, plan_loss  # noqa: E402
 from drive_robust_agents.training.vad_losses import class_of, lane_loss, path_loss  # noqa: E402
@@ -147,20 +147,6 @@ def test_half_a_second_of_driving_follows_from_speed_and_yaw_rate() -> None:
     angle = 0.5 * speed / radius
     moved = driven_in(np.array([speed]), np.array([[0.0, 3.2, speed / radius]]))[0]
     assert moved == pytest.approx([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle], rel=0.01)
-
-
-def test_the_memory_has_no_gradient_and_is_zero_for_rows_without_one(net: VadNet) -> None:
-    batch = VadRecipe().batch(bev_samples(2), draws(), training=False)
-    net.train()
-    before = {name: value.clone() for name, value in net.named_buffers() if "running" in name}
-    old = remember(net.encoder, batch)
-    assert net.encoder.training
-    assert all(torch.equal(value, before[name]) for name, value in net.named_buffers() if name in before)
-    net.eval()
-    assert not old.requires_grad
-    assert old[0].abs().sum() > 0.0
-    assert old[1].abs().sum() == 0.0
-    torch.testing.assert_close(old[:1], net.encoder.look(batch["old_images"][:1], batch["old_can_bus"][:1]))
 
 
 # --- labels and sets ---
