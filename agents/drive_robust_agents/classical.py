@@ -20,6 +20,7 @@ from drive_robust_agents._junction import FRONT_M, JunctionRules
 from drive_robust_agents._lane import LaneTracker
 from drive_robust_agents._overtake import Overtake
 from drive_robust_agents._route import Junction, PlanPath
+from drive_robust_agents._vehicle import STEER_MAX_RAD, WHEELBASE_M
 from drive_robust_agents._vision import CAMERA, Ground
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
 
@@ -28,7 +29,6 @@ __all__ = ["Classical"]
 Floats = NDArray[np.float64]
 
 _DT_S = 0.05
-_WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 12.0, 6.5, 8.5
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
 _LANE_SHARE = 0.85
@@ -151,7 +151,7 @@ class Classical:
         aim = self._way[int(np.argmax(np.hypot(self._way[:, 0], self._way[:, 1]) > look))]
         forward, right = max(float(aim[0]), 0.5), float(aim[1]) + self._corridor.aside_m
         curvature = 2.0 * right / (forward * forward + right * right)
-        steer = math.atan(_WHEELBASE_M * curvature) / _STEER_MAX_RAD
+        steer = math.atan(WHEELBASE_M * curvature) / STEER_MAX_RAD
         missing = target - speed
         self._integral = min(max(self._integral + 0.05 * missing * _DT_S, 0.0), 0.15) if missing < 2.0 else 0.0
         throttle = min(max(0.35 * missing + self._integral, 0.0), 0.8) if missing > -0.3 else 0.0

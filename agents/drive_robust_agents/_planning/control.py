@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.places import project
+from drive_robust_agents._vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import EgoState
 
@@ -15,8 +16,6 @@ __all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
 
 Floats = NDArray[np.float64]
 
-_WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
-_ACCEL_MAX_MPS2, _BRAKE_MAX_MPS2, _POWER_WPKG = 5.0, 8.0, 55.0
 _STEER_DELAY_S = 0.15
 """The wheels follow the steering late by about this much."""
 _SETTLE_M, _SETTLE_S = 2.0, 0.45
@@ -46,7 +45,7 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     """
     v, reach = ego.speed_mps, ego.speed_mps * _STEER_DELAY_S
     yaw = ego.yaw_rad + ego.yaw_rate_radps * _STEER_DELAY_S
-    slip = math.atan(0.5 * _WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
+    slip = math.atan(0.5 * WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
     moves = 0.5 * (ego.yaw_rad + yaw) + slip
     x, y = ego.x_m + reach * math.cos(moves), ego.y_m + reach * math.sin(moves)
     at, right = project(line, row - 6, row + 14, x, y)
@@ -55,9 +54,9 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
     heading = line[k, 2] + (at - k) * bend
     length = max(_SETTLE_M, _SETTLE_S * v)
-    lean = math.remainder(yaw + math.atan(0.5 * _WHEELBASE_M * bend) - heading, math.tau)
+    lean = math.remainder(yaw + math.atan(0.5 * WHEELBASE_M * bend) - heading, math.tau)
     curvature = bend - 2.0 * lean / length - right / length**2
-    return float(np.clip(math.atan(_WHEELBASE_M * curvature) / _STEER_MAX_RAD, -1.0, 1.0))
+    return float(np.clip(math.atan(WHEELBASE_M * curvature) / STEER_MAX_RAD, -1.0, 1.0))
 
 
 def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
@@ -66,9 +65,9 @@ def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
     if acceleration_mps2 < -0.1 and v < 0.3:
         return Control(throttle=0.0, steer=steer, brake=0.5)
     push = acceleration_mps2 + 0.12 + 0.018 * v + 0.0006 * v * v
-    engine = min(_ACCEL_MAX_MPS2, _POWER_WPKG / max(v, 1.0))
+    engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0))
     return Control(
         throttle=float(np.clip(push / engine, 0.0, 1.0)),
         steer=steer,
-        brake=float(np.clip(-push / _BRAKE_MAX_MPS2, 0.0, 1.0)),
+        brake=float(np.clip(-push / BRAKE_MAX_MPS2, 0.0, 1.0)),
     )

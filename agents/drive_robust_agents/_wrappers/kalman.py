@@ -14,13 +14,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from drive_robust_agents._vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
 
 __all__ = ["Estimate", "PositionFilter"]
 
 _DT_S = 0.05
-_WHEELBASE_M, _STEER_MAX_RAD = 2.85, 0.61
-_THROTTLE_MPS2, _POWER_WPKG, _BRAKE_MPS2 = 5.0, 55.0, 8.0
 _FIRST = (0.5, 0.5, 1e-6, 1e-6)
 _MEASURED = (0.5, 0.5, 1e-15, 1e-15)
 _DRIFT = (1e-4, 1e-4, 1e-3, 1e-3)
@@ -72,11 +71,11 @@ class PositionFilter:
 def _predicted(state: Estimate, last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
     """One tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
-    tangent = math.tan(last.steer * _STEER_MAX_RAD)
+    tangent = math.tan(last.steer * STEER_MAX_RAD)
     slip = math.atan(0.5 * tangent)
-    turn = _DT_S * math.cos(slip) * tangent / _WHEELBASE_M
-    push = last.throttle * min(_THROTTLE_MPS2, _POWER_WPKG / max(v, 1.0)) if last.brake <= 0.0 else 0.0
-    after = max(v + _DT_S * (push - last.brake * _BRAKE_MPS2), 0.0)
+    turn = _DT_S * math.cos(slip) * tangent / WHEELBASE_M
+    push = last.throttle * min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0)) if last.brake <= 0.0 else 0.0
+    after = max(v + _DT_S * (push - last.brake * BRAKE_MAX_MPS2), 0.0)
     c, s = _DT_S * math.cos(yaw + slip), _DT_S * math.sin(yaw + slip)
     moved = [x + v * c, y + v * s, yaw + v * turn, after]
     # columns of the Jacobian beyond the identity: x, y by yaw; x, y, yaw by speed

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._vehicle import STEER_MAX_RAD, WHEELBASE_M
+
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 
 Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
 """So many of the episodes have bursts."""
-_WHEEL_RAD, _STEER_MAX_RAD = 0.12, 0.61
-_LATERAL_MPS2, _WHEELBASE_M = 3.0, 2.85
+_WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 
 
@@ -34,5 +35,5 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
 
 def burst_steer(strength: float, speed_mps: float) -> float:
     """What is added to the steering (-1..1): up to 0.12 rad of wheel, at speed no more than pulls with 3 m/s2."""
-    most = min(_WHEEL_RAD, _LATERAL_MPS2 * _WHEELBASE_M / max(speed_mps, 1.0) ** 2)
-    return strength * most / _STEER_MAX_RAD
+    most = min(_WHEEL_RAD, _LATERAL_MPS2 * WHEELBASE_M / max(speed_mps, 1.0) ** 2)
+    return strength * most / STEER_MAX_RAD
