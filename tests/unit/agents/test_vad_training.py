@@ -11,7 +11,7 @@ from bev_samples import bev_samples  # noqa: E402
 
 from drive_robust_agents._nets.matching import match  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose  # noqa: E402
-from drive_robust_agents.training.bev_inputs import bev_inputs, driven_in  # noqa: E402
+from drive_robust_agents.training.bev_inputs import bev_inputs, driven_in, remembered  # noqa: E402
 from drive_robust_agents.training.dense import CHANNELS, dense_targets  # noqa: E402
 from drive_robust_agents.training.vad import VadRecipe, plan_loss  # noqa: E402
 from drive_robust_agents.training.vad_losses import class_of, lane_loss, path_loss  # noqa: E402
@@ -147,6 +147,25 @@ def test_half_a_second_of_driving_follows_from_speed_and_yaw_rate() -> None:
     angle = 0.5 * speed / radius
     moved = driven_in(np.array([speed]), np.array([[0.0, 3.2, speed / radius]]))[0]
     assert moved == pytest.approx([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle], rel=0.01)
+
+
+def test_the_frame_of_before_decides_about_rows_that_know_it_and_moves_no_statistics(net: VadNet) -> None:
+    recipe = VadRecipe()
+    batch = recipe.batch(bev_samples(2), draws(), training=False)
+    assert batch["known"].tolist() == [1.0, 0.0]
+    told = []
+    for row in (None, 0, 1):
+        images = batch["old_images"].clone()
+        if row is not None:
+            images[row] = 255 - images[row]
+        with torch.no_grad():
+            told.append(float(recipe.loss(net.eval(), {**batch, "old_images": images})[0]))
+    assert told[0] != told[1]
+    assert told[0] == told[2]
+    before = {name: value.clone() for name, value in net.named_buffers() if "running" in name}
+    remembered(net.train(), lambda *frame: {"bev": net.encoder.look(*frame)}, {"bev": (64, 40, 16)}, batch)
+    assert net.encoder.training
+    assert all(torch.equal(value, before[name]) for name, value in net.named_buffers() if name in before)
 
 
 # --- labels and sets ---
