@@ -22,6 +22,8 @@ from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
 __all__ = ["read"]
 
 _Episode = Mapping[str, Any]
+_ON_ONNX = "-onnx"
+"""`tcp-onnx` is `tcp` on another engine, and stands in its row."""
 _FEWEST_ROUTES = 2
 """One route has no spread, so nothing could have an interval."""
 
@@ -29,8 +31,9 @@ _FEWEST_ROUTES = 2
 def read(paths: Sequence[Path]) -> Results:
     """All files as one; of an agent that several files hold, the last one counts.
 
-    Raises `UsageError` for a file that is neither kind or holds an agent that the paper does not, `ComparisonError`
-    for episodes without a score, for routes that lack some setting and for files of different routes or worlds.
+    Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not or one on two
+    engines; `ComparisonError` for episodes without a score, for routes that lack some setting and for files of
+    different routes or worlds.
     """
     merged: Results | None = None
     for path in paths:
@@ -73,7 +76,9 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
     routes = {route: (scenarios[route], fingerprint["routes"][route]) for route in sorted(scenarios, key=_place)}
     kept = {key: str(value) for key, value in versions.items() if key not in MACHINE_FACTS}
     agents = {
-        name: Driven(fingerprint["agents"][name], kept, _driven(by_setting, list(routes), f"{path}: {name}"))
+        name.removesuffix(_ON_ONNX): Driven(
+            {"driven": name, **fingerprint["agents"][name]}, kept, _driven(by_setting, list(routes), f"{path}: {name}")
+        )
         for name, by_setting in episodes.items()
     }
     world = {
@@ -90,9 +95,14 @@ def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str,
     for episode in episodes:
         if episode["setting"] in (CLEAN, *SETTINGS):
             found[episode["agent"]][episode["setting"]].append(episode)
-    unknown = sorted(set(found) - set(AGENTS))
+    unknown = sorted(name for name in found if name.removesuffix(_ON_ONNX) not in AGENTS)
     if unknown:
         raise UsageError(f"{path} holds the agent {unknown[0]!r}. The paper's are {', '.join(AGENTS)}.")
+    twice = sorted(name for name in found if f"{name}{_ON_ONNX}" in found)
+    if twice:
+        raise UsageError(
+            f"{path} holds {twice[0]!r} and {twice[0] + _ON_ONNX!r}. Give reports of either: they share a row."
+        )
     return found
 
 

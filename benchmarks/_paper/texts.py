@@ -38,7 +38,9 @@ def table_text(results: Results) -> str:
         lines += [f"Not driven: {', '.join(missing)}.", ""]
     lines += [*_overview(results), "", "## RD (the paper's)", "", *_glance(results)]
     for agent in results.agents:
-        lines += ["", f"## {agent}", "", *_agent_table(results, agent)]
+        made_of = results.agents[agent].made_of
+        lines += ["", f"## {agent}", "", *_agent_table(results, agent), ""]
+        lines += [f"Driven as `{made_of['driven']}`: {made_of['distribution']}, weights {made_of['weights']}."]
     return "\n".join(lines) + "\n"
 
 

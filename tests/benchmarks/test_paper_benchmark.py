@@ -127,6 +127,11 @@ def two_seeds(document: dict[str, Any]) -> None:
     document["settings"]["seeds"] = [0, 1]
 
 
+def on_two_engines(document: dict[str, Any]) -> None:
+    document["fingerprint"]["agents"]["tcp-onnx"] = document["fingerprint"]["agents"]["tcp"]
+    document["episodes"] += [{**episode, "agent": "tcp-onnx"} for episode in document["episodes"]]
+
+
 def without_episodes(document: dict[str, Any]) -> None:
     document["episodes"] = []
 
@@ -142,6 +147,7 @@ def standing_agent(document: dict[str, Any]) -> None:
         (dropped_route, ComparisonError, "7 episodes for 8 routes, lacking 101"),
         (renamed_agent, UsageError, "'classical'. The paper's are tcp, uniad, vad, simlingo"),
         (two_seeds, UsageError, "one seed"),
+        (on_two_engines, UsageError, "'tcp' and 'tcp-onnx'. Give reports of either"),
         (without_episodes, ComparisonError, "0 clean routes"),
         (standing_agent, ComparisonError, "clean driving score is 0"),
     ],
@@ -166,6 +172,12 @@ def test_a_new_report_replaces_its_agent_only(tmp_path: Path) -> None:
     found = reading.read(saved(tmp_path, old, vad, new))
     assert found.agents["tcp"] == reading.read(saved(tmp_path, new)).agents["tcp"]
     assert found.agents["vad"] == reading.read(saved(tmp_path, vad)).agents["vad"]
+
+
+def test_an_agent_on_onnx_runtime_stands_in_the_row_of_its_agent(tmp_path: Path) -> None:
+    found = reading.read(saved(tmp_path, report("tcp-onnx", ALIKE)))
+    assert found.scores("tcp", "clean") == reading.read(saved(tmp_path, report("tcp", ALIKE))).scores("tcp", "clean")
+    assert "Driven as `tcp-onnx`: none 1.0, weights bb." in texts.table_text(found)
 
 
 @given(ratios=st.lists(st.floats(0.0, 3000.0)))

@@ -59,6 +59,12 @@ def test_an_agent_plans_what_it_planned_when_its_weights_were_shipped_and_the_sa
     assert off(here, kept) < TOLERANCE, f"{name} plans otherwise; if that is meant: {COMMAND}"
 
 
+@AGENTS
+def test_on_onnx_runtime_it_plans_the_same(name: str) -> None:
+    pytest.importorskip("onnxruntime")
+    assert off(drive(default_registry().agent(f"{name}-onnx")), golden(name)) < TOLERANCE
+
+
 def pictures(change: Callable[[np.ndarray], np.ndarray]) -> Spoil:
     return lambda seen: seen.map_images(
         lambda _, image: replace(image, pixels=np.ascontiguousarray(change(image.pixels)))

@@ -18,6 +18,7 @@ from drive_robust_agents.uniad import UniAD  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
 from pytest_drive_robust.errors import UsageError  # noqa: E402
 from pytest_drive_robust.registry import default_registry  # noqa: E402
+from pytest_drive_robust.runner.identity import agent_identity  # noqa: E402
 
 AGENTS = (SimLingo, TCP, UniAD, VAD)
 every_agent = pytest.mark.parametrize("agent", AGENTS)
@@ -53,3 +54,11 @@ def test_missing_weights_are_told_before_anything_drives(
     monkeypatch.setattr(weights, "SHIPPED", tmp_path)
     with pytest.raises(UsageError, match=f"train '{agent.name}' and publish it"):
         agent.check()
+
+
+@every_agent
+def test_on_onnx_runtime_it_is_another_agent_of_the_same_weights(agent: type[LearnedAgent]) -> None:
+    pytest.importorskip("onnxruntime")
+    entry = default_registry().entry("agents", f"{agent.name}-onnx")
+    assert entry.load().weights == agent.weights  # type: ignore[attr-defined]
+    assert agent_identity(f"{agent.name}-onnx", default_registry()) != agent_identity(agent.name, default_registry())
