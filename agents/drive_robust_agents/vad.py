@@ -18,8 +18,8 @@ at agents; the cells of that map are labelled in training and the ego query is a
 ahead (auxiliaries that the published model does not have); the memory is 0.5 s old at run time too, and one step deep.
 
 The wrapper is that of Bench2DriveZoo's `vad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
-bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no cap on the
-throttle, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`).
+bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, a throttle
+that no speed cuts, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`).
 """
 
 from __future__ import annotations
