@@ -168,11 +168,11 @@ def test_the_plan_for_overlays_is_the_way_and_the_target() -> None:
     assert told.target_points == ((20.0, 0.0),)
 
 
-def test_there_is_no_cap_on_the_throttle_at_speed() -> None:
+def test_the_throttle_is_the_same_at_every_speed_below_the_wish() -> None:
     agent, _ = spied()
-    slow = replace(observed(0), speed=Speed(3.0, 0))
-    assert agent.act(slow).throttle > 0.5
-    fast = replace(observed(1), speed=Speed(8.0, 1))
+    for tick, speed_mps in enumerate((0.0, 1.6, 3.0)):
+        assert agent.act(replace(observed(tick), speed=Speed(speed_mps, tick))).throttle == VAD.tuning.most_throttle
+    fast = replace(observed(3), speed=Speed(8.0, 3))
     assert agent.act(fast) == replace(agent.act(fast), throttle=0.0, brake=1.0)
 
 
