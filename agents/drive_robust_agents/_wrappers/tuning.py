@@ -41,4 +41,4 @@ TCP = replace(_SHARED, free_throttle=0.5, cruise_throttle=0.3, free_mps=1.5, fre
 UNIAD = replace(_SHARED, coast_above_mps=5.0)
 VAD = replace(_SHARED, most_throttle=0.3)
 """Published: 0.75, which is 3.75 m/s2 here and too much for a small network's foresight: the same weights drove 8 of 44
-held-out routes with 0.75, 14 with 0.4 and 16 with 0.3."""
+held-out routes with 0.75 and 15 with 0.3."""
