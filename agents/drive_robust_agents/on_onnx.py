@@ -1,7 +1,8 @@
-"""The learned agents on ONNX Runtime: `tcp-onnx` is `tcp` with the same weights, whose network is about twice as fast on a CPU.
+"""The learned agents on ONNX Runtime: `tcp-onnx` is `tcp` with the same weights.
 
-Both plan alike to 1e-3 along the golden drives of the tests, but a closed loop makes much of little: an episode of
-`tcp-onnx` need not end as that of `tcp` does, and is stored as another agent's. Needs the extra `onnx`.
+The network is about twice as fast on a CPU. Both plan alike to 1e-3 along the golden drives of the
+tests, but a closed loop makes much of little: an episode of `tcp-onnx` need not end as that of `tcp` does, and is
+stored as another agent's. Needs the extra `onnx`.
 """
 
 from __future__ import annotations
