@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import metadata
+from pathlib import Path
 from typing import ClassVar
 
 from drive_robust_agents._learned import LearnedAgent
@@ -28,8 +29,8 @@ _ENGINE = {"engine": "onnx", "onnxruntime": metadata.version("onnxruntime")}
 class _Onnx(LearnedAgent):
     """Before the class of an agent: its engine is ONNX Runtime, all else is as it ships."""
 
-    def __init__(self) -> None:
-        super().__init__(engine="onnx")
+    def __init__(self, *, weights: str | Path | None = None) -> None:
+        super().__init__(engine="onnx", weights=weights)
 
 
 class TCPOnnx(_Onnx, TCP):

@@ -1,4 +1,7 @@
-"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`."""
+"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
+
+`candidate:tcp-onnx=FILE` drives them on ONNX Runtime.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry import Registry
 
 __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
+
+_ON_ONNX = "-onnx"
 
 
 class CandidateFactory:
@@ -49,8 +54,8 @@ def candidate(argument: str) -> CandidateFactory:
     agent, equals, file = argument.partition("=")
     if not equals or not Path(file).is_file():
         raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")
-    if agent not in RECIPES:
-        raise UnknownNameError.of("learned agent", agent, RECIPES)
+    if agent.removesuffix(_ON_ONNX) not in RECIPES:
+        raise UnknownNameError.of("learned agent", agent, [*RECIPES, *(name + _ON_ONNX for name in RECIPES)])
     return CandidateFactory(agent, Path(file).absolute())
 
 

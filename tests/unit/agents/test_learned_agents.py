@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from drive_robust_agents._learned import LearnedAgent  # noqa: E402
 from drive_robust_agents._nets import weights  # noqa: E402
 from drive_robust_agents.simlingo import SimLingo  # noqa: E402
 from drive_robust_agents.tcp import TCP  # noqa: E402
+from drive_robust_agents.training.candidates import candidate  # noqa: E402
 from drive_robust_agents.training.recipe import RECIPES  # noqa: E402
 from drive_robust_agents.uniad import UniAD  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
@@ -62,3 +64,20 @@ def test_on_onnx_runtime_it_is_another_agent_of_the_same_weights(agent: type[Lea
     entry = default_registry().entry("agents", f"{agent.name}-onnx")
     assert entry.load().weights == agent.weights  # type: ignore[attr-defined]
     assert agent_identity(f"{agent.name}-onnx", default_registry()) != agent_identity(agent.name, default_registry())
+
+
+def test_weights_that_do_not_ship_drive_on_onnx_runtime_too(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime")
+    for name in ("tcp.safetensors", "manifest.json"):
+        shutil.copy(weights.SHIPPED / name, tmp_path)
+    file = tmp_path / "tcp.safetensors"
+    factory = candidate(f"tcp-onnx={file}")
+    assert type(factory()) is default_registry().entry("agents", "tcp-onnx").load()
+    assert factory.weights == (file,)
+
+
+def test_a_candidate_of_no_learned_agent_is_told_the_nearest(tmp_path: Path) -> None:
+    file = tmp_path / "tcp.safetensors"
+    file.touch()
+    with pytest.raises(UsageError, match=r"no learned agent named 'tcp-onx'\. Did you mean 'tcp-onnx'\?"):
+        candidate(f"tcp-onx={file}")
