@@ -29,11 +29,11 @@ _FEWEST_ROUTES = 2
 
 
 def read(paths: Sequence[Path]) -> Results:
-    """All files as one; of an agent that several files hold, the last one counts.
+    """All files as one. Of an agent that several files hold, each setting is that of the last file which has it.
 
     Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not or one on two
-    engines; `ComparisonError` for episodes without a score, for routes that lack some setting and for files of
-    different routes or worlds.
+    engines; `ComparisonError` for episodes without a score, for routes that lack some setting, for files of different
+    routes or worlds and for settings of one agent that belong to different clean runs.
     """
     merged: Results | None = None
     for path in paths:
@@ -158,4 +158,28 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
             f"{path} holds {len(second.routes)} routes, the files before it {len(first.routes)}; different: {shown}. "
             "Agents are compared on the same routes only."
         )
-    return Results(first.world, first.routes, {**first.agents, **second.agents})
+    both = {
+        name: _completed(first.agents[name], driven, f"{path}: {name}")
+        for name, driven in second.agents.items()
+        if name in first.agents
+    }
+    return Results(first.world, first.routes, {**first.agents, **second.agents, **both})
+
+
+def _completed(earlier: Driven, later: Driven, what: str) -> Driven:
+    """The later drive with the settings that only the earlier one has, if their clean episodes are the same ones."""
+    lacking = [
+        setting for setting in (CLEAN, *SETTINGS) if setting in earlier.settings and setting not in later.settings
+    ]
+    if not lacking:
+        return later
+    facts = [(driven.made_of, driven.versions, driven.settings[CLEAN]) for driven in (earlier, later)]
+    if facts[0] != facts[1]:
+        raise ComparisonError(
+            f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other code, "
+            "weights, versions or processor). A setting is compared with its own clean run: drive those again, too."
+        )
+    settings = {**earlier.settings, **later.settings}
+    return Driven(
+        later.made_of, later.versions, {name: settings[name] for name in (CLEAN, *SETTINGS) if name in settings}
+    )

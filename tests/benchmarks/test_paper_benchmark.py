@@ -174,6 +174,25 @@ def test_a_new_report_replaces_its_agent_only(tmp_path: Path) -> None:
     assert found.agents["vad"] == reading.read(saved(tmp_path, vad)).agents["vad"]
 
 
+def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
+    whole = as_published("uniad")
+    parts = [
+        {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in ("clean", setting)]}
+        for setting in SETTINGS
+    ]
+    assert reading.read(saved(tmp_path, *parts[::-1])) == reading.read(saved(tmp_path, whole))
+
+
+def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
+    other = report("tcp", {"clean": 0.9, "occlusion 0.5": 0.5})
+    with pytest.raises(ComparisonError, match=r"1\.json: tcp lacks 1 s burst frame drop, .* of another clean run"):
+        reading.read(saved(tmp_path, report("tcp", ALIKE), other))
+    newer = report("tcp", {"clean": 1.0, "occlusion 0.5": 0.5})
+    newer["versions"]["lockstep"] = "8"
+    with pytest.raises(ComparisonError, match="of another clean run"):
+        reading.read(saved(tmp_path, report("tcp", ALIKE), newer))
+
+
 def test_an_agent_on_onnx_runtime_stands_in_the_row_of_its_agent(tmp_path: Path) -> None:
     found = reading.read(saved(tmp_path, report("tcp-onnx", ALIKE)))
     assert found.scores("tcp", "clean") == reading.read(saved(tmp_path, report("tcp", ALIKE))).scores("tcp", "clean")
