@@ -19,6 +19,7 @@ from drive_robust_agents.training.rigs import outfit
 from drive_robust_agents.training.routes import training_keys
 from drive_robust_agents.training.shards import Shard, Written
 from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 __all__ = ["Collected", "Wish", "add_arguments", "collect", "main", "run", "wish_of"]
@@ -32,7 +33,7 @@ _GROWS = ("per_type", "routes")
 class Wish:
     """What to collect. `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
     `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
-    that shares the driving.
+    that shares the driving, each episode under one of `settings` (none: clean).
     """
 
     agent: str
@@ -45,6 +46,7 @@ class Wish:
     dagger: str | None = None
     beta: float = 0.5
     types: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
 
     def check(self) -> None:
         """Raises `UsageError` for what cannot be collected."""
@@ -57,20 +59,27 @@ class Wish:
             raise UsageError(f"--routes is {self.routes}, expected at least 1.")
         if not 0.0 <= self.beta <= 1.0:
             raise UsageError(f"--beta is {self.beta!r}, expected the expert's share of the time: 0 to 1.")
-        if self.dagger is not None:
-            agent_of(Mixture(self.agent, self.dagger, self.beta))  # an agent that cannot be made is said at once
+        for sentence in self.settings:
+            Setting.parse(sentence)
+        if self.settings and self.dagger is None:
+            raise UsageError(
+                "--settings are for the agent of --dagger, which is lacking: nothing fails for the expert."
+            )
+        if self._mixture is not None:
+            agent_of(self._mixture)  # an agent that cannot be made is said at once
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """All shards of it."""
         keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
-        mixture = None if self.dagger is None else Mixture(self.agent, self.dagger, self.beta)
-        step = self.shard_routes
+        step, seed, mixture = self.shard_routes, self.data_seed, self._mixture
         return tuple(
-            Shard(
-                folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, self.data_seed, mixture
-            )
+            Shard(folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, seed, mixture)
             for k in range(-(-len(keys) // step))
         )
+
+    @property
+    def _mixture(self) -> Mixture | None:
+        return None if self.dagger is None else Mixture(self.agent, self.dagger, self.beta, self.settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +118,8 @@ def _done(shard: Shard) -> dict[str, Any] | None:
 
 def _claim(wish: Wish, out: Path) -> None:
     """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
-    asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "simulator": EmbeddedSimulator.version}
+    asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "settings": list(wish.settings)}
+    asked["simulator"] = EmbeddedSimulator.version
     asked["cameras"] = [asdict(camera) for camera in outfit(wish.agent).cameras]
     file = out / _ASKED
     if file.is_file():
@@ -169,13 +179,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--dagger", default=None, metavar="WEIGHTS_OR_AGENT", help="an agent that shares the driving")
     parser.add_argument("--beta", type=float, default=0.5, help="with --dagger: the expert's share of the time")
+    parser.add_argument(
+        "--settings", nargs="+", default=[], metavar="SETTING",
+        help='with --dagger: each episode is under one of these, such as "GPS noise 15 m" or clean',
+    )  # fmt: skip
 
 
 def wish_of(given: argparse.Namespace) -> Wish:
     """The options as a `Wish`."""
     return Wish(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
-        given.shard_routes, given.dagger, given.beta, tuple(given.types),
+        given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
     )  # fmt: skip
 
 

@@ -25,13 +25,17 @@ TICK_CAP, STUCK_S = 4000, 40.0
 
 @dataclass(slots=True)
 class Course:
-    """One episode under way: the world, the expert that watches or drives it, and the two route planners."""
+    """One episode under way: the world, the expert that watches or drives it, and the two route planners.
+
+    `told` is where the planners think that the ego is; None: where it is.
+    """
 
     simulator: EmbeddedSimulator
     expert: Expert
     planners: tuple[RoutePlanner, RoutePlanner]
     room: Room
     night: bool
+    told: Gps | None = None
     frames: list[Frame] = field(default_factory=list)
     controls: list[Control] = field(default_factory=list)
 
@@ -53,8 +57,8 @@ class Course:
 
     def targets(self) -> tuple[Target, Target]:
         """What the planners say here; they drop what is reached, as in every tick."""
-        ego = self.simulator.frame.ego
-        return self.planners[0].step(ego.x_m, ego.y_m), self.planners[1].step(ego.x_m, ego.y_m)
+        at = self.told or self.simulator.frame.ego
+        return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
 
     def act(self) -> Control:
         """The expert's control for this moment."""

@@ -145,6 +145,8 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest
         (["--agent", "tcp", "--workers", "0"], "--workers is 0, expected at least 1"),
         (["--agent", "tcp", "--beta", "1.5"], "--beta is 1.5, expected the expert's share"),
         (["--agent", "tcp", "--dagger", "reactiv"], "Did you mean 'reactive'"),
+        (["--agent", "tcp", "--dagger", "reactive", "--settings", "GPS nois 15 m"], "GPS noise"),
+        (["--agent", "tcp", "--settings", "clean"], "--settings are for the agent of --dagger, which is lacking"),
     ],
 )
 def test_what_cannot_be_collected_is_said_before_anything_is_written(

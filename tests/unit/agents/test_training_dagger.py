@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from drive_robust_agents.training.dagger import Mixture, agent_of, agent_turns, 
 from drive_robust_agents.training.draws import draws
 from drive_robust_agents.training.rollouts import DAGGER
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+from pytest_drive_robust.domain.truth import Frame
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 WAY = "ControlLoss"
@@ -36,8 +39,8 @@ class Floored:
         return Control(1.0, 0.15, 0.0)
 
 
-def mixture(beta: float) -> Mixture:
-    return Mixture("tcp", "constant", beta)
+def mixture(beta: float, *settings: str) -> Mixture:
+    return Mixture("tcp", "constant", beta, settings)
 
 
 def test_a_faulty_agent_is_stopped_at_its_first_fault_and_labelled_by_the_expert() -> None:
@@ -71,6 +74,37 @@ def test_with_the_expert_alone_the_labels_are_its_own_drive() -> None:
         step = after.tick - before.tick
         if step < len(before.frames):
             assert before.frames[step].ego == after.frames[0].ego
+
+
+def test_under_a_failure_the_agent_is_told_what_is_wrong_and_the_planners_follow_it() -> None:
+    agent, told = Floored(), Floored()
+    clean = drive_mixture(route_of(WAY), agent=agent, mixture=mixture(1.0), data_seed=0, seed=0)
+    wrong = drive_mixture(route_of(WAY), agent=told, mixture=mixture(1.0, "GPS noise 15 m"), data_seed=0, seed=0)
+    off = [
+        math.dist((a.gps.x_m, a.gps.y_m), (b.gps.x_m, b.gps.y_m)) for a, b in zip(agent.seen, told.seen, strict=True)
+    ]
+    assert 10.0 < np.mean(off) < 30.0
+    assert [one.tick for one in wrong] == [one.tick for one in clean]
+    assert all(one.frames[0].ego == other.frames[0].ego for one, other in zip(wrong, clean, strict=True))
+    assert any(one.here.targets != other.here.targets for one, other in zip(wrong, clean, strict=True))
+
+
+def test_late_controls_lead_the_agent_elsewhere_but_not_the_expert() -> None:
+    def drives(beta: float, *settings: str) -> list[Frame]:
+        found = drive_mixture(route_of(WAY), agent=Floored(), mixture=mixture(beta, *settings), data_seed=0, seed=0)
+        return [one.frames[0] for one in found]
+
+    assert drives(1.0, "500 ms latency")[-1].ego == drives(1.0)[-1].ego
+    late, clean = drives(0.0, "500 ms latency"), drives(0.0)
+    moved = [next(frame.tick for frame in of if frame.ego.speed_mps > 1.0) for of in (late, clean)]
+    assert moved[0] > moved[1]
+
+
+def test_each_episode_draws_one_of_the_settings() -> None:
+    three = mixture(0.5, "clean", "GPS noise 15 m", "occlusion 0.8")
+    drawn = Counter(str(three.setting(draws(0, k))) for k in range(300))
+    assert set(drawn) == set(three.settings)
+    assert min(drawn.values()) > 70
 
 
 def test_turns_last_one_to_three_seconds_and_share_the_time() -> None:
