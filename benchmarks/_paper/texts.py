@@ -9,7 +9,7 @@ from pathlib import Path
 from _paper.estimates import Estimate, degradation, driving_score, efficiency, mean_degradation, success_rate
 from _paper.patterns import Pattern
 from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS, published_mean_rd
-from _paper.results import Results
+from _paper.results import Driven, Results
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["explanations", "patterns_text", "table_text"]
@@ -22,7 +22,7 @@ _SIGNS = {"appears": "yes", "does not appear": "no", "cannot be told": "?", "not
 
 def table_text(results: Results) -> str:
     """Every agent and setting, ours beside the paper's, under an overview of the agents."""
-    missing = [agent for agent in AGENTS if agent not in results.agents]
+    missing = [_missing(agent, results.agents.get(agent)) for agent in AGENTS]
     lines = [
         "# The paper's table",
         "",
@@ -34,14 +34,23 @@ def table_text(results: Results) -> str:
         "re-implementations in the embedded world: compare patterns, not levels.",
         "",
     ]
-    if missing:
-        lines += [f"Not driven: {', '.join(missing)}.", ""]
+    if any(missing):
+        lines += [f"Not driven: {', '.join(filter(None, missing))}.", ""]
     lines += [*_overview(results), "", "## RD (the paper's)", "", *_glance(results)]
     for agent in results.agents:
-        made_of = results.agents[agent].made_of
+        made_of, abreast = results.agents[agent].made_of, results.agents[agent].versions.get("lockstep")
         lines += ["", f"## {agent}", "", *_agent_table(results, agent), ""]
-        lines += [f"Driven as `{made_of['driven']}`: {made_of['distribution']}, weights {made_of['weights']}."]
+        how = f", {abreast} episodes in lockstep" if abreast else ""
+        lines += [f"Driven as `{made_of['driven']}`{how}: {made_of['distribution']}, weights {made_of['weights']}."]
     return "\n".join(lines) + "\n"
+
+
+def _missing(agent: str, driven: Driven | None) -> str:
+    """What of an agent was not driven, empty when all was."""
+    if driven is None:
+        return agent
+    lacking = sum(setting not in driven.settings for setting in SETTINGS)
+    return f"{agent} under {lacking} of {len(SETTINGS)} settings" if lacking else ""
 
 
 def _overview(results: Results) -> list[str]:

@@ -73,7 +73,7 @@ def test_everything_is_drawn_again_from_the_committed_file_to_the_last_byte(rend
 
 def test_what_was_not_driven_is_missing_and_not_zero(rendered: Path) -> None:
     table = (rendered / "table.md").read_text(encoding="utf-8")
-    assert "Not driven: uniad, vad." in table
+    assert "Not driven: uniad, vad, simlingo under 1 of 11 settings." in table
     assert re.search(r"^\| uniad \| - \| - \| - \| 45\.8 \|", table, re.MULTILINE)
     assert re.search(r"^\| occlusion 0\.8 \| - \| - \| - \| - \| - \| 14\.8 \|", table, re.MULTILINE)
     assert "## uniad" not in table
@@ -181,6 +181,14 @@ def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
         for setting in SETTINGS
     ]
     assert reading.read(saved(tmp_path, *parts[::-1])) == reading.read(saved(tmp_path, whole))
+
+
+def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
+    together = report("vad-onnx", ALIKE)
+    together["versions"]["lockstep"] = "8"
+    found = reading.read(saved(tmp_path, report("tcp", ALIKE), together))
+    assert "Driven as `vad-onnx`, 8 episodes in lockstep: none 1.0, weights bb." in texts.table_text(found)
+    assert "Driven as `tcp`: none 1.0, weights bb." in texts.table_text(found)
 
 
 def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
