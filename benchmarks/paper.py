@@ -7,8 +7,8 @@ may well be broken:
     pytest --drive-robust suites/paper --drive-agent tcp --drive-routes full --drive-verdict point --drive-json tcp.json
 
 One setting at a time does as well, as in `-k occlusion-0.8`, with a report each. Then draw, from one or more such
-reports; of an agent that is in several files each setting is that of the last one, so that a new report can be put over
-the committed results:
+reports; of an agent that is in several files each setting is that of the last one, if all belong to the same clean run
+(else a new report must hold all that the old one does), so that it can be put over the committed results:
 
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere

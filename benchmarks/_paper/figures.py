@@ -155,14 +155,16 @@ def latency_curves(results: Results) -> str:
 
 
 def _curve(axes: Axes, agent: str, cells: Sequence[Estimate | None]) -> None:
-    """One agent's line; what was not driven is left out of it. Lines are set apart a little, or intervals overlap."""
+    """One agent's line, broken where it was not driven. Lines are set apart a little, or intervals overlap."""
     beside = 4.0 * (AGENTS.index(agent) - 1.5)
-    known = [(ms + beside, cell) for ms, cell in zip(_LATENCY_MS.values(), cells, strict=True) if cell is not None]
-    places = [place for place, _ in known]
+    places = [ms + beside for ms in _LATENCY_MS.values()]
+    known = [(place, cell) for place, cell in zip(places, cells, strict=True) if cell is not None]
     lows = [max(cell.low, _LOWEST_RD) for _, cell in known]
-    axes.vlines(places, lows, [cell.high for _, cell in known], color=_COLOURS[agent], linewidth=1.4)
+    axes.vlines(
+        [place for place, _ in known], lows, [cell.high for _, cell in known], color=_COLOURS[agent], linewidth=1.4
+    )
     look: dict[str, Any] = {"color": _COLOURS[agent], "marker": _MARKERS[agent], "markersize": 5, "label": agent}
-    axes.plot(places, [cell.value for _, cell in known], **look)
+    axes.plot(places, [math.nan if cell is None else cell.value for cell in cells], **look)
 
 
 def _exact(value: float) -> Estimate:

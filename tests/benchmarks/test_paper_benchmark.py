@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import paper_table
 import pytest
-from _paper import estimates, patterns, published, reading, results, texts
+from _paper import estimates, figures, patterns, published, reading, results, texts
 from _paper.estimates import Estimate
 from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_drives import CLEAN_DS, report, saved
+from matplotlib.figure import Figure
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import ComparisonError, UsageError
@@ -181,6 +182,13 @@ def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
         for setting in SETTINGS
     ]
     assert reading.read(saved(tmp_path, *parts[::-1])) == reading.read(saved(tmp_path, whole))
+
+
+def test_no_line_leads_through_what_was_not_driven() -> None:
+    axes = Figure().subplots()
+    figures._curve(axes, "vad", [Estimate(60.0, 55.0, 65.0), None, None, Estimate(50.0, 45.0, 55.0)])
+    (line,) = axes.get_lines()
+    assert np.isnan(line.get_ydata()).tolist() == [False, True, True, False]
 
 
 def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
