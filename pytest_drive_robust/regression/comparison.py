@@ -10,8 +10,9 @@ from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.clean import clean_sentence
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip, Numbers, Terms
+from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
-from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
+from pytest_drive_robust.regression.verdicts import judge_drop, judge_rise, kind_for
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.stats.judges import VerdictKind
 from pytest_drive_robust.stats.order import planned_order
@@ -113,6 +114,7 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
         routes=len(pairs),
         missing=len(old.routes) - len(pairs),
         changed=changed,
+        quartets=() if old.broken or new.broken else quartets,
         findings=tuple(_findings(new, pairs, quartets, terms.allowances, kind)),
         flips=_flips(pairs),
         rule=kind,
@@ -136,7 +138,7 @@ def _quartets(
     if sentence == new.setting or clean_old is None or clean_new is None:
         return ()
     return tuple(
-        Quartet(clean_old.routes[route].ds, was.ds, clean_new.routes[route].ds, now.ds)
+        Quartet(route, clean_old.routes[route].ds, was.ds, clean_new.routes[route].ds, now.ds)
         for was, now in pairs
         if (route := now.route_id) in clean_old.routes and route in clean_new.routes
     )

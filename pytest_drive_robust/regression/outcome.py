@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy
+from pytest_drive_robust.regression.rises import Quartet, Rise, rise_of
 from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
 
 __all__ = ["CellComparison", "Comparison", "Finding", "Flip", "Numbers", "Terms"]
@@ -56,8 +57,9 @@ class Finding:
 class CellComparison:
     """One agent under one setting in both runs. `agent` is its name in the new run.
 
-    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score. `rule` is what
-    judged them, `same_seeds` says whether both runs drove them with the same seeds.
+    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score. `quartets` are
+    those with clean scores in both, none where some route was not scored. `rule` is what judged them, `same_seeds` says
+    whether both runs drove them with the same seeds.
     """
 
     agent: str
@@ -68,6 +70,7 @@ class CellComparison:
     routes: int
     missing: int
     changed: int
+    quartets: tuple[Quartet, ...]
     findings: tuple[Finding, ...]
     flips: tuple[Flip, ...]
     rule: str
@@ -83,6 +86,11 @@ class CellComparison:
     def regressed(self) -> bool:
         """True when the new run must not pass for as good as the old one: it is worse, or was not scored."""
         return self.verdict in ("fail", "error")
+
+    @property
+    def rise(self) -> Rise | None:
+        """What RD rose by; None under a clean setting and where too little was driven."""
+        return rise_of(self.quartets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,3 +114,13 @@ class Comparison:
     def regressions(self) -> tuple[CellComparison, ...]:
         """The settings that got worse than allowed."""
         return tuple(cell for cell in self.cells if cell.regressed)
+
+    @property
+    def mean_rises(self) -> dict[str, Rise]:
+        """What the mean RD of all settings rose by, of each agent that has two or more of them."""
+        quartets: dict[str, list[tuple[Quartet, ...]]] = {}
+        for cell in self.cells:
+            if cell.quartets:
+                quartets.setdefault(cell.agent, []).append(cell.quartets)
+        rises = {agent: rise_of(*settings) for agent, settings in quartets.items() if len(settings) > 1}
+        return {agent: rise for agent, rise in rises.items() if rise is not None}

@@ -8,31 +8,21 @@ is no sum over routes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from statistics import fmean
 from typing import cast
 
 from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.regression.allowance import Allowance
+from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T, Decision, mean_below_zero_p
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by
 from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
 
-__all__ = ["MARGIN", "Quartet", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
+__all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
 
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
-
-
-@dataclass(frozen=True, slots=True)
-class Quartet:
-    """The driving scores (0..100) of one route in two runs, clean and perturbed."""
-
-    clean_before: float
-    before: float
-    clean_after: float
-    after: float
 
 
 def parse_kind(given: str, *, source: str) -> str:

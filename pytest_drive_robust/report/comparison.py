@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
+    from pytest_drive_robust.regression.rises import Rise
     from pytest_drive_robust.regression.snapshot import RouteScore
 
 __all__ = ["WIDTH", "comparison_text", "conclusion"]
@@ -35,7 +36,7 @@ def comparison_text(comparison: Comparison, *, colour: bool) -> str:
         console.print(line, soft_wrap=True)
     if not comparison.refusals:
         console.print(_table(comparison, colour=colour))
-        for line in _stories(comparison):
+        for line in (*_stories(comparison), *_mean_lines(comparison)):
             console.print(line, soft_wrap=True)  # a replay line must stay one line
     console.print(conclusion(comparison), soft_wrap=True)
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
@@ -104,11 +105,23 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         if not broken and not cell.flips:
             continue
         yield f"{cell.agent} under {cell.setting}: {cell.changed} of {_count(cell.routes, 'route')} changed"
+        if cell.rise is not None:
+            yield f"  RD {_change(cell.rise)}"
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
         failing = [flip for flip in cell.flips if flip.fails]
         passing = [flip for flip in cell.flips if not flip.fails]
         yield from _flips(comparison, cell, failing, most=_MOST_FAILING)
         yield from _flips(comparison, cell, passing, most=_MOST_PASSING)
+
+
+def _mean_lines(comparison: Comparison) -> Iterator[str]:
+    for agent, rise in comparison.mean_rises.items():
+        yield f"{agent}: mean RD of {rise.settings} settings {_change(rise)} on {_count(rise.routes, 'route')}"
+
+
+def _change(rise: Rise) -> str:
+    interval = f"{rise.low:+.3f} to {rise.high:+.3f}"
+    return f"{rise.before:.3f} -> {rise.after:.3f} ({rise.after - rise.before:+.3f}, 95 % {interval})"
 
 
 def _finding(cell: CellComparison, finding: Finding) -> str:
