@@ -105,8 +105,8 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         if not broken and not cell.flips:
             continue
         yield f"{cell.agent} under {cell.setting}: {cell.changed} of {_count(cell.routes, 'route')} changed"
-        if cell.rise is not None:
-            yield f"  RD {_change(cell.rise)}"
+        if (rise := cell.rise) is not None:
+            yield f"  RD {_change(rise)}"
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
         failing = [flip for flip in cell.flips if flip.fails]
         passing = [flip for flip in cell.flips if not flip.fails]
