@@ -115,6 +115,8 @@ def _stories(comparison: Comparison) -> Iterator[str]:
 
 
 def _mean_lines(comparison: Comparison) -> Iterator[str]:
+    if not any(cell.changed for cell in comparison.cells):
+        return
     for agent, rise in comparison.mean_rises.items():
         yield f"{agent}: mean RD of {rise.settings} settings {_change(rise)} on {_count(rise.routes, 'route')}"
 

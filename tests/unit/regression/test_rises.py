@@ -90,6 +90,11 @@ def test_a_comparison_says_what_rd_rose_by_and_what_the_mean_did() -> None:
     assert comparison.mean_rises["driver"].routes == 4
 
 
+def test_of_two_runs_without_any_change_nothing_is_said() -> None:
+    run = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"), cell(CLEAN, setting="occlusion 0.5"))
+    assert "RD 0." not in comparison_text(compare(run, run), colour=False)
+
+
 def test_a_setting_with_a_route_that_was_not_scored_has_no_rise() -> None:
     before = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"))
     after = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m", broken=("5: the agent raised",)))
