@@ -19,6 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command. Returns the exit code: 0, 1 for a broken contract, 4 for what we cannot use."""
     options = _parser().parse_args(arguments)
     try:
+        _register_names(options.plugins)
         code: int = options.command(options)
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)
@@ -26,10 +27,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+def _register_names(plugins: Iterable[str]) -> None:
+    """As pytest does it for `-p` and for a `conftest.py`."""
+    for word in plugins:
+        from pytest_drive_robust.registering import register_names_of
+        from pytest_drive_robust.registry import default_registry
+
+        register_names_of(word, default_registry())
+
+
 def _parser() -> argparse.ArgumentParser:
     from pytest_drive_robust import __version__
 
     parser = argparse.ArgumentParser("drive-robust", description="Closed-loop robustness of driving policies.")
+    parser.add_argument(
+        "-p",
+        dest="plugins",
+        action="append",
+        default=[],
+        metavar="PLUGIN",
+        help="a module or the path of a conftest.py that registers names of its own; may be repeated",
+    )
     parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 

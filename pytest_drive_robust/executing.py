@@ -22,7 +22,6 @@ __all__ = ["CRADLE", "cradle_for", "executor_of"]
 
 CRADLE = "drive_robust_cradle"
 """Where a worker of pytest-xdist finds it in its `workerinput`."""
-_HOOK = "pytest_drive_robust_register"
 
 
 def executor_of(
@@ -94,15 +93,11 @@ def cradle_for(settings: Settings, execution: Execution, place: Path) -> Cradle 
 
 def _recipe_of(config: pytest.Config, settings: Settings, agents: tuple[str, ...]) -> Recipe:
     """How a fresh process comes to know the names that this one knows."""
-    from pytest_drive_robust.engine.recipe import plugin_source
+    from pytest_drive_robust.registering import naming_plugins, plugin_source
 
     return replace(
         _recipe(settings),
-        plugins=tuple(
-            plugin_source(plugin)
-            for _, plugin in config.pluginmanager.list_name_plugin()  # in the order of registration
-            if plugin is not None and hasattr(plugin, _HOOK)
-        ),
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
         preload_agents=agents,
         cradle=getattr(config, "workerinput", {}).get(CRADLE, ""),
     )

@@ -66,4 +66,6 @@ def pytest_drive_robust_register(registry: Registry) -> None:
             registry.register_perturbation(Dimmed)
 
     `RD under dimmed camera 0.5 <= 0.20` is a requirement from then on, and `--drive-agent cautious` an agent.
+
+    Outside pytest, `drive-robust -p conftest.py COMMAND` calls the hook; the replay lines of failures begin that way.
     """

@@ -248,15 +248,18 @@ class ReportingPlugin:
 
 def _activate(config: pytest.Config) -> None:
     """With `--drive-robust`: decide what this process does, and register only that."""
+    from dataclasses import replace
+
     from pytest_drive_robust.crewing import is_outside, outside_settings
     from pytest_drive_robust.execution import Execution
+    from pytest_drive_robust.registering import plugin_words
     from pytest_drive_robust.regression.choices import Choices
     from pytest_drive_robust.regression.waivers import Waivers
     from pytest_drive_robust.settings import Settings
     from pytest_drive_robust.stopping import StopPlugin
     from pytest_drive_robust.waiving import WaivingPlugin
 
-    settings = Settings.from_pytest_config(config)
+    settings = replace(Settings.from_pytest_config(config), plugins=plugin_words(config.pluginmanager))
     execution = Execution.from_pytest_config(config)
     settings = outside_settings(config, settings, execution)
     choices = Choices.from_pytest_config(config, config.rootpath)

@@ -46,7 +46,8 @@ _BUILTIN_SIMULATORS = (
 _BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.official_agents.factory:leaderboard_agent", "FILE+CONFIG"),)
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
-    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register.",
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
+    "(drive-robust reads that of a conftest.py with -p conftest.py).",
     "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
     "simulators": "Give 'module:Factory' to use your own, or register one in pytest_drive_robust_register.",
     "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",

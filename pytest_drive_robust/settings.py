@@ -55,6 +55,7 @@ class Settings:
     `correction` whether fails must stand among all requirements of the run. `store` is the folder of finished
     episodes or `"off"`; with `fresh` what other runs left there is not used.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
+    `plugins` register names of their own, in the words that `drive-robust -p` takes.
     """
 
     agent: str = DEFAULT_AGENT
@@ -71,6 +72,7 @@ class Settings:
     store: str = DEFAULT_STORE
     fresh: bool = False
     routes_given: bool = field(default=False, compare=False)
+    plugins: tuple[str, ...] = field(default=(), compare=False)
 
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> Settings:
@@ -110,6 +112,7 @@ class Settings:
             "margin": self.ruling.margin,
             "alpha": self.ruling.alpha,
             "correction": self.correction,
+            "plugins": list(self.plugins),
         }
 
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import inspect
 import os
 import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registering import call_hook, imported_from
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry import Registry
 
-__all__ = ["Recipe", "plugin_source"]
+__all__ = ["Recipe"]
 
-_HOOK = "pytest_drive_robust_register"
 _THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -63,7 +59,7 @@ class Recipe:
         os.chdir(self.folder)
         registry = default_registry()
         for module, file in self.plugins:
-            _call_hook(_imported(module, file), registry)
+            call_hook(_imported(module, file), registry)
         return registry
 
     def limit_threads(self) -> None:
@@ -76,58 +72,12 @@ class Recipe:
             torch.set_num_threads(self.threads)
 
 
-def plugin_source(plugin: object) -> tuple[str, str]:
-    """The module and the file of a plugin that registers names, as `Recipe.plugins` holds them.
-
-    Raises `UsageError` for a plugin that no other process could import.
-    """
-    file = getattr(plugin, "__file__", None) if isinstance(plugin, ModuleType) else None
-    if file is None:
-        raise UsageError(
-            f"the plugin {plugin!r} implements {_HOOK} but is no module in a file, so that the processes that drive "
-            "episodes cannot import it. Register the names in a module or a conftest.py, or give "
-            "--drive-executor inline."
-        )
-    return plugin.__name__, str(Path(file).absolute())  # type: ignore[attr-defined]
-
-
 def _imported(module: str, file: str) -> ModuleType:
-    """The module of that name from exactly that file. Two conftest.py files may share a name: the later one gets it."""
-    known = sys.modules.get(module)
-    if known is not None and _is_file(known.__file__, file):
-        return known
     try:
-        if "." in module and _is_file(getattr(_spec(module), "origin", None), file):
-            return importlib.import_module(module)
-        spec = importlib.util.spec_from_file_location(module, file)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{file} is no Python module")
-        made = importlib.util.module_from_spec(spec)
-        sys.modules[module] = made
-        spec.loader.exec_module(made)
+        return imported_from(module, file)
     except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
         raise UsageError(
             f"the plugin {module} ({file}) does not load in the processes that drive episodes: "
             f"{type(error).__name__}: {error}. What it needs must not depend on pytest having started; or give "
             "--drive-executor inline."
         ) from error
-    return made
-
-
-def _call_hook(module: ModuleType, registry: Registry) -> None:
-    hook = getattr(module, _HOOK, None)
-    if hook is None:
-        return
-    wanted = inspect.signature(hook).parameters
-    hook(**({"registry": registry} if "registry" in wanted else {}))
-
-
-def _spec(module: str) -> object:
-    try:
-        return importlib.util.find_spec(module)
-    except (ImportError, ValueError):
-        return None
-
-
-def _is_file(found: str | None, file: str) -> bool:
-    return found is not None and os.path.realpath(found) == os.path.realpath(file)

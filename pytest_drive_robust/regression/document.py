@@ -102,6 +102,7 @@ class _Reader:
                 stuck_stop_s=settings.get("stuck_stop_s"),
                 agent=AgentPrint(**{name: told.get(name, "") for name in ("distribution", "source", "weights")}),
                 versions=dict(self._document.get("versions", {})),
+                plugins=tuple(settings.get("plugins", ())),  # runs that were saved before these were told lack them
             )
         return self._prints[agent]
 

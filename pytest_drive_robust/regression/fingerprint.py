@@ -38,12 +38,16 @@ class AgentPrint:
 
 @dataclass(frozen=True, slots=True)
 class Fingerprint:
-    """What the episodes of one agent were driven with. `simulator` is the name that was asked for."""
+    """What the episodes of one agent were driven with. `simulator` is the name that was asked for.
+
+    `plugins` are needed to drive them again, and are no part of what they were.
+    """
 
     simulator: str
     stuck_stop_s: float | None = None
     agent: AgentPrint = AgentPrint()
     versions: Mapping[str, str] = field(default_factory=dict)
+    plugins: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def world(self) -> str:

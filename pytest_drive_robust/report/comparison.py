@@ -161,7 +161,9 @@ def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> 
     from pytest_drive_robust.requirements.worst import WorstRoute
 
     fingerprint = score.fingerprint
-    settings = Settings(simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s)
+    settings = Settings(
+        simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s, plugins=fingerprint.plugins
+    )
     worst = WorstRoute(
         score.route_id, score.scenario, score.worst_seed, None, score.ds, "not driven", score.outcome, None
     )

@@ -47,7 +47,8 @@ def replay_command(
     worst: WorstRoute | Episode, agent: str, setting: str, settings: Settings, *, routes_spec: str
 ) -> str:
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
-    words = ["drive-robust", "replay", worst.route_id, "--agent", agent, "--setting", setting]
+    words = ["drive-robust", *(word for plugin in settings.plugins for word in ("-p", plugin))]
+    words += ["replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]
     if routes_spec != settings.simulator and not ships(routes_spec):
         words += ["--routes", routes_spec]

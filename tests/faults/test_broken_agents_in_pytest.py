@@ -101,8 +101,8 @@ def test_whatever_an_agent_does_is_its_result_and_nobody_elses(project, workers)
         assert detail in episode["end_detail"]
         assert episode["ticks"] == 30
         assert 0.0 < episode["driving_score"] < 90.0  # what it drove until then counts
-        command = f"drive-robust replay 7 --agent guarded_agents:{name} --setting clean --seed 0 --routes long.xml"
-        assert command in text
+        command = f"replay 7 --agent guarded_agents:{name} --setting clean --seed 0 --routes long.xml"
+        assert f"drive-robust -p conftest.py {command}" in text
     lines = [line for line in text.splitlines() if line.startswith("1 x agent error: ")]
     assert len(lines) == 10  # the first kinds, and how many more there are
     assert f"and {len(FAULTS) - 10} more kinds of agent error" in text

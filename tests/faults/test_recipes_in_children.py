@@ -15,9 +15,9 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.nursery import Nursery
-from pytest_drive_robust.engine.recipe import plugin_source
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Perturbation, Setting
+from pytest_drive_robust.registering import plugin_source
 from pytest_drive_robust.registry import default_registry
 from pytest_drive_robust.runner.loop import drive_episode
 from pytest_drive_robust.runner.machine import with_machine

@@ -43,6 +43,7 @@ def test_the_file_holds_settings_verdicts_summaries_and_episodes(mixed):
         "margin": 0.10,
         "alpha": 0.05,
         "correction": "none",
+        "plugins": ["conftest.py"],
     }
     assert {"python", "pytest", "pytest-drive-robust", "fake"} <= set(document["versions"])
     verdicts = {item["requirement"]: item["verdict"] for item in document["requirements"]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 import subprocess
 import sys
@@ -45,13 +46,24 @@ def test_a_broken_requirement_fails_its_test_and_says_why(suite, driven, workers
         ],
     )
     result.stdout.fnmatch_lines(
-        ['  replay:  drive-robust replay 3 --agent steady --setting "throttle 0.3" --seed 0 --routes *']
+        ['  replay:  drive-robust -p conftest.py replay 3 --agent steady --setting "throttle 0.3" --seed 0 --routes *']
     )
     result.stdout.fnmatch_lines(["FAILED *rd-throttle-0.3-le-0.30[]] - RD under throttle 0.3 = 0.64, limit <= 0.30"])
     result.stdout.no_fnmatch_line("*Traceback*")
     result.stdout.no_fnmatch_line("*test_suite.py:*: *Error*")
     assert driven() == sorted(["1 0", "2 0", "3 0"] * 3), "clean, throttle 0.9 and throttle 0.3, each once"
     assert_table(result.outlines, verdicts=["pass", "pass", "fail"])
+
+
+def test_the_replay_line_drives_again_what_a_conftest_registered(suite):
+    folder = suite(RED)
+    result = run(folder)
+    line = next(line for line in result.outlines if line.startswith("  replay:  "))
+    program, *words = shlex.split(line.partition("replay:")[2])
+    assert program == "drive-robust"
+    replayed = folder.run(sys.executable, "-m", "pytest_drive_robust.cli", *words, "--no-video")
+    assert replayed.ret == 0
+    replayed.stdout.fnmatch_lines(["steady on 3 under throttle 0.3, seed 0 (Straight)", "first divergence at * s"])
 
 
 def assert_table(lines, *, verdicts):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust import registry
 from pytest_drive_robust.cli import main
 
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
@@ -98,18 +99,49 @@ def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[s
         (["check-agent", "nobody"], "no agent named 'nobody'"),
         (["check-agent", "cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
         (["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", "dev11"], "Did you mean 'dev10'"),
+        (["-p", "conftes.py", "list"], "-p is 'conftes.py', but there is no such file"),
+        (["-p", "no_such_plugin", "list"], "expected a module that can be imported or the path of a conftest.py"),
+        (["-p", "cli_agents", "list"], "registers no names: it has no function pytest_drive_robust_register"),
+        (["-p", "leaves.py", "list"], "SystemExit: not here"),
         (["replay", "no-such", "--agent", "cli_agents:Good", "--sim", FAKE], "no route named 'no-such'"),
         (["replay", "1", "--agent", "cli_agents:Good", "--sim", FAKE, "--setting", "200 ms latncy"], "latency"),
     ],
 )
 def test_what_cannot_be_used_exits_with_4_and_one_message(
-    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "leaves.py").write_text("raise SystemExit('not here')")
     assert main(arguments) == 4
     captured = capsys.readouterr()
     assert told in captured.err
     assert captured.err.startswith("drive-robust: ")
     assert "Traceback" not in captured.err
+
+
+@pytest.mark.parametrize("inside", ["", "pack"])
+def test_a_module_or_a_conftest_registers_names(
+    inside: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A `conftest.py` may import its neighbours, by the name of its package where it is in one."""
+    registry.default_registry.cache_clear()
+    neighbour = "pack.drivers" if inside else "drivers"
+    hook = "def pytest_drive_robust_register(registry): registry.register_agent({!r}, Good)\n"
+    (tmp_path / "suites" / inside).mkdir(parents=True)
+    if inside:
+        (tmp_path / "suites" / inside / "__init__.py").touch()
+    (tmp_path / "suites" / inside / "drivers.py").write_text(AGENT)
+    (tmp_path / "suites" / inside / "conftest.py").write_text(f"from {neighbour} import Good\n" + hook.format("mine"))
+    (tmp_path / "of_a_module.py").write_text("from cli_agents import Good\n" + hook.format("another"))
+    for module in ("conftest", "pack", "pack.conftest", "drivers", "pack.drivers", "of_a_module", "cli_agents"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    plugins = ("-p", (Path("suites") / inside / "conftest.py").as_posix(), "-p", "of_a_module")
+    assert main([*plugins, "check-agent", "mine", "--sim", FAKE]) == 0
+    assert main(["check-agent", "another", "--sim", FAKE]) == 0
+    assert main([*plugins, "list", "agents"]) == 0  # the same once more is no second registration
+    registry.default_registry.cache_clear()
+    capsys.readouterr()
+    assert main(["check-agent", "mine", "--sim", FAKE]) == 4
+    assert "drive-robust reads that of a conftest.py with -p conftest.py" in capsys.readouterr().err
 
 
 def test_the_version_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,13 +17,14 @@ from drive_robust_agents.training import candidates
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.processes import ProcessExecutor
-from pytest_drive_robust.engine.recipe import Recipe, plugin_source
+from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options import DEFAULT_SIMULATOR
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registering import plugin_source
 from pytest_drive_robust.registry import default_registry
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
