@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def block(mark: str) -> str:
@@ -27,6 +28,13 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         ["bash", "-c", command], cwd=folder, capture_output=True, text=True, check=False, env={**environ, "PATH": path}
     )
+
+
+def test_it_shows_the_table_of_the_paper_as_it_was_driven() -> None:
+    table = (ROOT / "benchmarks" / "paper" / "table.md").read_text(encoding="utf-8")
+    rows = [line for line in table.partition("\n## RD")[2].partition("\n## ")[0].splitlines() if line.startswith("|")]
+    assert len(rows) == 14
+    assert "\n".join(rows) in README
 
 
 @pytest.mark.slow
