@@ -119,7 +119,7 @@ def test_the_whole_traceback_and_what_was_printed_are_shown_with_the_failure(pro
             "cannot go on",
         ]
     )
-    assert "it last printed 'cannot go on'" in result.stdout.str().replace("\n", "")
+    assert "it last printed 'cannot go on'" in " ".join(result.stdout.str().split())
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
