@@ -22,11 +22,12 @@ from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
-__all__ = ["Collected", "Wish", "add_arguments", "collect", "main", "run", "wish_of"]
+__all__ = ["Collected", "Wish", "add_arguments", "collect", "draws_of", "main", "run", "wish_of"]
 
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
 """More routes come behind those that are there."""
+_DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +133,19 @@ def _claim(wish: Wish, out: Path) -> None:
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def draws_of(folder: Path) -> dict[str, Any]:
+    """Which routes and moments are in a folder, for a manifest: seeds and numbers; empty for frames of another origin.
+
+    `expert_share` is below 1 where an agent drove, too; which one is left out, as its weights are somebody's file.
+    """
+    file = folder / _ASKED
+    if not file.is_file():
+        return {}
+    asked = json.loads(file.read_text(encoding="utf-8"))
+    drawn = {name: asked[name] for name in _DRAWS if name in asked}
+    return {**drawn, "expert_share": asked["beta"] if asked["dagger"] else 1.0}
 
 
 class _Bar:

@@ -14,6 +14,7 @@ import torch
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
+from drive_robust_agents.training.collect import draws_of
 from drive_robust_agents.training.feed import Feed
 from drive_robust_agents.training.frames import Frames
 from drive_robust_agents.training.progress import Display
@@ -106,6 +107,7 @@ def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int,
         robust=given.robust,
         dtype=dtype,
         frames=tuple(folder.name for folder in given.frames),
+        drawn=tuple(draws_of(folder) for folder in given.frames),
         start="" if given.start is None else locate(given.agent, given.start)[1].label,
     )
 

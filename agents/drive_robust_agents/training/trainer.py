@@ -43,7 +43,8 @@ class Settings:
     """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
 
     `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
-    `frames` and `start` say for the manifest what was learnt from and which weights it began with.
+    `frames`, `drawn` and `start` say for the manifest what was learnt from, the names of folders and with which seeds
+    each was drawn, and which weights it began with.
     """
 
     agent: str
@@ -57,6 +58,7 @@ class Settings:
     dtype: str = "float32"
     spec: Mapping[str, Any] | None = None
     frames: tuple[str, ...] = ()
+    drawn: tuple[Mapping[str, Any], ...] = ()
     start: str = ""
 
 

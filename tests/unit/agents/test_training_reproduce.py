@@ -68,7 +68,11 @@ def test_one_command_makes_weights_that_drive(tmp_path: Path, capsys: pytest.Cap
     best = Path(said.rpartition("the best weights: ")[2].strip())
     assert best.is_relative_to(tmp_path / "run1")
     _, entry = load("tcp", TcpNet.build, weights=best)
-    assert entry.provenance["trainer"]["frames"] == ["expert", "dagger1"]
+    told = entry.provenance["trainer"]
+    assert told["frames"] == ["expert", "dagger1"]
+    seeds = [(drawn["route_seed"], drawn["data_seed"], drawn["expert_share"]) for drawn in told["drawn"]]
+    assert seeds == [(1, 0, 1.0), (2, 0, 0.5)]
+    assert str(tmp_path) not in str(entry.provenance)
     before = best.read_bytes()
     assert main(["reproduce", *arguments]) == 0
     assert best.read_bytes() == before
