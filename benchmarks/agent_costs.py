@@ -39,8 +39,9 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.nursery import Nursery
-from pytest_drive_robust.engine.recipe import Recipe, plugin_source
+from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registering import plugin_source
 from pytest_drive_robust.registry import default_registry
 from pytest_drive_robust.runner.lockstep_check import Recording, record
 from pytest_drive_robust.runner.loop import drive_episode
