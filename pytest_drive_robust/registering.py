@@ -34,14 +34,13 @@ def plugin_source(plugin: object) -> tuple[str, str]:
 
     Raises `UsageError` for a plugin that no other process could import.
     """
-    file = getattr(plugin, "__file__", None) if isinstance(plugin, ModuleType) else None
-    if file is None:
+    if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
         raise UsageError(
             f"the plugin {plugin!r} implements {_HOOK} but is no module in a file, so that the processes that drive "
             "episodes cannot import it. Register the names in a module or a conftest.py, or give "
             "--drive-executor inline."
         )
-    return plugin.__name__, str(Path(file).absolute())  # type: ignore[attr-defined]
+    return plugin.__name__, str(Path(plugin.__file__).absolute())
 
 
 def plugin_words(manager: PluginManager) -> tuple[str, ...]:
@@ -69,7 +68,7 @@ def register_names_of(word: str, registry: Registry) -> None:
         else:
             _prepend(Path.cwd())
             module = importlib.import_module(word)
-    except UsageError:
+    except (UsageError, KeyboardInterrupt):
         raise
     except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
         raise UsageError(

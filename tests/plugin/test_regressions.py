@@ -95,7 +95,8 @@ def test_a_worse_agent_is_red_although_its_requirements_hold(both, workers):
             "  newly failing: * Straight",
             "    was  100.0  completed",
             "    is * out of time at 3.0 s",
-            "    replay:  drive-robust -p conftest.py replay * --agent steady --setting * --seed 0 --routes * fake",
+            "    replay:  drive-robust -p conftest.py replay * --agent steady --setting * --seed 0 "
+            "--routes routes.xml --sim fake",
             "REGRESSION: 2 of 2 settings against before: *",
         ]
     )
