@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pytest_drive_robust import official_agents
 from pytest_drive_robust.official_agents.adapter import OfficialAgent
 from pytest_drive_robust.official_agents.loading import load_agent_class
 from pytest_drive_robust.official_agents.reference import Reference
-from pytest_drive_robust.runner.sources import files_of
+from pytest_drive_robust.runner.sources import code_digest
 
 __all__ = ["OfficialAgentFactory", "leaderboard_agent"]
 
@@ -59,7 +60,7 @@ class OfficialAgentFactory:
         return {
             "config": self.reference.config,
             "environment": {name: os.environ.get(name, "") for name in asked},
-            "bridge": files_of([Path(__file__).parent]),
+            "bridge": code_digest([official_agents]),
         }
 
     def _sees_world(self) -> bool:

@@ -13,11 +13,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust import domain, perturbations, simulators
 from pytest_drive_robust.entries import Entry
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner import batch, contract, generators, lockstep, loop, recorder, row, witness
 from pytest_drive_robust.runner.canonical import canonical, digest_of
 from pytest_drive_robust.runner.code import code_of
-from pytest_drive_robust.runner.sources import file_of, files_of, hex_of, module_digest, source_digest
+from pytest_drive_robust.runner.sources import code_digest, file_of, hex_of, module_digest, source_digest
+from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
 
@@ -29,18 +32,9 @@ if TYPE_CHECKING:
 
 __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
 
-_PACKAGE = Path(__file__).resolve().parent.parent
-_DECIDING = (
-    "domain",
-    "perturbations",
-    "runner/loop.py",
-    "runner/contract.py",
-    "runner/recorder.py",
-    "runner/witness.py",
-    "simulators/base.py",
-)
-"""What of ours decides the numbers of every episode; the folder of the simulator comes with it."""
-_LOCKSTEP = ("runner/lockstep.py", "runner/row.py", "runner/batch.py")
+_DECIDING = (domain, perturbations, loop, contract, recorder, witness, generators, base)
+"""What of ours decides the numbers of every episode; the package of the simulator comes with it."""
+_LOCKSTEP = (lockstep, row, batch)
 
 _BLOCK_BYTES = 1 << 20
 
@@ -66,7 +60,7 @@ def identity_of(
     `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
     gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
     """
-    driving = files_of(_PACKAGE / part for part in _LOCKSTEP) if mode == "lockstep" else ""
+    driving = code_digest(_LOCKSTEP) if mode == "lockstep" else ""
     world_digest = simulator_identity(simulator, registry, world, options)
     return digest_of(agent_identity(agent, registry), world_digest, mode, driving)
 
@@ -130,11 +124,11 @@ def _distribution(entry: Entry) -> str:
 
 def _own_code(factory: object) -> object:
     """The code of our part of the loop with that of the simulator."""
-    package, *rest = str(getattr(factory, "__module__", "")).split(".")
-    own = package == _PACKAGE.name and rest[:1] == ["simulators"]
+    module = str(getattr(factory, "__module__", ""))
+    own = module.startswith(f"{simulators.__name__}.")
     # Every other world may use the sensors and criteria of `embedded`.
-    folder = "simulators/embedded" if own and rest[1:2] == ["embedded"] else "simulators"
-    return [files_of(_PACKAGE / part for part in (*_DECIDING, folder)), "" if own else code_of(factory)]
+    package = embedded if module.startswith(f"{embedded.__name__}.") else simulators
+    return [code_digest((*_DECIDING, package)), "" if own else code_of(factory)]
 
 
 def _module_code(name: str) -> str:

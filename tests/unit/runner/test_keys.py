@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from hypothesis import given
@@ -24,6 +25,8 @@ from pytest_drive_robust.runner.canonical import canonical, digest_of
 from pytest_drive_robust.runner.code import SESSION, code_of
 from pytest_drive_robust.runner.identity import agent_identity, identity_of, simulator_identity
 from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.runner.sources import UnknownSourceError, code_digest, file_of
+from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
@@ -319,7 +322,8 @@ def test_lockstep_is_another_identity():
 def test_all_of_our_code_that_decides_numbers_is_in_the_identity(start):
     """Follows the imports of the loop and of the default world: nothing of ours may be left out by accident."""
     root = Path(pytest_drive_robust.__file__).parent
-    inside = [root / part for part in (*identity._DECIDING, "simulators/embedded")]
+    modules = (*identity._DECIDING, embedded)
+    inside = [file_of(module).parent if hasattr(module, "__path__") else file_of(module) for module in modules]
     todo, seen = [root / start], set()
     while todo:
         path = todo.pop()
@@ -370,3 +374,19 @@ class Handle:
     """Something of the operating system."""
 
     __slots__ = ()
+
+
+def test_code_that_cannot_be_found_has_no_digest(tmp_path):
+    moved = ModuleType("moved")
+    moved.__file__ = str(tmp_path / "moved.py")
+    with pytest.raises(UnknownSourceError, match=r"moved\.py"):
+        code_digest([moved])
+
+
+def test_every_file_of_a_package_counts_in_its_digest(module, tmp_path):
+    module("driving_pkg.__init__", "")
+    package = sys.modules["driving_pkg"]
+    first = code_digest([package])
+    (tmp_path / "driving_pkg" / "inner").mkdir()
+    (tmp_path / "driving_pkg" / "inner" / "tables.py").write_text("LIMIT = 5\n")
+    assert code_digest([package]) != first
