@@ -31,7 +31,7 @@ from drive_robust_agents.training import candidates
 from drive_robust_agents.training.candidates import candidate_name
 from drive_robust_agents.training.export import write_weights
 from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import Settings
+from drive_robust_agents.training.trainer import RunOptions
 from pytest_drive_robust import Control, Observation, Setting
 from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.episode import Episode
@@ -41,11 +41,11 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.nursery import Nursery
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registering import plugin_source
-from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.lockstep_check import Recording, record
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.registry.plugins import plugin_source
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.lockstep.batch_check import Recording, record
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -108,7 +108,7 @@ def _learned(name: str, folder: Path) -> Subject:
     cls: Any = default_registry().entry("agents", name).load()
     file, weights = cls.weights[0], "shipped"
     if not file.is_file():
-        settings = Settings(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
+        settings = RunOptions(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
         torch.manual_seed(0)
         file = write_weights(recipe_of(name).make(), folder / name, settings=settings, step=0)
         weights = "random"
@@ -134,7 +134,7 @@ def alone(agent: Agent, ticks: int) -> tuple[float, float]:
 
 
 def seen_by(agent: Agent, ticks: int) -> Recording:
-    task = Task(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
+    task = EpisodeRequest(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
     recording = record(EmbeddedSimulator(SimulatorOptions()), agent, task, count=ticks, every=1)
     assert recording is not None
     return recording
@@ -164,7 +164,7 @@ def memory(subject: Subject, ticks: int) -> tuple[float, float]:
     guard = Guard(nursery, Limits())
     try:
         for route in ROUTES:
-            guard.drive(Task(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
+            guard.drive(EpisodeRequest(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
         lines = Path(f"/proc/{guard.pid}/smaps_rollup").read_text().splitlines()[1:]
     finally:
         guard.close()

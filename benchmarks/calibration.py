@@ -30,16 +30,16 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.processes import ProcessExecutor
 from pytest_drive_robust.engine.recipe import Recipe
-from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.store.folder import FolderStore
@@ -108,12 +108,12 @@ class Watch:
         self._progress = progress
         self._bar = progress.add_task("episodes", total=total)
 
-    def started(self, task: Task) -> None: ...
+    def started(self, task: EpisodeRequest) -> None: ...
 
-    def finished(self, task: Task, result: EpisodeResult) -> None:
+    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
         self._progress.advance(self._bar)
 
-    def reused(self, task: Task) -> None:
+    def reused(self, task: EpisodeRequest) -> None:
         self._progress.advance(self._bar)
 
     def ticked(self) -> None: ...
@@ -121,7 +121,7 @@ class Watch:
 
 def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequence[str]) -> list[Score]:
     """Every episode's score. What the store has is not driven again, so a measurement that was cut off goes on."""
-    chosen = Settings(
+    chosen = RunOptions(
         routes=given.routes, routes_given=True, seeds=tuple(range(given.seeds)), stuck_stop_s=given.stuck_stop
     )
     registry = default_registry()
@@ -152,7 +152,7 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
     return [score_of(task, store) for task in tasks]
 
 
-def score_of(task: Task, store: FolderStore) -> Score:
+def score_of(task: EpisodeRequest, store: FolderStore) -> Score:
     result = store.get(task.key)
     assert result is not None
     require_scorable([result])

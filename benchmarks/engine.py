@@ -38,11 +38,11 @@ from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.processes import ProcessExecutor
 from pytest_drive_robust.engine.recipe import Recipe
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.plan import Scope, Task
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -127,12 +127,12 @@ def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
     world.score()
 
 
-def marginal_cpu_of_children(tasks: list[Task]) -> float:
+def marginal_cpu_of_children(tasks: list[EpisodeRequest]) -> float:
     """CPU seconds of these episodes in a guarded child that runs already."""
     return (cpu_of_children(tasks * 3) - cpu_of_children(tasks)) / 2
 
 
-def cpu_of_children(tasks: list[Task]) -> float:
+def cpu_of_children(tasks: list[EpisodeRequest]) -> float:
     """CPU seconds of these episodes in one guarded child, with its start and with what this process does for it."""
     start = used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF)
     drive_all(ProcessExecutor(recipe, Limits(), slots=1), tasks)
@@ -261,8 +261,8 @@ def recipe() -> Recipe:
     return Recipe(tuple(sys.path), os.getcwd(), (), "embedded", OPTIONS, preload_agents=(AGENT,))
 
 
-def _task(route: Route, seed: int) -> Task:
-    return Task(Episode(AGENT, route.id, "clean", seed), route, Setting.CLEAN)
+def _task(route: Route, seed: int) -> EpisodeRequest:
+    return EpisodeRequest(Episode(AGENT, route.id, "clean", seed), route, Setting.CLEAN)
 
 
 @contextmanager
@@ -273,7 +273,7 @@ def _closing(executor: Executor) -> Iterator[Executor]:
         executor.close(cancel=True)
 
 
-def drive_all(executor: Executor, tasks: list[Task]) -> float:
+def drive_all(executor: Executor, tasks: list[EpisodeRequest]) -> float:
     """Wall seconds of these episodes by children that have started: two episodes in each slot come before."""
     with _closing(executor):
         _drive(executor, tasks[: 2 * executor.slots])
@@ -282,7 +282,7 @@ def drive_all(executor: Executor, tasks: list[Task]) -> float:
         return time.perf_counter() - start
 
 
-def _drive(executor: Executor, tasks: list[Task]) -> None:
+def _drive(executor: Executor, tasks: list[EpisodeRequest]) -> None:
     for future in [executor.submit(task) for task in tasks]:
         future.result()
 

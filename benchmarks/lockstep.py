@@ -18,10 +18,10 @@ from rich.table import Table
 
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Setting
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.runner.lockstep import Lockstep
-from pytest_drive_robust.runner.lockstep_check import check_lockstep, record
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.lockstep.batch_check import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -112,9 +112,9 @@ def world() -> EmbeddedSimulator:
     return EmbeddedSimulator(SimulatorOptions(tick_cap=TICKS))
 
 
-def tasks() -> list[Task]:
+def tasks() -> list[EpisodeRequest]:
     routes = named_routes("one-per-scenario")[:EPISODES]
-    return [Task(Episode("driver", route.id, "clean", 0), route, Setting.CLEAN) for route in routes]
+    return [EpisodeRequest(Episode("driver", route.id, "clean", 0), route, Setting.CLEAN) for route in routes]
 
 
 def singly(made: type[Driver]) -> Callable[[], int]:

@@ -34,15 +34,15 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
-from pytest_drive_robust.requirements.describe import describe_outcome
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.verdict.describe import describe_outcome
 
 SETTINGS = "clean,100 ms latency,200 ms latency"
 ALLOWED = 0.05
@@ -50,7 +50,7 @@ TASKS_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
-class Task:
+class EpisodeRequest:
     agent: str
     late_ms: int
     route: Route
@@ -69,13 +69,13 @@ def made(agent: str, late_ms: int) -> tuple[Simulator, Agent]:
     return simulator, LateAgent(registry.agent(agent), late_ms)
 
 
-def drive(task: Task) -> EpisodeResult:
+def drive(task: EpisodeRequest) -> EpisodeResult:
     simulator, agent = made(task.agent, task.late_ms)
     setting = Setting.parse(task.setting)
     return drive_episode(simulator, agent, route=task.route, setting=setting, seed=task.seed, agent_name=task.agent)
 
 
-def drive_all(tasks: Sequence[Task], workers: int) -> list[EpisodeResult]:
+def drive_all(tasks: Sequence[EpisodeRequest], workers: int) -> list[EpisodeResult]:
     """Every task's result, in the order of `tasks`."""
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -111,7 +111,7 @@ def witness(comparison: Comparison, given: argparse.Namespace, late_ms: int, rou
     if flip is None:
         return f"{regression.setting}: no route flipped"
     route = next(route for route in routes if route.id == flip.after.route_id)
-    again = drive(Task(given.agent, late_ms, route, regression.setting, flip.after.worst_seed))
+    again = drive(EpisodeRequest(given.agent, late_ms, route, regression.setting, flip.after.worst_seed))
     shown = describe_outcome(again)
     same = "the same" if shown == flip.after.outcome else f"NOT THE SAME: {shown}"
     return (
@@ -138,7 +138,7 @@ def main() -> None:
     cases = [(0, given.fresh), *((int(text), given.planted) for text in given.late.split(","))]
     drives = [(0, 0), *((late_ms, seed) for late_ms, count in cases for seed in range(1, count + 1))]
     tasks = [
-        Task(given.agent, late_ms, route, setting, seed)
+        EpisodeRequest(given.agent, late_ms, route, setting, seed)
         for late_ms, seed in drives
         for setting in settings
         for route in routes

@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.table import Table
 
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Setting
+from pytest_drive_robust.domain.camera_rigs import rig
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import ActorKind, Frame
-from pytest_drive_robust.rigs import rig
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes

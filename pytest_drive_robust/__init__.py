@@ -7,12 +7,11 @@ environment that has it, so importing it must cost nothing.
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent, PlannedPath
+    from pytest_drive_robust.domain.camera_rigs import rig, rig_names
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
     from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
@@ -28,9 +27,8 @@ if TYPE_CHECKING:
         Setting,
         SpeedNoise,
     )
-    from pytest_drive_robust.requirements.model import Requirement, requirement
-    from pytest_drive_robust.requirements.parse import requirements
-    from pytest_drive_robust.rigs import rig, rig_names
+    from pytest_drive_robust.verdict.model import Requirement, requirement
+    from pytest_drive_robust.verdict.parse import requirements
 
     __version__: str
 
@@ -83,9 +81,9 @@ _MODULES = {
         "Setting",
         "SpeedNoise",
     ),
-    "requirements.model": ("Requirement", "requirement"),
-    "requirements.parse": ("requirements",),
-    "rigs": ("rig", "rig_names"),
+    "verdict.model": ("Requirement", "requirement"),
+    "verdict.parse": ("requirements",),
+    "domain.camera_rigs": ("rig", "rig_names"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
@@ -103,17 +101,6 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _Package(ModuleType):
-    """Keeps `requirements` the function: importing the subpackage of that name would otherwise replace it here."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name not in _HOMES or not isinstance(value, ModuleType):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
 
 
 def _version() -> str:

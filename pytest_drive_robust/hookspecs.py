@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["pytest_drive_robust_register"]
 

@@ -9,6 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -17,10 +18,13 @@ from pytest_drive_robust.testing import fake_route
 # be imported twice into one process, and of our own classes there must not be two.
 for _name in ("rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
     importlib.import_module(_name)
-for _part in ("engine", "metrics", "perturbations", "regression", "report", "requirements", "runner", "store", "stats"):
+for _part in ("engine", "metrics", "perturbations", "regression", "report", "runner", "store", "stats", "verdict"):
     _package = importlib.import_module(f"pytest_drive_robust.{_part}")
-    for _module in pkgutil.iter_modules(_package.__path__, f"{_package.__name__}."):
+    for _module in pkgutil.walk_packages(_package.__path__, f"{_package.__name__}."):
         importlib.import_module(_module.name)
+
+settings.register_profile("tests", deadline=None)  # a busy machine is no failure
+settings.load_profile("tests")
 
 REPOSITORY = Path(__file__).parent.parent
 PLUGIN = "pytest_drive_robust.plugin"

@@ -15,7 +15,7 @@ from drive_robust_agents._learned import LearnedAgent, Seen
 from drive_robust_agents._wrappers.memory import Memory, Sensed, can_bus, motion_between
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
-from pytest_drive_robust.rigs import rig
+from pytest_drive_robust.domain.camera_rigs import rig
 
 __all__ = ["CAMERAS", "BevAgent"]
 

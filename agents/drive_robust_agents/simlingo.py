@@ -35,8 +35,8 @@ from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust.domain.camera_rigs import rig
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.rigs import rig
 
 __all__ = ["CAMERAS", "SimLingo"]
 

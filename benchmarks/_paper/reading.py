@@ -90,7 +90,7 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
 
 
 def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str, dict[str, list[_Episode]]]:
-    """Settings that the paper does not have are left out."""
+    """RunOptions that the paper does not have are left out."""
     found: dict[str, dict[str, list[_Episode]]] = defaultdict(lambda: defaultdict(list))
     for episode in episodes:
         if episode["setting"] in (CLEAN, *SETTINGS):

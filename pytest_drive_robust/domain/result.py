@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
 
 MACHINE_FACTS = ("machine", "machine torch")
-"""Entries of `EpisodeResult.versions` that tell what the machine computes (see `runner.machine`), not in the key."""
+"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`); not in keys."""
 
 
 @dataclass(frozen=True, slots=True)

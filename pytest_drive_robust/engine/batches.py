@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.vetting import Vetting, refused
+from pytest_drive_robust.runner.lockstep.vetting import Vetting, refused
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.lockstep_guard import LockstepGuard
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["Batches", "Verdicts"]
 
@@ -56,7 +56,7 @@ class Batches:
         self._pool = pool
         self._heard = heard
         self._lock = threading.Lock()
-        self._waiting: list[Task] = []
+        self._waiting: list[EpisodeRequest] = []
         self._futures: dict[str, Future[EpisodeResult]] = {}
         self._serving = False
         self._news_r, self._news_w = os.pipe()
@@ -65,7 +65,7 @@ class Batches:
     def __len__(self) -> int:
         return len(self._futures)
 
-    def add(self, task: Task) -> Future[EpisodeResult]:
+    def add(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """One more, which joins the batch under way when it is of the same agent and there is room."""
         future: Future[EpisodeResult] = Future()
         with self._lock:
@@ -93,7 +93,7 @@ class Batches:
             except BaseException as error:  # UsageError and Stopped; whatever else it is, nobody may wait for ever
                 self._fail(agent, error)
 
-    def _drive(self, first: Task) -> None:
+    def _drive(self, first: EpisodeRequest) -> None:
         agent, guard = first.episode.agent, self.guard
         if not self._verdicts.may_share(agent, lambda: guard.vet(first)):
             self._drive_alone(first)  # it breaks at once: the next one tells more of its agent
@@ -102,7 +102,7 @@ class Batches:
         for task in lost:
             self._drive_alone(task)
 
-    def _drive_alone(self, task: Task) -> None:
+    def _drive_alone(self, task: EpisodeRequest) -> None:
         try:
             result = self.guard.drive(task)
         except UsageError as error:
@@ -110,7 +110,7 @@ class Batches:
         else:
             self._ended(task, result)
 
-    def _ended(self, task: Task, result: EpisodeResult | UsageError) -> None:
+    def _ended(self, task: EpisodeRequest, result: EpisodeResult | UsageError) -> None:
         with self._lock:
             future = self._futures.pop(task.key)
         if isinstance(result, EpisodeResult):
@@ -119,14 +119,14 @@ class Batches:
         else:
             future.set_exception(result)
 
-    def _next(self) -> Task | None:
+    def _next(self) -> EpisodeRequest | None:
         with self._lock:
             if self._waiting:
                 return self._waiting.pop(0)
             self._serving = False
             return None
 
-    def _take(self, agent: str) -> Task | None:
+    def _take(self, agent: str) -> EpisodeRequest | None:
         """The first that waits and is of this agent."""
         with self._lock:
             for number, task in enumerate(self._waiting):

@@ -17,7 +17,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.runner.salvage import ROW_FIELDS, Rig
+from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS, Rig
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,7 +94,7 @@ class Board:
         self.enter(Phase.IDLE, 0)
 
     def phase(self, name: str, tick: int) -> None:
-        """See `runner.loop.Watch`."""
+        """See `runner.episode.loop.Watch`."""
         self.enter(_BY_NAME[name], tick)
 
     def enter(self, phase: Phase, tick: int) -> None:
@@ -149,7 +149,7 @@ class Board:
         return Rig(cameras, tuple(fields["consumes"]), bool(fields["privileged"]))
 
     def rows(self) -> NDArray[np.float64]:
-        """(ticks, 9): see `runner.salvage`."""
+        """(ticks, 9): see `runner.episode.rescore`."""
         import numpy as np
 
         data = self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]

@@ -19,12 +19,12 @@ from pytest_drive_robust.engine.leftovers import Leftovers, resident_bytes
 from pytest_drive_robust.engine.together import drive_together
 from pytest_drive_robust.engine.watched import CUT_OFF
 from pytest_drive_robust.engine.wire import TOGETHER
-from pytest_drive_robust.runner.machine import machine_facts
+from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["Channels", "serve", "split_answer"]
 

@@ -11,13 +11,13 @@ from pytest_drive_robust.engine.board import Board, Phase
 from pytest_drive_robust.engine.surroundings import read_surroundings, restore_surroundings
 from pytest_drive_robust.engine.watched import WatchedAgent, tamed
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.contract import blame
-from pytest_drive_robust.runner.generators import seed_generators
-from pytest_drive_robust.runner.lockstep import Lockstep
-from pytest_drive_robust.runner.machine import with_machine
-from pytest_drive_robust.runner.plan import Task
-from pytest_drive_robust.runner.salvage import bare_result
-from pytest_drive_robust.runner.vetting import Vetting, vet
+from pytest_drive_robust.runner.episode.contract import blame
+from pytest_drive_robust.runner.episode.generators import seed_generators
+from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.rescore import bare_result
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
+from pytest_drive_robust.runner.lockstep.vetting import Vetting, vet
+from pytest_drive_robust.runner.plan import EpisodeRequest
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import Frame
     from pytest_drive_robust.engine.order import Order
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["Crew"]
@@ -89,9 +89,9 @@ class Crew:
         return result
 
     def drive(
-        self, tasks: Iterable[Task], *, agent: str, width: int
-    ) -> Generator[tuple[Task, EpisodeResult], None, None]:
-        """See `runner.lockstep.Lockstep.drive`, for tasks of `agent`, in the surroundings that it was made in."""
+        self, tasks: Iterable[EpisodeRequest], *, agent: str, width: int
+    ) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
+        """See `Lockstep.drive`, for requests of `agent`, in the surroundings that it was made in."""
         if self._lockstep is None or self._of != (agent, width):
             self.close()
             self._of = agent, width
@@ -109,9 +109,9 @@ class Crew:
         for task, result in self._lockstep.drive(tasks):
             yield task, with_machine(result, self._sample)
 
-    def task_of(self, order: Order) -> Task:
+    def task_of(self, order: Order) -> EpisodeRequest:
         """Raises `UsageError` for a setting that cannot be had here."""
-        return Task(order.episode, order.route, order.read_setting(self._registry))
+        return EpisodeRequest(order.episode, order.route, order.read_setting(self._registry))
 
     def close(self) -> None:
         """Close the worlds and drop the agents. Calling it twice does no harm."""

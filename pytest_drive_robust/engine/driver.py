@@ -14,11 +14,11 @@ from pytest_drive_robust.engine.surroundings import read_surroundings, restore_s
 from pytest_drive_robust.engine.watched import WatchedAgent
 from pytest_drive_robust.engine.wire import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.contract import blame
-from pytest_drive_robust.runner.generators import seed_for, seed_generators
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.machine import with_machine
-from pytest_drive_robust.runner.salvage import Wreck, bare_result, drive_again
+from pytest_drive_robust.runner.episode.contract import blame
+from pytest_drive_robust.runner.episode.generators import seed_for, seed_generators
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result, drive_again
 from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.frames import Frame
     from pytest_drive_robust.engine.order import Order
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["Driver"]

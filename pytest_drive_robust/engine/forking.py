@@ -29,7 +29,7 @@ from pytest_drive_robust.errors import UsageError
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["LARGEST_MESSAGE_BYTES", "cradle", "main", "spawned"]
 
@@ -96,7 +96,7 @@ def _adopt(listener: socket.socket, lifeline: int, surroundings: str) -> None:
 
 def _forget_registry() -> None:
     """The next one is made for another `sys.path`."""
-    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.registry.registry import default_registry
 
     default_registry.cache_clear()
     importlib.invalidate_caches()

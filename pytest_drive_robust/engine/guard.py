@@ -18,8 +18,8 @@ from pytest_drive_robust.engine.order import Order
 from pytest_drive_robust.engine.talk import Answer, Cut, Talk
 from pytest_drive_robust.engine.wire import DRIVE, SALVAGE
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
-from pytest_drive_robust.runner.salvage import Wreck, bare_result
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.board import Board
     from pytest_drive_robust.engine.handle import ChildHandle
-    from pytest_drive_robust.runner.plan import Task
-    from pytest_drive_robust.runner.salvage import Rig
+    from pytest_drive_robust.runner.episode.rescore import Rig
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["Failure", "Guard", "Stopped"]
 
@@ -74,7 +74,7 @@ class Guard:
         child = self._child
         return None if child is None else child.pid
 
-    def drive(self, task: Task, *, count: int = 0) -> EpisodeResult:
+    def drive(self, task: EpisodeRequest, *, count: int = 0) -> EpisodeResult:
         """The episode, whatever happens to the process that drives it. It was tried `count` times before.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all or the task cannot be sent, and

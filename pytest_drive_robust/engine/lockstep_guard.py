@@ -17,15 +17,15 @@ from pytest_drive_robust.engine.stream import Stream
 from pytest_drive_robust.engine.talk import Answer, Cut
 from pytest_drive_robust.engine.wire import ALONE, TOGETHER, VET
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.vetting import Vetting
+from pytest_drive_robust.runner.lockstep.vetting import Vetting
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.nursery import Nursery
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
-    Ended = Callable[[Task, EpisodeResult | UsageError], object]
+    Ended = Callable[[EpisodeRequest, EpisodeResult | UsageError], object]
 
 __all__ = ["LockstepGuard"]
 
@@ -44,7 +44,7 @@ class LockstepGuard(Guard):
         super().__init__(nursery, replace(limits, episode_s=episode_s))
         self._width = width
 
-    def vet(self, task: Task) -> Vetting:
+    def vet(self, task: EpisodeRequest) -> Vetting:
         """May the agent of `task` be driven in lockstep? Raises `UsageError` and `Stopped` as `drive` does."""
         ended = self._attempt(VET, self._request_for(Order.of(task)), self._limits)
         if isinstance(ended, Failure) or ended.outcome is Outcome.INFRA_ERROR:
@@ -52,15 +52,15 @@ class LockstepGuard(Guard):
         return Vetting(recorded=True, problem=ended.end_detail or None)
 
     def drive_together(
-        self, first: Task, take: Callable[[], Task | None], ended: Ended, *, news_fd: int
-    ) -> tuple[Task, ...]:
+        self, first: EpisodeRequest, take: Callable[[], EpisodeRequest | None], ended: Ended, *, news_fd: int
+    ) -> tuple[EpisodeRequest, ...]:
         """Drive `first` and what `take` gives, up to `width` at a time, until none is left; tell `ended` of each.
 
         All are of one agent. Returns those without a result, whose child broke or whose world did: they want to be
         driven alone. `news_fd` becomes readable when `take` may have something again. Raises `Stopped`, `UsageError`.
         """
-        under_way: dict[bytes, Task] = {}
-        again: list[Task] = []
+        under_way: dict[bytes, EpisodeRequest] = {}
+        again: list[EpisodeRequest] = []
         waiting = [first]
         leaving = False
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["LockstepProcessExecutor"]
 
@@ -55,7 +55,7 @@ class LockstepProcessExecutor:
         self._singles = {future for future in self._singles if not future.done()}
         return self._workers * self._width - (self._width - 1) * len(self._singles)
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """Let an episode join the emptiest batch. Raises `UsageError` when no child could be made like this one."""
         if not self._shares(task.episode.agent):
             single = self._one_by_one.submit(task)

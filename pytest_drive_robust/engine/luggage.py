@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.code import SESSION
+from pytest_drive_robust.runner.cache_key.code import SESSION
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["Luggage", "contents_of"]
 
@@ -48,7 +48,7 @@ _LEFT_AT_HOME = (
 _CHECK = "from pytest_drive_robust.engine.luggage import main; main()"
 _CHECK_S = 300.0
 _SESSION = "PYTEST_XDIST_TESTRUNUID"
-"""What `runner.code.SESSION` is read from."""
+"""What `runner.cache_key.code.SESSION` is read from."""
 _MARK = b"\ncontents "
 
 
@@ -142,7 +142,7 @@ def contents_of(registry: Registry, agent: str, *, recipe: Recipe) -> dict[str, 
     Together they are what `identity_of` makes the keys of the store of. Raises `UsageError` when the agent or the
     simulator does not load or weights do not read.
     """
-    from pytest_drive_robust.runner.identity import agent_identity, simulator_identity, weights_digest
+    from pytest_drive_robust.runner.cache_key.identity import agent_identity, simulator_identity, weights_digest
 
     world = registry.simulator(recipe.simulator, recipe.options)
     try:

@@ -12,8 +12,8 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.setting import Setting
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.registry import Registry
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["Order"]
 
@@ -27,7 +27,7 @@ class Order:
     setting: bytes | None
 
     @classmethod
-    def of(cls, task: Task) -> Order:
+    def of(cls, task: EpisodeRequest) -> Order:
         """What the child needs of a task."""
         try:
             setting: bytes | None = pickle.dumps(task.setting)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["ProcessExecutor"]
 
@@ -43,7 +43,7 @@ class ProcessExecutor:
         self._words: list[tuple[str, str]] = []
         self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust")
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode in the next free child. Raises `UsageError` when no child could be made like this one."""
         if self._nursery is None:
             self._nursery = Nursery(self._recipe())
@@ -80,7 +80,7 @@ class ProcessExecutor:
             if len(self._words) < _MOST_EPISODES:
                 self._words.append((str(result.episode), said if len(said) <= _WORDS else f"...{said[-_WORDS:]}"))
 
-    def _drive(self, task: Task) -> EpisodeResult:
+    def _drive(self, task: EpisodeRequest) -> EpisodeResult:
         guard: Guard | None = getattr(self._own, "guard", None)
         if guard is None:
             assert self._nursery is not None  # submit made it

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.recipe import Recipe
-    from pytest_drive_robust.registry import Registry
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["RayExecutor", "needs_of"]
 
@@ -69,7 +69,7 @@ class RayExecutor:
         room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in nodes)
         return max(1, room if self._most is None else min(room, self._most))
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
         agent = task.episode.agent
         if agent not in self._needs:
@@ -95,7 +95,7 @@ class RayExecutor:
     def _meet(self, agent: str) -> tuple[float, float]:
         """What an episode of this agent takes; and make sure that its code travels with every episode from now on."""
         if self._registry is None:
-            from pytest_drive_robust.registry import default_registry
+            from pytest_drive_robust.registry.registry import default_registry
 
             self._registry = default_registry()
         if self._recipe is None:

@@ -21,12 +21,12 @@ from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Fr
 from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.nursery import refusal
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.salvage import bare_result
+from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.store.record import CorruptRecordError, decode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["LOCAL", "Link"]
 
@@ -46,7 +46,7 @@ class Link:
         self.nodes: tuple[tuple[float, float], ...] = ()
         self.is_lost = False
         self._address = wanted["address"]
-        self._pending: dict[bytes, tuple[Task, Future[EpisodeResult]]] = {}
+        self._pending: dict[bytes, tuple[EpisodeRequest, Future[EpisodeResult]]] = {}
         self._sent = 0
         self._idle = threading.Condition()
         self._closing = False
@@ -71,7 +71,7 @@ class Link:
         self._reader = threading.Thread(target=self._read_all, name="drive-robust-ray", daemon=True)
         self._reader.start()
 
-    def send(self, task: Task, needs: tuple[float, float], errand: bytes) -> Future[EpisodeResult]:
+    def send(self, task: EpisodeRequest, needs: tuple[float, float], errand: bytes) -> Future[EpisodeResult]:
         """Begin an episode; `errand` is a pickled `Errand`."""
         future: Future[EpisodeResult] = Future()
         with self._idle:
@@ -169,14 +169,14 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": path, "RAY_USAGE_STATS_ENABLED": "0"}
 
 
-def _read_record(task: Task, record: bytes) -> EpisodeResult:
+def _read_record(task: EpisodeRequest, record: bytes) -> EpisodeResult:
     try:
         return decode_episode(record)
     except CorruptRecordError as error:
         return _lost(task, str(error))
 
 
-def _lost(task: Task, why: str) -> EpisodeResult:
+def _lost(task: EpisodeRequest, why: str) -> EpisodeResult:
     detail = f"the episode was lost on the cluster: {why}"
     return bare_result(task.route, task.episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail)
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.nursery import Nursery
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class _Post:
         if errand.luggage is not None and episode.agent not in self._checked:
             errand.luggage.check(self._recipe, episode.agent)
             self._checked.add(episode.agent)
-        task = Task(episode, route, errand.order.read_setting(self._registry), errand.identity)
+        task = EpisodeRequest(episode, route, errand.order.read_setting(self._registry), errand.identity)
         return encode_episode(self._guard.drive(task))
 
     def close(self) -> None:

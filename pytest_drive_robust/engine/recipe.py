@@ -9,11 +9,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registering import call_hook, imported_from
+from pytest_drive_robust.registry.plugins import call_hook, imported_from
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["Recipe"]
 
@@ -53,7 +53,7 @@ class Recipe:
 
     def registry(self) -> Registry:
         """In the new process: every name that the run knows. Raises `UsageError` for a plugin that does not load."""
-        from pytest_drive_robust.registry import default_registry
+        from pytest_drive_robust.registry.registry import default_registry
 
         sys.path[:] = self.python_path
         os.chdir(self.folder)

@@ -15,7 +15,7 @@ from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.crew import Crew
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["drive_together"]
 
@@ -56,12 +56,12 @@ class _Inbox:
         self._poll.register(channel, select.POLLIN)
         order, self.width = pickle.loads(first.payload)
         self.agent: str = order.episode.agent
-        self.tokens: dict[int, tuple[bytes, Task]] = {}
+        self.tokens: dict[int, tuple[bytes, EpisodeRequest]] = {}
 
-    def __iter__(self) -> Iterator[Task]:
+    def __iter__(self) -> Iterator[EpisodeRequest]:
         return self
 
-    def __next__(self) -> Task:
+    def __next__(self) -> EpisodeRequest:
         while (frame := self._next_frame()) is not None:
             order, _ = pickle.loads(frame.payload)
             try:

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import Frame
 from pytest_drive_robust.engine.board import Board
-from pytest_drive_robust.runner.salvage import Rig
+from pytest_drive_robust.runner.episode.rescore import Rig
 
 __all__ = ["CUT_OFF", "WatchedAgent", "tamed"]
 
@@ -67,7 +67,7 @@ class WatchedAgent:
         return control
 
     def ticked(self, tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
-        """A tick was driven (see `on_tick` of `runner.loop.drive_episode`)."""
+        """A tick was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
         self._board.add(tick, self._asked, applied, frame.ego)
         self._asked = None
 

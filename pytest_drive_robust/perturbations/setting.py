@@ -27,7 +27,7 @@ class Setting:
     """The perturbations of an episode, in the order in which they are applied; the empty stack is `clean`.
 
     On the observation seam the first one changes the observation first, on the control seam the first one changes the
-    control first. The sentence (`str()`) is the key of the setting wherever episodes are stored. Settings are equal
+    control first. The sentence (`str()`) is the key of the setting wherever episodes are stored. RunOptions are equal
     when their perturbations are of the same classes with the same parameters in the same order.
 
     >>> from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from io import StringIO
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import shown
-from pytest_drive_robust.settings import Settings
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -158,10 +158,10 @@ def _story(word: str, score: RouteScore) -> str:
 
 
 def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
-    from pytest_drive_robust.requirements.worst import WorstRoute
+    from pytest_drive_robust.verdict.worst import WorstRoute
 
     fingerprint = score.fingerprint
-    settings = Settings(
+    settings = RunOptions(
         simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s, plugins=fingerprint.plugins
     )
     worst = WorstRoute(

@@ -14,7 +14,7 @@ from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.run_result import RunResult
+    from pytest_drive_robust.report.run_result import RunResult
 
 __all__ = ["COLUMNS", "csv_text", "write_csv"]
 

@@ -6,22 +6,22 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.options import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import interval_text, shown
 from pytest_drive_robust.runner.routes import ships
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.metrics.summary import Summary
-    from pytest_drive_robust.requirements.evaluate import Verdict, WorstRoute
-    from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.options.run import RunOptions
+    from pytest_drive_robust.verdict.evaluate import Verdict, WorstRoute
 
 __all__ = ["WIDTH", "failure_text", "replay_command", "value_text"]
 
 WIDTH = 100
 
 
-def failure_text(verdict: Verdict, settings: Settings, *, routes_spec: str, privileged: bool) -> str:
+def failure_text(verdict: Verdict, settings: RunOptions, *, routes_spec: str, privileged: bool) -> str:
     """The whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
     lines = [
         *_headline(verdict),
@@ -44,7 +44,7 @@ def value_text(metric: str, setting: str, value: float) -> str:
 
 
 def replay_command(
-    worst: WorstRoute | Episode, agent: str, setting: str, settings: Settings, *, routes_spec: str
+    worst: WorstRoute | Episode, agent: str, setting: str, settings: RunOptions, *, routes_spec: str
 ) -> str:
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
     words = ["drive-robust", *(word for plugin in settings.plugins for word in ("-p", plugin))]

@@ -10,7 +10,7 @@ from pytest_drive_robust.report.numbers import interval_text, legible, shown
 from pytest_drive_robust.report.terminal import footnotes, numbers_of
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.runner.run_result import RunResult, SettingRow
+    from pytest_drive_robust.report.run_result import RunResult, SettingRow
     from pytest_drive_robust.store.events import Judged
 
 __all__ = ["VARIABLE", "append_step_summary", "step_summary"]

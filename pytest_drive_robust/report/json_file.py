@@ -17,7 +17,7 @@ from pytest_drive_robust.store.whole_file import write_whole
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.metrics.summary import Summary
-    from pytest_drive_robust.runner.run_result import RunResult, SettingRow
+    from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
 __all__ = ["SCHEMA", "json_text", "run_as_json", "write_json"]
 

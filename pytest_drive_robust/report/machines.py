@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.runner.run_result import RunResult
+    from pytest_drive_robust.report.run_result import RunResult
 
 __all__ = ["mixed_machines"]
 
 
 def mixed_machines(run: RunResult) -> list[str]:
-    """A sentence for each digest (see `runner.machine`) of which the episodes have several."""
+    """A sentence for each digest (see `runner.episode.machine`) of which the episodes have several."""
     sentences = []
     for name in MACHINE_FACTS:
         found = Counter(result.versions[name] for result in run.episodes.values() if name in result.versions)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.official.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import shown
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.official.ability_rates import AbilityRate
-    from pytest_drive_robust.official.scores import Score
+    from pytest_drive_robust.bench2drive.results.ability_rates import AbilityRate
+    from pytest_drive_robust.bench2drive.results.scores import Score
 
 __all__ = ["score_as_json", "score_text"]
 

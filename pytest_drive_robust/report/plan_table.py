@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["plan_text"]
 
 _WIDTH = 100
 
 
-def plan_text(tasks: Iterable[Task], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool) -> str:
+def plan_text(
+    tasks: Iterable[EpisodeRequest], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool
+) -> str:
     """A row for each agent and setting, and the wall time that is left when `slots` episodes are driven at a time.
 
     The time rests on the stored episodes of the plan; where there are none it is not known.

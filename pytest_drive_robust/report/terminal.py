@@ -10,13 +10,13 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import legible, shown
-from pytest_drive_robust.requirements.touched import immunity
+from pytest_drive_robust.verdict.touched import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.run_result import RunResult, SettingRow
+    from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
 __all__ = ["WIDTH", "footnotes", "numbers_of", "run_summary"]
 

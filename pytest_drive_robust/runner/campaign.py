@@ -27,12 +27,12 @@ from pytest_drive_robust.store.events import (
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.ruling import Ruling
     from pytest_drive_robust.perturbations.setting import Setting
-    from pytest_drive_robust.requirements.evaluate import Verdict
-    from pytest_drive_robust.requirements.model import Requirement
     from pytest_drive_robust.runner.executors import Executor
-    from pytest_drive_robust.runner.plan import Need, Scope, Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
     from pytest_drive_robust.runner.reading import Drive, RouteTasks
     from pytest_drive_robust.store.base import EpisodeStore
+    from pytest_drive_robust.verdict.evaluate import Verdict
+    from pytest_drive_robust.verdict.model import Requirement
 
 __all__ = ["Campaign", "Judgement", "Observer"]
 
@@ -93,7 +93,7 @@ class Campaign:
         self._longest_s: dict[tuple[str, str], float] = {}
         self._scheduler = Scheduler(store, executor, self, budget_s=budget_s)
 
-    def planned(self, tasks: Mapping[str, Task], *, ahead: bool = True) -> None:
+    def planned(self, tasks: Mapping[str, EpisodeRequest], *, ahead: bool = True) -> None:
         """What the selected tests are known to need, so that the observer can say how much is left.
 
         `ahead`: idle slots may begin with it, in this order.
@@ -127,16 +127,16 @@ class Campaign:
 
     def decide(self, requirement: Requirement, scope: Scope, ruling: Ruling) -> Judgement:
         """Read route by route until the ruling decides; all of them where it compares values. No verdict recorded."""
-        from pytest_drive_robust.requirements.evaluate import judge
-        from pytest_drive_robust.requirements.ruling import reads_routes
         from pytest_drive_robust.runner.reading import read_until_decided, routes_in_order
+        from pytest_drive_robust.verdict.evaluate import judge
+        from pytest_drive_robust.verdict.ruling import reads_routes
 
         if not reads_routes(requirement, ruling):
             return self.measure(requirement, scope, ruling)
         need = scope.need(requirement.setting, clean=requirement.needs_clean)
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
-        asked: list[Task] = []
+        asked: list[EpisodeRequest] = []
         with self._driving(), self._kept_in_view(asked):
             reader = self._reader(routes, asked)
             decision, count = read_until_decided(requirement, ruling, routes, reader, mode=self._metrics)
@@ -157,7 +157,7 @@ class Campaign:
 
     def measure(self, requirement: Requirement, scope: Scope, ruling: Ruling | None = None) -> Judgement:
         """The value over all episodes, compared with the limit: for a caller who only wants the value."""
-        from pytest_drive_robust.requirements.evaluate import judge
+        from pytest_drive_robust.verdict.evaluate import judge
 
         clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
         verdict = judge(
@@ -165,7 +165,7 @@ class Campaign:
         )
         return _judgement(verdict, (*clean, *perturbed))
 
-    def assist(self, tasks: Iterable[Task]) -> None:
+    def assist(self, tasks: Iterable[EpisodeRequest]) -> None:
         """Drive some of `tasks` for others who ask for them; see `Scheduler.assist`."""
         self._scheduler.assist(tasks)
 
@@ -184,11 +184,11 @@ class Campaign:
             self._ensure(sorted(need.tasks, key=self._expected_s, reverse=True))  # all are needed: no long one last
         return self._use(need.clean), self._use(need.perturbed)
 
-    def _expected_s(self, task: Task) -> float:
+    def _expected_s(self, task: EpisodeRequest) -> float:
         """Wall seconds of the longest drive so far of the same agent on the same route, be it in an earlier run."""
         return self._longest_s.get((task.episode.agent, task.route.id), 0.0)
 
-    def _saw(self, task: Task, wall_s: float) -> None:
+    def _saw(self, task: EpisodeRequest, wall_s: float) -> None:
         place = task.episode.agent, task.route.id
         self._longest_s[place] = max(wall_s, self._longest_s.get(place, 0.0))
 
@@ -197,7 +197,7 @@ class Campaign:
             self._observer(asked)
 
     @contextmanager
-    def _kept_in_view(self, tasks: Sequence[Task]) -> Iterator[None]:
+    def _kept_in_view(self, tasks: Sequence[EpisodeRequest]) -> Iterator[None]:
         """When no verdict comes of it, those of `tasks` that are finished belong to the run all the same: an error or
         an interrupt is to be read beside what led to it."""
         try:
@@ -206,7 +206,7 @@ class Campaign:
             self._observer(Used(tuple(dict.fromkeys(task.key for task in tasks if self._store.get(task.key)))))
             raise
 
-    def _reader(self, routes: Sequence[RouteTasks], asked: list[Task]) -> Drive:
+    def _reader(self, routes: Sequence[RouteTasks], asked: list[EpisodeRequest]) -> Drive:
         """What gives the results of one route after the other, while free slots drive the routes behind it.
 
         `asked` gets every task that was asked for.
@@ -214,7 +214,7 @@ class Campaign:
         order = [task for route in routes for task in route.tasks]
         place = {task.key: number for number, task in enumerate(order)}
 
-        def read(tasks: tuple[Task, ...]) -> Results:
+        def read(tasks: tuple[EpisodeRequest, ...]) -> Results:
             if tasks:
                 asked.extend(tasks)
                 behind = range(place[tasks[-1].key] + 1, len(order))
@@ -223,17 +223,17 @@ class Campaign:
 
         return read
 
-    def _ensure(self, tasks: Sequence[Task], ahead: Iterable[Task] = ()) -> None:
+    def _ensure(self, tasks: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
         unique = tuple({task.key: task for task in tasks}.values())
         self._scheduler.ensure(unique, ahead)
 
-    def _use(self, tasks: tuple[Task, ...]) -> Results:
+    def _use(self, tasks: tuple[EpisodeRequest, ...]) -> Results:
         """The results of these tasks, which the run now rests on."""
         if tasks:
             self._observer(Used(tuple(task.key for task in tasks)))
         return self._finished(tasks)
 
-    def _finished(self, tasks: tuple[Task, ...]) -> Results:
+    def _finished(self, tasks: tuple[EpisodeRequest, ...]) -> Results:
         results = {task.key: self._store.get(task.key) for task in tasks}
         lost = [task.episode for task in tasks if results[task.key] is None]
         if lost:
@@ -252,16 +252,16 @@ class Campaign:
                     self._told.add(problem)
                     self._observer(Troubled(problem))
 
-    def started(self, task: Task) -> None:
+    def started(self, task: EpisodeRequest) -> None:
         """An episode begins (see `runner.scheduler.Listener`)."""
         self._observer(Started(task.key, task.episode.agent, task.episode.setting, task.route.label))
 
-    def finished(self, task: Task, result: EpisodeResult) -> None:
+    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
         """An episode is in the store (see `runner.scheduler.Listener`)."""
         self._saw(task, result.wall_s)
         self._observer(Finished(task.key, result.wall_s))
 
-    def reused(self, task: Task) -> None:
+    def reused(self, task: EpisodeRequest) -> None:
         """An episode was in the store already (see `runner.scheduler.Listener`)."""
         stored = self._store.get(task.key)
         if stored is not None:
@@ -278,7 +278,7 @@ def _asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
     clean_keys = tuple(task.key for task in need.clean)
     keys = tuple(task.key for task in need.perturbed)
 
-    def asked(tasks: tuple[Task, ...], setting: str, twins: tuple[str, ...]) -> Asked:
+    def asked(tasks: tuple[EpisodeRequest, ...], setting: str, twins: tuple[str, ...]) -> Asked:
         own = tuple(task.key for task in tasks)
         return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, own, twins)
 

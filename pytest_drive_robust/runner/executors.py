@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Protocol
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.generators import borrowed_generators
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.registry import Registry
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 __all__ = ["DRIVEN_AGAIN", "Executor", "InlineExecutor"]
@@ -38,7 +38,7 @@ class Executor(Protocol):
         """How many episodes it can drive at this moment."""
         ...
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode. The caller keeps to `slots`."""
         ...
 
@@ -68,7 +68,7 @@ class InlineExecutor:
         self._simulator: Simulator | None = None
         self._agents: dict[str, Agent] = {}
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         """The episode, driven to its end before this returns."""
         future: Future[EpisodeResult] = Future()
         for _ in range(1 + DRIVEN_AGAIN):
@@ -91,9 +91,9 @@ class InlineExecutor:
             self._simulator.close()
             self._simulator = None
 
-    def _drive(self, task: Task) -> EpisodeResult:
-        from pytest_drive_robust.runner.loop import drive_episode
-        from pytest_drive_robust.runner.machine import with_machine
+    def _drive(self, task: EpisodeRequest) -> EpisodeResult:
+        from pytest_drive_robust.runner.episode.loop import drive_episode
+        from pytest_drive_robust.runner.episode.machine import with_machine
 
         episode = task.episode
         if self._simulator is None:
@@ -112,7 +112,7 @@ class InlineExecutor:
         )
         return with_machine(result, agent)
 
-    def _forget_broken(self, task: Task, result: EpisodeResult) -> None:
+    def _forget_broken(self, task: EpisodeRequest, result: EpisodeResult) -> None:
         """What raised in the middle of an episode may be in any state: the next episode gets a new one."""
         if result.outcome is Outcome.AGENT_ERROR:
             self._agents.pop(task.episode.agent, None)

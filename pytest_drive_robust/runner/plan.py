@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.runner.canonical import digest_of
-from pytest_drive_robust.runner.code import perturbation_sources
+from pytest_drive_robust.runner.cache_key.canonical import digest_of
+from pytest_drive_robust.runner.cache_key.code import perturbation_sources
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.requirements.model import Requirement
+    from pytest_drive_robust.verdict.model import Requirement
 
-__all__ = ["Need", "Scope", "Task"]
+__all__ = ["EpisodeRequest", "Need", "Scope"]
 
 
 @dataclass(frozen=True)
-class Task:
+class EpisodeRequest:
     """An episode together with what is needed to drive it.
 
     `identity` is a digest of everything else that decides the outcome: the agent, the simulator, our own code (see
@@ -46,7 +46,7 @@ class Task:
 class Scope:
     """What one test drives over: an agent, a set of routes (`routes_spec` is how it was called), seeds.
 
-    `identity`: see `Task`.
+    `identity`: see `EpisodeRequest`.
     """
 
     agent: str
@@ -66,7 +66,7 @@ class Scope:
             return Need(setting, perturbed if clean else (), perturbed)
         return Need(setting, self._tasks(setting.baseline) if clean else (), perturbed)
 
-    def plan(self, requirements: Iterable[Requirement]) -> dict[str, Task]:
+    def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
         """Every episode that judging `requirements` takes, by key, each once, in the order of need."""
         return {
             task.key: task
@@ -74,11 +74,11 @@ class Scope:
             for task in self.need(requirement.setting, clean=requirement.needs_clean).tasks
         }
 
-    def _tasks(self, setting: Setting) -> tuple[Task, ...]:
+    def _tasks(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
         """One task for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
         sentence = str(setting)
         return tuple(
-            Task(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
+            EpisodeRequest(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
             for seed in self.seeds
             for route in self.routes
         )
@@ -89,11 +89,11 @@ class Need:
     """The episodes under one setting with their clean twins (none when nobody compares)."""
 
     setting: Setting
-    clean: tuple[Task, ...]
-    perturbed: tuple[Task, ...]
+    clean: tuple[EpisodeRequest, ...]
+    perturbed: tuple[EpisodeRequest, ...]
 
     @property
-    def tasks(self) -> tuple[Task, ...]:
+    def tasks(self) -> tuple[EpisodeRequest, ...]:
         """All of them, the clean ones first, each once."""
         return tuple({task.key: task for task in (*self.clean, *self.perturbed)}.values())
 

@@ -11,29 +11,29 @@ from typing import TYPE_CHECKING, cast
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.requirements.known import known_metric
-from pytest_drive_robust.requirements.ruling import rule_of
+from pytest_drive_robust.verdict.known import known_metric
+from pytest_drive_robust.verdict.ruling import rule_of
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.requirements.model import Requirement
-    from pytest_drive_robust.runner.plan import Need, Scope, Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
     from pytest_drive_robust.stats.judges import VerdictKind
+    from pytest_drive_robust.verdict.model import Requirement
 
 __all__ = ["Drive", "RouteTasks", "read_until_decided", "routes_in_order"]
 
 Results = tuple[EpisodeResult, ...]
-Drive = Callable[["tuple[Task, ...]"], Results]
+Drive = Callable[["tuple[EpisodeRequest, ...]"], Results]
 
 
 @dataclass(frozen=True, slots=True)
 class RouteTasks:
     """One route's episodes, clean and perturbed, over all seeds."""
 
-    clean: tuple[Task, ...]
-    perturbed: tuple[Task, ...]
+    clean: tuple[EpisodeRequest, ...]
+    perturbed: tuple[EpisodeRequest, ...]
 
     @property
-    def tasks(self) -> tuple[Task, ...]:
+    def tasks(self) -> tuple[EpisodeRequest, ...]:
         """All of them, the clean ones first, each once."""
         return tuple({task.key: task for task in (*self.clean, *self.perturbed)}.values())
 
@@ -92,8 +92,8 @@ def _mean(values: Iterator[float]) -> float:
     return fsum(found) / len(found) if found else math.nan
 
 
-def _by_route(tasks: Sequence[Task]) -> dict[str, tuple[Task, ...]]:
-    found: dict[str, list[Task]] = {}
+def _by_route(tasks: Sequence[EpisodeRequest]) -> dict[str, tuple[EpisodeRequest, ...]]:
+    found: dict[str, list[EpisodeRequest]] = {}
     for task in tasks:
         found.setdefault(task.route.id, []).append(task)
     return {route: tuple(own) for route, own in found.items()}

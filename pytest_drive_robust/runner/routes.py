@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.options import DEFAULT_ROUTES
+from pytest_drive_robust.options.table import DEFAULT_ROUTES
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.settings import Settings
+    from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.simulators.base import Simulator
 
     OwnRoutes = Callable[[Sequence[str]], tuple[Route, ...]]
@@ -24,7 +24,7 @@ def own_routes(simulator: Simulator) -> OwnRoutes | None:
     return getattr(simulator, "routes", None)
 
 
-def default_spec(settings: Settings, simulator: Simulator) -> str:
+def default_spec(settings: RunOptions, simulator: Simulator) -> str:
     """What `--drive-routes` means when nobody gave it: ours, or by the simulator's name all of its own."""
     if settings.routes_given or own_routes(simulator) is None:
         return settings.routes

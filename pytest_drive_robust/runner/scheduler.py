@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import BudgetSpentError
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.executors import Executor
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.store.base import Claim, EpisodeStore
 
 __all__ = ["Listener", "Scheduler"]
@@ -26,15 +26,15 @@ _POLL_S = 0.05
 class Listener(Protocol):
     """Who wants to know what is being driven."""
 
-    def started(self, task: Task) -> None:
+    def started(self, task: EpisodeRequest) -> None:
         """An episode begins."""
         ...
 
-    def finished(self, task: Task, result: EpisodeResult) -> None:
+    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
         """An episode ended and is in the store."""
         ...
 
-    def reused(self, task: Task) -> None:
+    def reused(self, task: EpisodeRequest) -> None:
         """An episode was needed that this process need not drive: it is in the store already."""
         ...
 
@@ -47,7 +47,7 @@ class Listener(Protocol):
 class _Drive:
     """An episode under way, and our claim on it."""
 
-    task: Task
+    task: EpisodeRequest
     claim: Claim
 
 
@@ -76,23 +76,23 @@ class Scheduler:
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
-        self._later: dict[str, Task] = {}
+        self._later: dict[str, EpisodeRequest] = {}
         self._drives: dict[Future[EpisodeResult], _Drive] = {}
         self._under_way: set[str] = set()
         self._seen: set[str] = set()
         self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
 
-    def plan(self, tasks: Iterable[Task]) -> None:
+    def plan(self, tasks: Iterable[EpisodeRequest]) -> None:
         """What will be asked for one day, in this order. Driven when nothing nearer is left for a slot."""
         self._later.update((task.key, task) for task in tasks)
 
-    def spare(self, tasks: Iterable[Task]) -> None:
+    def spare(self, tasks: Iterable[EpisodeRequest]) -> None:
         """Nobody has to drive these for the plan's sake."""
         for task in tasks:
             self._later.pop(task.key, None)
 
-    def ensure(self, tasks: Sequence[Task], ahead: Iterable[Task] = ()) -> None:
+    def ensure(self, tasks: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
         """Return when every one of `tasks` is in the store. Meanwhile free slots begin with `ahead`, in its order.
 
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
@@ -118,7 +118,7 @@ class Scheduler:
                 )
             self._wait()
 
-    def assist(self, tasks: Iterable[Task]) -> None:
+    def assist(self, tasks: Iterable[EpisodeRequest]) -> None:
         """Let free slots begin with `tasks`, which nobody here asks for, in their order; return soon.
 
         To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
@@ -153,7 +153,7 @@ class Scheduler:
     def _spent(self) -> bool:
         return self._ends_s is not None and self._clock() >= self._ends_s
 
-    def _is_finished(self, task: Task) -> bool:
+    def _is_finished(self, task: EpisodeRequest) -> bool:
         if task.key in self._seen:
             return True
         if task.key in self._under_way or self._store.get(task.key) is None:
@@ -163,13 +163,13 @@ class Scheduler:
         self._listener.reused(task)
         return True
 
-    def _came_from_elsewhere(self, task: Task) -> bool:
+    def _came_from_elsewhere(self, task: EpisodeRequest) -> bool:
         """Whether an episode that another process was driving is finished. Others need no look at the disk."""
         return task.key in self._elsewhere and self._is_finished(task)
 
-    def _fill(self, missing: Sequence[Task], nearer: Iterator[Task]) -> Iterator[Task]:
+    def _fill(self, missing: Sequence[EpisodeRequest], nearer: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:
         """Begin episodes until no slot is free or nothing is left. Returns what is left of `nearer`."""
-        passed: list[Task] = []  # somebody else drives them now: looked at again when he may be gone
+        passed: list[EpisodeRequest] = []  # somebody else drives them now: looked at again when he may be gone
         for task in missing:
             if self._busy:
                 return nearer
@@ -183,7 +183,7 @@ class Scheduler:
             self._begin(task)
         return chain(passed, nearer)
 
-    def _begin(self, task: Task) -> bool:
+    def _begin(self, task: EpisodeRequest) -> bool:
         """Begin this episode where a slot is free and nobody has it. False when another process drives it."""
         key = task.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
-from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.runner.identity import identify, identity_of
-from pytest_drive_robust.runner.plan import Scope, Task
+from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
+from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.routes import default_spec, routes_for
-from pytest_drive_robust.runner.vetting import factory_offers_lockstep
-from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
     from pytest_drive_robust.store.events import Identified
 
@@ -34,7 +34,7 @@ class Scopes:
 
     def __init__(
         self,
-        settings: Settings,
+        settings: RunOptions,
         registry: Registry,
         load_routes: Callable[[str], tuple[Route, ...]],
         *,
@@ -87,7 +87,7 @@ class Scopes:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
 
-    def check_tasks(self, tasks: Iterable[Task]) -> None:
+    def check_tasks(self, tasks: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""
 
     @property

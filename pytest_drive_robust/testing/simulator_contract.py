@@ -9,7 +9,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.runner.contract import blame
+from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, first_difference, observation_digest

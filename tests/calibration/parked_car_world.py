@@ -15,11 +15,11 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.plan import Task
-from pytest_drive_robust.runner.run_result import RunResult
-from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.store.events import Asked, Used
 from pytest_drive_robust.testing import FakeSimulator, fake_route
@@ -99,7 +99,7 @@ def drive_run(agent: Braker, *, routes: int, seed: int) -> RunResult:
         for number in range(routes):
             route = fake_route(str(number), length_m=17.0)
             result = drive_episode(world, agent, route=route, setting=setting, seed=seed, agent_name="braker")
-            keys.append(Task(result.episode, route, setting).key)
+            keys.append(EpisodeRequest(result.episode, route, setting).key)
             episodes[keys[-1]] = result
         events += [Asked("braker", "routes.xml", sentence, (seed,), tuple(keys)), Used(tuple(keys))]
-    return RunResult.of(Settings(simulator="fake"), events, episodes.get, versions={})
+    return RunResult.of(RunOptions(simulator="fake"), events, episodes.get, versions={})

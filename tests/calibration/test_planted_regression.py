@@ -9,14 +9,14 @@ from late_agent import STUCK_STOP_S, LateAgent, snapshot_of_results
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
-from pytest_drive_robust.requirements.describe import describe_outcome
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.verdict.describe import describe_outcome
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("drive_robust_agents")

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from pytest_drive_robust.cli import main
+from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan

@@ -20,7 +20,7 @@ import golden_drives
 from golden_drives import COMMAND, Drive, Spoil, drive, label, shipped
 
 from pytest_drive_robust import Observation
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 
 TOLERANCE = 1e-3
 """Metres of waypoints, shares of a control: torch rounds differently on other processors."""

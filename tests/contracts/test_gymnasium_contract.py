@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_drive_robust.registry import Registry
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import check_simulator
 
 

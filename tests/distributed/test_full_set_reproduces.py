@@ -8,8 +8,8 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 
 from pytest_drive_robust import Setting
-from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.helping import _Questions
-from pytest_drive_robust.marker import MarkerOptions
+from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.runner.plan import Scope, Task
+from pytest_drive_robust.plugin.helping import _Questions
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.reading import routes_in_order
 from pytest_drive_robust.store.events import Asked, Event, Judged, Spared, Used
 from pytest_drive_robust.store.journal import JournalWriter
@@ -93,7 +93,7 @@ class Names:
         return Setting.parse(sentence)
 
 
-def asked(sentence: str, *, clean: bool = False) -> tuple[Asked, list[Task]]:
+def asked(sentence: str, *, clean: bool = False) -> tuple[Asked, list[EpisodeRequest]]:
     setting = Setting.parse(sentence)
     need = SCOPE.need(setting, clean=clean)
     keys, twins = (tuple(task.key for task in tasks) for tasks in (need.perturbed, need.clean))
@@ -106,7 +106,7 @@ def journal(tmp_path: Path):
     writer = JournalWriter(tmp_path, name="gw0")
     questions = _Questions(tmp_path, Names())  # type: ignore[arg-type]
 
-    def told(*events: Event) -> list[Task]:
+    def told(*events: Event) -> list[EpisodeRequest]:
         for event in events:
             writer(event)
         return list(questions.tasks())

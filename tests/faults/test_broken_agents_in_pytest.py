@@ -71,7 +71,7 @@ def project(suite, monkeypatch):
     def write(names) -> pytest.Pytester:
         folder = suite(test=TESTS.format(names=list(names)))
         save_routes([fake_route("7")], folder.path / "long.xml")
-        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "helpers"), prepend=":")
         return folder
 
     return write
@@ -157,7 +157,7 @@ def test_an_agent_that_only_this_process_can_import_is_a_usage_error_with_advice
         from guarded_agents import Steady
         """
     )
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "helpers"), prepend=":")
     result = folder.runpytest_subprocess(*PROCESSES, "--drive-agent=shy_agent:Steady")
     assert result.ret == 1
     assert driven() == []

@@ -18,7 +18,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.testing import FakeSimulator
 
 FAULT_TICK = guarded_agents.FAULT_TICK
@@ -50,9 +50,9 @@ def assert_still_fine(guard: Guard) -> None:
 @pytest.mark.parametrize(
     ("agent", "detail"),
     [
-        ("Raises", "act raised ZeroDivisionError: no way (tests/faults/guarded_agents.py:"),
+        ("Raises", "act raised ZeroDivisionError: no way (tests/helpers/guarded_agents.py:"),
         ("SaysExit", "act raised SystemExit: enough"),
-        ("Interrupts", "act raised KeyboardInterrupt: from within (tests/faults/guarded_agents.py:"),
+        ("Interrupts", "act raised KeyboardInterrupt: from within (tests/helpers/guarded_agents.py:"),
         ("RaisesWhatCannotBePickled", "OddError: two arguments"),
         ("GivesNan", "steer is nan"),
         ("GivesInfinity", "throttle is inf"),
@@ -74,7 +74,7 @@ def test_what_is_raised_or_returned_ends_the_episode_and_not_the_process(guard: 
 @pytest.mark.parametrize(
     ("agent", "detail"),
     [
-        ("Segfaults", "SIGSEGV in act at tick 30 (tests/faults/guarded_agents.py:"),
+        ("Segfaults", "SIGSEGV in act at tick 30 (tests/helpers/guarded_agents.py:"),
         ("Aborts", "SIGABRT in act at tick 30"),
         ("Leaves", "left the process with exit code 0 in act at tick 30"),
         ("LeavesWithSeven", "left the process with exit code 7 in act at tick 30"),
@@ -121,7 +121,7 @@ def test_a_call_that_does_not_return_is_cut_off_in_time(guard: Guard, agent: str
 
 @pytest.mark.parametrize("agent", ["Hangs", "HangsInC"])
 def test_where_a_call_hung_is_told(guard: Guard, agent: str) -> None:
-    assert "(tests/faults/guarded_agents.py:" in guard.drive(task(agent)).end_detail
+    assert "(tests/helpers/guarded_agents.py:" in guard.drive(task(agent)).end_detail
 
 
 def test_a_reset_that_does_not_return_is_cut_off(guard: Guard) -> None:

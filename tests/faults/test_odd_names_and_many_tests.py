@@ -47,7 +47,8 @@ def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
 COUNT = 18
 ODD_TESTS = """
 import pytest
-from pytest_drive_robust import requirement, requirements
+from pytest_drive_robust import requirement
+from pytest_drive_robust import requirements
 
 @pytest.mark.parametrize("name", ["a/b", "\\U0001f697", "x" * 300, "nul\\0byte", "line\\nbreak", "e\\u0301"])
 def test_named(drive, name):

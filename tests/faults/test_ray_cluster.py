@@ -24,9 +24,9 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.ray_executor import RayExecutor
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.registry import Registry
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.executors import InlineExecutor
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.testing import fake_route
@@ -49,12 +49,12 @@ class Project:
         self.file = write_project(folder, tick_s=tick_s)
         self.registry: Registry = load_project(self.file)
 
-    def tasks(self, agent: str, count: int, sentence: str = "clean") -> list[Task]:
+    def tasks(self, agent: str, count: int, sentence: str = "clean") -> list[EpisodeRequest]:
         setting = Setting.parse(sentence, self.registry.perturbations())
         routes = [fake_route(str(number), length_m=500.0) for number in range(count)]
-        return [Task(Episode(agent, route.id, str(setting), 0), route, setting) for route in routes]
+        return [EpisodeRequest(Episode(agent, route.id, str(setting), 0), route, setting) for route in routes]
 
-    def inline(self, task: Task) -> EpisodeResult:
+    def inline(self, task: EpisodeRequest) -> EpisodeResult:
         recipe = recipe_of(self.file)
         executor = InlineExecutor(
             self.registry, simulator=recipe.simulator, options=recipe.options, ticked=lambda: None

@@ -17,10 +17,10 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.nursery import Nursery
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Perturbation, Setting
-from pytest_drive_robust.registering import plugin_source
-from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.machine import with_machine
+from pytest_drive_robust.registry.plugins import plugin_source
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.store.record import encode_episode
@@ -185,6 +185,6 @@ def test_the_embedded_world_gives_the_same_bits_in_a_child(embedded: Guard, sent
 
 def test_a_fault_in_the_embedded_world_is_told_by_us_and_not_by_its_libraries(embedded: Guard) -> None:
     result = embedded.drive(task("Segfaults", route=resolve_routes("dev10")[0]))
-    assert result.end_detail.startswith("SIGSEGV in act at tick 30 (tests/faults/guarded_agents.py:")
+    assert result.end_detail.startswith("SIGSEGV in act at tick 30 (tests/helpers/guarded_agents.py:")
     assert "parachute" not in embedded.output
     assert result.route_completion_pct > 0.0

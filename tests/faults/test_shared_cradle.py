@@ -135,7 +135,7 @@ def test_a_worker_that_dies_takes_its_nursery_along(cradle, place):
         "nursery = Nursery(replace(recipe(), cradle=sys.argv[1])); child = nursery.child(Limits())\n"
         "print(nursery.pid, child.pid, flush=True); time.sleep(600)"
     )
-    command = [sys.executable, "-c", code, str(place), str(Path(__file__).parent)]
+    command = [sys.executable, "-c", code, str(place), str(Path(__file__).parents[1] / "helpers")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker:
         assert worker.stdout is not None
         pids = [int(word) for word in worker.stdout.readline().split()]

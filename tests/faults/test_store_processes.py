@@ -10,12 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import store_holder
 from store_holder import episode, key_of
 
 from pytest_drive_robust.store.care import verify
 from pytest_drive_robust.store.folder import FolderStore
 
-HOLDER = Path(__file__).with_name("store_holder.py")
+HOLDER = Path(store_holder.__file__)
 
 
 @contextmanager

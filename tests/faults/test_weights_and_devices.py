@@ -42,7 +42,7 @@ def driving(suite, monkeypatch, pytester):
 
     def run(*names: str, options: tuple[str, ...] = ()) -> tuple[pytest.RunResult, dict[str, dict[str, Any]]]:
         suite(test=TESTS.format(names=list(names)), conftest=SPY)
-        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=":")
+        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "helpers"), prepend=":")
         save_routes([fake_route("7")], pytester.path / "long.xml")
         fixed = ("--drive-robust", "--drive-executor=processes", "-p", "no:hypothesispytest", "--drive-routes=long.xml")
         world = "--drive-sim=pytest_drive_robust.testing:FakeSimulator"

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from pytest_drive_robust.cli import main
+from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.testing import ScriptedAgent
 

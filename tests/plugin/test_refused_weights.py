@@ -21,8 +21,8 @@ torch = pytest.importorskip("torch")
 
 from drive_robust_agents.training.export import write_weights
 from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import Settings
-from pytest_drive_robust.options import DEFAULT_STORE
+from drive_robust_agents.training.trainer import RunOptions
+from pytest_drive_robust.options.table import DEFAULT_STORE
 
 CANDIDATES = ("-p", "drive_robust_agents.training.candidates")
 TESTS = """
@@ -44,7 +44,7 @@ def new_weights(agent: str, folder: Path, *, seed: int = 0) -> Path:
     """What a training that had no time would publish."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    settings = Settings(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
+    settings = RunOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
     return write_weights(recipe_of(agent).make(), folder, settings=settings, step=0)
 
 

@@ -174,7 +174,7 @@ def test_measure(drive, drive_agent):
     assert drive.rd(weak) <= 0.30
 
 def drive_setting_classes():
-    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.registry.registry import default_registry
     return default_registry().perturbations()
 """
     result = run(suite(test=test))

@@ -10,7 +10,7 @@ from pytest_drive_robust.report.schema import run_schema
 
 SEARCH = """
 from pytest_drive_robust import InferenceLatency
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 
 def test_search(drive):
     throttle = default_registry().perturbations()["throttle"]
@@ -67,7 +67,7 @@ def test_a_margin_that_is_not_met_says_how_far_the_agent_gets(suite):
 def test_episodes_that_the_run_has_are_not_driven_again(suite):
     test = """
 def test_twice(drive):
-    from pytest_drive_robust.registry import default_registry
+    from pytest_drive_robust.registry.registry import default_registry
     throttle = default_registry().perturbations()["throttle"]
     assert str(drive.largest(throttle)) == str(drive.largest(throttle))
     for probe in drive.largest(throttle).probes:

@@ -7,7 +7,7 @@ import pytest
 PROPERTY = """
 from hypothesis import given
 from pytest_drive_robust import InferenceLatency, requirement
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.testing import strategies
 
 kinds = [InferenceLatency, default_registry().perturbations()["throttle"]]

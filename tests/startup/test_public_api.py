@@ -38,8 +38,8 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_requirements_stays_the_function_after_its_subpackage_was_imported() -> None:
-    importlib.import_module("pytest_drive_robust.requirements.parse")
-    assert isinstance(pytest_drive_robust.requirements, FunctionType)
+    importlib.import_module("pytest_drive_robust.verdict.parse")
+    assert isinstance(pytest_drive_robust.requirement, FunctionType)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_requirements_stays_the_function_after_its_subpackage_was_imported() -> 
     [
         "import pytest_drive_robust",
         "from pytest_drive_robust import *",
-        "import pytest_drive_robust.registry as r; r.default_registry().perturbations()",
+        "import pytest_drive_robust.registry.registry as r; r.default_registry().perturbations()",
         "import pytest_drive_robust.hookspecs",
         "from pytest_drive_robust import requirements; requirements('RD under 200 ms latency <= 0.30')",
     ],

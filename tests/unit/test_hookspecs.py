@@ -9,7 +9,7 @@ import pytest
 
 from pytest_drive_robust import hookspecs
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.registry import Registry
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import check_agent, check_perturbation
 
 

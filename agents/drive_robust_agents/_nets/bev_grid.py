@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust import CameraSpec
-from pytest_drive_robust.rigs import rig
+from pytest_drive_robust.domain.camera_rigs import rig
 
 __all__ = ["OUT_OF_SIGHT", "BevSpec", "CameraView", "camera_views", "project"]
 

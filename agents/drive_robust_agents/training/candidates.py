@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, cast
 
 from drive_robust_agents.training.recipe import RECIPES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.registry import Registry
+    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
 

@@ -25,9 +25,9 @@ from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.registry import default_registry
-from pytest_drive_robust.runner.contract import agent_act, agent_reset
-from pytest_drive_robust.runner.loop import private_truth
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
+from pytest_drive_robust.runner.episode.loop import private_truth
 
 __all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
 

@@ -19,16 +19,16 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.processes import ProcessExecutor
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.marker import MarkerOptions
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
-from pytest_drive_robust.options import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.registering import plugin_source
-from pytest_drive_robust.registry import default_registry
+from pytest_drive_robust.registry.plugins import plugin_source
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.store.folder import FolderStore
@@ -36,7 +36,7 @@ from pytest_drive_robust.store.folder import FolderStore
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.runner.plan import Task
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["degradation", "drive", "summary"]
 
@@ -61,9 +61,9 @@ def drive(
     """
     registry = default_registry()
     candidates.pytest_drive_robust_register(registry)
-    chosen = Settings(routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S)
+    chosen = RunOptions(routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S)
     scopes = Scopes(chosen, registry, lambda spec: tuple(routes))
-    plan: dict[tuple[str, str], Sequence[Task]] = {
+    plan: dict[tuple[str, str], Sequence[EpisodeRequest]] = {
         (agent, setting): scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).perturbed
         for agent in agents
         for setting in settings
@@ -137,14 +137,14 @@ class _Watch:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def started(self, task: Task) -> None:
+    def started(self, task: EpisodeRequest) -> None:
         """Nothing to show yet."""
 
-    def finished(self, task: Task, result: EpisodeResult) -> None:
+    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
         """One more."""
         self._progress.advance(self._bar)
 
-    def reused(self, task: Task) -> None:
+    def reused(self, task: EpisodeRequest) -> None:
         """One that was driven before."""
         self._progress.advance(self._bar)
 

@@ -18,12 +18,12 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipe import Recipe
-    from drive_robust_agents.training.trainer import Settings
+    from drive_robust_agents.training.trainer import RunOptions
 
 __all__ = ["publish", "write_weights"]
 
 
-def write_weights(net: nn.Module, folder: Path, *, settings: Settings, step: int, version: str = "0.0") -> Path:
+def write_weights(net: nn.Module, folder: Path, *, settings: RunOptions, step: int, version: str = "0.0") -> Path:
     """Write `NAME.safetensors` and its manifest into a folder; gives the file. Raises `UsageError` when too large."""
     spec: Any = net.spec
     content = weights.encode(net, spec)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.domain.camera_rigs import rig
 from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.rigs import rig
 
 __all__ = ["OUTFITS", "Outfit", "outfit"]
 

@@ -19,7 +19,7 @@ from drive_robust_agents.training.feed import Feed
 from drive_robust_agents.training.frames import Frames
 from drive_robust_agents.training.progress import Display
 from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import Settings, Trainer
+from drive_robust_agents.training.trainer import RunOptions, Trainer
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
@@ -94,9 +94,9 @@ def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
-def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int, dtype: str) -> Settings:
+def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int, dtype: str) -> RunOptions:
     defaults = recipe.defaults
-    return Settings(
+    return RunOptions(
         agent=given.agent,
         steps=_steps(given, recipe, feed, batch),
         batch=batch,

@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from drive_robust_agents.training.progress import Display
     from drive_robust_agents.training.recipe import Recipe
 
-__all__ = ["Settings", "Trainer"]
+__all__ = ["RunOptions", "Trainer"]
 
 _SETTINGS = "settings.json"
 _VALIDATED_FRAMES = 2048
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class RunOptions:
     """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
 
     `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
@@ -74,7 +74,7 @@ class Trainer:
         self,
         recipe: Recipe,
         feed: Feed,
-        settings: Settings,
+        settings: RunOptions,
         run: Path,
         *,
         device: str = "cpu",
@@ -219,7 +219,7 @@ class Trainer:
         file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
-def _optimizer(net: nn.Module, settings: Settings) -> torch.optim.AdamW:
+def _optimizer(net: nn.Module, settings: RunOptions) -> torch.optim.AdamW:
     """AdamW in one fused kernel; no decay of biases, scales and embeddings of one row."""
     groups = list(_groups(net, settings.weight_decay))
     return torch.optim.AdamW(groups, lr=settings.lr, fused=True)

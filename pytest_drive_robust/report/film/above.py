@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import PlannedPath
     from pytest_drive_robust.domain.truth import EgoState, LaneMap
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.runner.tape import Moment
+    from pytest_drive_robust.runner.replay.tape import Moment
 
     Floats = NDArray[np.float64]
 

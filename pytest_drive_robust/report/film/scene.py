@@ -23,7 +23,7 @@ from pytest_drive_robust.report.film.canvas import (
     text,
     wrapped,
 )
-from pytest_drive_robust.runner.tape import main_camera
+from pytest_drive_robust.runner.replay.tape import main_camera
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.above import Ground
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
     from pytest_drive_robust.report.film.story import Event
-    from pytest_drive_robust.runner.tape import Moment, Tape
+    from pytest_drive_robust.runner.replay.tape import Moment, Tape
 
 __all__ = ["Scene"]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
-from pytest_drive_robust.requirements.divergence import first_divergence_s
+from pytest_drive_robust.verdict.divergence import first_divergence_s
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.tape import Tape
+    from pytest_drive_robust.runner.replay.tape import Tape
 
 __all__ = ["Event", "Span", "Story", "story_of"]
 

@@ -19,7 +19,7 @@ from drive_robust_agents.classical import Classical
 from pytest_drive_robust import Compass, Control, GlobalPlan, Gps, Image, Imu, Observation, PlanPoint, RoadOption, Speed
 from pytest_drive_robust.metrics.score import is_success
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes

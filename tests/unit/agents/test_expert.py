@@ -21,7 +21,7 @@ from pytest_drive_robust import Control, GlobalPlan
 from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, LightState
 from pytest_drive_robust.metrics.score import is_success
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes

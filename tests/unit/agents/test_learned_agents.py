@@ -19,8 +19,8 @@ from drive_robust_agents.training.recipe import RECIPES  # noqa: E402
 from drive_robust_agents.uniad import UniAD  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
 from pytest_drive_robust.errors import UsageError  # noqa: E402
-from pytest_drive_robust.registry import default_registry  # noqa: E402
-from pytest_drive_robust.runner.identity import agent_identity  # noqa: E402
+from pytest_drive_robust.registry.registry import default_registry  # noqa: E402
+from pytest_drive_robust.runner.cache_key.identity import agent_identity  # noqa: E402
 
 AGENTS = (SimLingo, TCP, UniAD, VAD)
 every_agent = pytest.mark.parametrize("agent", AGENTS)

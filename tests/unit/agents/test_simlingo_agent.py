@@ -18,12 +18,12 @@ from drive_robust_agents._wrappers.path_controller import Creep  # noqa: E402
 from drive_robust_agents.simlingo import CAMERAS, SimLingo  # noqa: E402
 from drive_robust_agents.training.export import write_weights  # noqa: E402
 from drive_robust_agents.training.rigs import outfit  # noqa: E402
-from drive_robust_agents.training.trainer import Settings  # noqa: E402
+from drive_robust_agents.training.trainer import RunOptions  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed  # noqa: E402
 from pytest_drive_robust.domain.route import PlanPoint  # noqa: E402
 from pytest_drive_robust.errors import UsageError  # noqa: E402
-from pytest_drive_robust.runner.lockstep_check import Recording, check_lockstep  # noqa: E402
+from pytest_drive_robust.runner.lockstep.batch_check import Recording, check_lockstep  # noqa: E402
 
 PLAN = GlobalPlan(tuple(PlanPoint(40.0 * k, 0.0, RoadOption.LANE_FOLLOW) for k in range(6)))
 
@@ -74,7 +74,7 @@ def agent(**options: Any) -> tuple[SimLingo, Scripted]:
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    settings = Settings("simlingo", 1, 4, 1e-3, 0.0, 1.0)
+    settings = RunOptions("simlingo", 1, 4, 1e-3, 0.0, 1.0)
     return write_weights(SimLingoNet(SimLingoSpec()), tmp_path_factory.mktemp("weights"), settings=settings, step=0)
 
 

@@ -18,7 +18,7 @@ from drive_robust_agents._nets.tcp import TcpNet, TcpSpec  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents.tcp import CAMERA, TCP, Fusion, Mode  # noqa: E402
 from drive_robust_agents.training.export import write_weights  # noqa: E402
-from drive_robust_agents.training.trainer import Settings  # noqa: E402
+from drive_robust_agents.training.trainer import RunOptions  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed  # noqa: E402
 from pytest_drive_robust.domain.route import PlanPoint  # noqa: E402
@@ -63,7 +63,7 @@ def driver(network: Scripted, mode: Mode = "traj") -> TCP:
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    settings = Settings("tcp", 1, 4, 1e-3, 0.0, 1.0)
+    settings = RunOptions("tcp", 1, 4, 1e-3, 0.0, 1.0)
     return write_weights(TcpNet(SMALL), tmp_path_factory.mktemp("weights"), settings=settings, step=0)
 
 

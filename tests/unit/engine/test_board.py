@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.engine.board import Board, Phase, board_bytes, shared_file
-from pytest_drive_robust.runner.salvage import Rig
+from pytest_drive_robust.runner.episode.rescore import Rig
 
 EGO = EgoState(1.5, -2.5, 0.1, 8.25, 0.0, 0.0, 0.0, 4.5, 1.9)
 ASKED, APPLIED = Control(0.5, -0.25, 0.0), Control(0.0, 0.0, 1.0)

@@ -12,7 +12,7 @@ import pytest
 from pytest_drive_robust.engine.luggage import Luggage, contents_of
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry import Registry
+from pytest_drive_robust.registry.registry import Registry
 
 MODULE = "packed_agents"
 SOURCE = """

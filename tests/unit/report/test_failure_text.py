@@ -7,18 +7,18 @@ import pytest
 from result_factory import infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
 from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.requirements.evaluate import judge
-from pytest_drive_robust.requirements.model import requirement
-from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.verdict.evaluate import judge
+from pytest_drive_robust.verdict.model import requirement
 
 LATENCY = Setting.of(InferenceLatency(ms=200))
 
 
 def text_of(wanted, clean, perturbed, *, settings=None, routes_spec="dev10", privileged=False):
     verdict = judge(wanted, agent="driver", clean=clean, perturbed=perturbed)
-    return failure_text(verdict, settings or Settings(), routes_spec=routes_spec, privileged=privileged)
+    return failure_text(verdict, settings or RunOptions(), routes_spec=routes_spec, privileged=privileged)
 
 
 def hit(route_id, *, scenario="HardBreakRoute", setting=str(LATENCY)):
@@ -82,7 +82,7 @@ def test_nothing_but_the_replay_command_is_wider_than_a_hundred_columns(seeds):
 
 
 def test_the_replay_command_survives_a_shell():
-    settings = Settings(simulator="my sim")
+    settings = RunOptions(simulator="my sim")
     wanted = requirement("RD", LATENCY) <= 0.10
     last = text_of(wanted, CLEAN, PERTURBED, settings=settings, routes_spec='a "b" $c.xml').splitlines()[-1]
     words = shlex.split(last.removeprefix("  replay:"))

@@ -18,8 +18,8 @@ from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.report.film.above import PATH, SPEED_POINT, TARGET_POINT
 from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Box, text, text_width, wrapped
 from pytest_drive_robust.report.film.film import Film
-from pytest_drive_robust.runner.replay import record_episode
-from pytest_drive_robust.runner.tape import Tape
+from pytest_drive_robust.runner.replay.recording import record_episode
+from pytest_drive_robust.runner.replay.tape import Tape
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 

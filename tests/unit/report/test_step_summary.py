@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.github import VARIABLE, append_step_summary, step_summary
-from pytest_drive_robust.runner.run_result import RunResult
-from pytest_drive_robust.settings import Settings
+from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import Judged
 
 WILD = Judged(
@@ -30,7 +30,7 @@ WILD = Judged(
 
 
 def run_of(*judged: Judged) -> RunResult:
-    return RunResult(Settings(), (), judged, {})
+    return RunResult(RunOptions(), (), judged, {})
 
 
 def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:

@@ -5,10 +5,10 @@ from dataclasses import replace
 from result_factory import crashed_simulation, make_result, scored
 
 from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
-from pytest_drive_robust.runner.run_result import RunResult
-from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.store.events import Asked, Judged, Used
 
 
@@ -20,7 +20,7 @@ def run_of(*groups, judged=()):
         found.update(zip(keys, results, strict=True))
         asked.append(Asked("driver", "dev10", setting, (0,), keys, clean if setting != "clean" else ()))
         clean = keys if setting == "clean" else clean
-    return RunResult.of(Settings(), [*asked, *judged, Used(tuple(found))], found.get, versions={})
+    return RunResult.of(RunOptions(), [*asked, *judged, Used(tuple(found))], found.get, versions={})
 
 
 def verdict(setting, word):
@@ -99,7 +99,7 @@ def test_early_stops_are_mentioned():
 
 def test_an_interrupted_setting_says_how_much_is_there():
     asked = Asked("driver", "dev10", "clean", (0,), ("a", "b"), ())
-    run = RunResult.of(Settings(), [asked, Used(("a",))], {"a": make_result("1")}.get, versions={})
+    run = RunResult.of(RunOptions(), [asked, Used(("a",))], {"a": make_result("1")}.get, versions={})
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]
     assert "before all episodes of this setting were driven" in text

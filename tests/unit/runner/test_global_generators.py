@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.runner.generators import seed_for, seed_generators
+from pytest_drive_robust.runner.episode.generators import seed_for, seed_generators
 
 FAKE_TORCH = "seeds = []\ndef manual_seed(seed):\n    seeds.append(seed)\n"
 

@@ -19,19 +19,19 @@ import pytest_drive_robust
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import GpsNoise, Setting
-from pytest_drive_robust.registry import Registry
-from pytest_drive_robust.runner import identity
-from pytest_drive_robust.runner.canonical import canonical, digest_of
-from pytest_drive_robust.runner.code import SESSION, code_of
-from pytest_drive_robust.runner.identity import agent_identity, identity_of, simulator_identity
-from pytest_drive_robust.runner.plan import Task
-from pytest_drive_robust.runner.sources import UnknownSourceError, code_digest, file_of
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key import identity
+from pytest_drive_robust.runner.cache_key.canonical import canonical, digest_of
+from pytest_drive_robust.runner.cache_key.code import SESSION, code_of
+from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
+from pytest_drive_robust.runner.cache_key.sources import UnknownSourceError, code_digest, file_of
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 SETTING = Setting.of(GpsNoise(std_m=5))
-TASK = Task(Episode("driver", "1", str(SETTING), 0), fake_route("1"), SETTING, "some identity")
+TASK = EpisodeRequest(Episode("driver", "1", str(SETTING), 0), fake_route("1"), SETTING, "some identity")
 AGENT = """
 class Agent:
     gain = 1.0
@@ -190,7 +190,7 @@ def test_a_circle_of_imports_ends(module):
 
 
 def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
-    from pytest_drive_robust.runner import sources
+    from pytest_drive_robust.runner.cache_key import sources
 
     agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
     first = identity_with(agent)
@@ -262,7 +262,7 @@ def test_code_that_cannot_be_known_is_of_this_session_only():
 
 
 def test_the_workers_of_a_run_share_what_stands_for_unknown_code():
-    program = "from pytest_drive_robust.runner.code import SESSION; print(SESSION)"
+    program = "from pytest_drive_robust.runner.cache_key.code import SESSION; print(SESSION)"
     told = [
         subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
@@ -318,7 +318,7 @@ def test_lockstep_is_another_identity():
     assert single == again != lockstep
 
 
-@pytest.mark.parametrize("start", ["runner/loop.py", "simulators/embedded/simulator.py"])
+@pytest.mark.parametrize("start", ["runner/episode/loop.py", "simulators/embedded/simulator.py"])
 def test_all_of_our_code_that_decides_numbers_is_in_the_identity(start):
     """Follows the imports of the loop and of the default world: nothing of ours may be left out by accident."""
     root = Path(pytest_drive_robust.__file__).parent

@@ -12,12 +12,12 @@ from pytest_drive_robust.domain.ruling import Ruling
 from pytest_drive_robust.errors import RequirementError
 from pytest_drive_robust.perturbations import InferenceLatency
 from pytest_drive_robust.perturbations.ladder import ladder_of
-from pytest_drive_robust.requirements.model import Requirement
-from pytest_drive_robust.requirements.ruling import rule_of
 from pytest_drive_robust.runner.plan import Scope
-from pytest_drive_robust.runner.severity import ALPHA, largest
+from pytest_drive_robust.runner.search.largest_severity import ALPHA, largest
 from pytest_drive_robust.stats.judges import judge_by
 from pytest_drive_robust.testing import fake_route
+from pytest_drive_robust.verdict.model import Requirement
+from pytest_drive_robust.verdict.ruling import rule_of
 
 LATENCY = ladder_of(InferenceLatency, dt_s=0.02)
 

@@ -18,9 +18,9 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
-from pytest_drive_robust.runner.lockstep import Lockstep, drive_together
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.plan import Task
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep, drive_together
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
@@ -34,7 +34,7 @@ def world() -> FakeSimulator:
     return FakeSimulator(SimulatorOptions(tick_cap=150))
 
 
-def alone(one: Task) -> bytes:
+def alone(one: EpisodeRequest) -> bytes:
     key = (one.route.waypoints[-1].x_m, one.episode.seed, str(one.setting))
     if key not in _alone:
         _alone[key] = bits(drive_together(world, Net, [one], width=4)[0])
@@ -56,7 +56,7 @@ tasks = st.lists(
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(together=tasks, width=st.sampled_from([4, 8, 12]))
 def test_in_any_order_among_any_neighbours_with_any_faults_each_episode_has_the_same_bits(
-    together: list[Task], width: int
+    together: list[EpisodeRequest], width: int
 ) -> None:
     results = drive_together(world, Net, together, width=width)
     assert [bits(result) for result in results] == [alone(one) for one in together]
@@ -75,7 +75,7 @@ def unworded(result: EpisodeResult) -> bytes:
     return bits(replace(result, end_detail=""))
 
 
-def drive_single(agent: Net, one: Task) -> EpisodeResult:
+def drive_single(agent: Net, one: EpisodeRequest) -> EpisodeResult:
     return drive_episode(
         world(), agent, route=one.route, setting=one.setting, seed=one.episode.seed, agent_name=one.episode.agent
     )
@@ -225,9 +225,9 @@ def test_a_world_that_breaks_takes_no_other_episode_with_it_and_is_not_used_agai
 
 
 def test_tasks_are_read_when_there_is_room_for_them() -> None:
-    read: list[Task] = []
+    read: list[EpisodeRequest] = []
 
-    def reading() -> Iterator[Task]:
+    def reading() -> Iterator[EpisodeRequest]:
         for number in range(20):
             read.append(task(metres=3.0 if number == 2 else 20.0, seed=number % 3))
             yield read[-1]

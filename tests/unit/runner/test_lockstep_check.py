@@ -10,8 +10,8 @@ from lockstep_agents import Floats, Net, bits, task
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
-from pytest_drive_robust.runner.lockstep import drive_together
-from pytest_drive_robust.runner.lockstep_check import Recording, check_lockstep, record
+from pytest_drive_robust.runner.lockstep.batch_check import Recording, check_lockstep, record
+from pytest_drive_robust.runner.lockstep.lockstep import drive_together
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 

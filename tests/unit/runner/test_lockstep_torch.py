@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from lockstep_agents import Floats, Net, bits, task
 
-from pytest_drive_robust.runner.lockstep import drive_together
-from pytest_drive_robust.runner.lockstep_check import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.batch_check import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.lockstep import drive_together
 from pytest_drive_robust.testing import FakeSimulator
 
 torch = pytest.importorskip("torch")

@@ -10,7 +10,7 @@ from result_factory import make_result
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.runner.plan import Scope, Task
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.events import Event
 from pytest_drive_robust.testing import fake_route
@@ -27,7 +27,7 @@ class Hands:
     def __init__(self) -> None:
         self.begun: list[str] = []
 
-    def submit(self, task: Task) -> Future[EpisodeResult]:
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         self.begun.append(task.route.id)
         future: Future[EpisodeResult] = Future()
         future.set_result(replace(make_result(task.route.id), wall_s=WALL_S[task.route.id]))

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 

@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations import Perturbation, Setting
-from pytest_drive_robust.runner.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 FULL = Control(throttle=1.0)

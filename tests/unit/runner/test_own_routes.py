@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.options import DEFAULT_ROUTES
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.table import DEFAULT_ROUTES
 from pytest_drive_robust.runner.routes import default_spec, routes_for
-from pytest_drive_robust.settings import Settings
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
@@ -29,18 +29,18 @@ def ids(spec, simulator):
 
 
 def test_nobody_chose_so_the_simulator_does():
-    assert default_spec(Settings(), Island()) == "fake"
+    assert default_spec(RunOptions(), Island()) == "fake"
     assert ids("fake", Island()) == ["island-1", "island-2", "island-3"]
 
 
 def test_somebody_chose():
-    settings = Settings(routes="island-7,island-9", routes_given=True)
+    settings = RunOptions(routes="island-7,island-9", routes_given=True)
     assert default_spec(settings, Island()) == "island-7,island-9"
     assert ids("island-7, island-9", Island()) == ["island-7", "island-9"]
 
 
 def test_without_own_routes_ours_are_the_default():
-    assert default_spec(Settings(), FakeSimulator()) == DEFAULT_ROUTES
+    assert default_spec(RunOptions(), FakeSimulator()) == DEFAULT_ROUTES
     assert len(ids(DEFAULT_ROUTES, FakeSimulator())) >= 1
 
 

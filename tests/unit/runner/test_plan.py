@@ -3,9 +3,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from pytest_drive_robust.perturbations import InferenceLatency, Perturbation, Setting
-from pytest_drive_robust.requirements.model import requirement
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.testing import fake_route
+from pytest_drive_robust.verdict.model import requirement
 
 ROUTES = (fake_route("1"), fake_route("2"))
 SCOPE = Scope("driver", "two", ROUTES, (0, 1))

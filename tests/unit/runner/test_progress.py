@@ -3,7 +3,7 @@ from __future__ import annotations
 import io
 from contextlib import contextmanager
 
-from pytest_drive_robust.runner.progress import PlainProgress, ProgressState
+from pytest_drive_robust.report.progress import PlainProgress, ProgressState
 from pytest_drive_robust.store.events import Asked, Finished, Planned, Started
 
 

@@ -12,8 +12,8 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import Frame
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.salvage import Rig, Wreck, drive_again
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.rescore import Rig, Wreck, drive_again
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 ROUTE = fake_route()

@@ -22,8 +22,8 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.runner.loop import drive_episode
-from pytest_drive_robust.runner.witness import Witness
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.witness import Witness
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 

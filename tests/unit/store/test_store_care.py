@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from result_factory import make_result
 
-from pytest_drive_robust import cli
+from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.store import index
@@ -38,8 +38,8 @@ def age(path: Path, days: float) -> None:
     os.utime(path, (then_s, then_s))
 
 
-def run_cli(store, *words):
-    return cli.main(["store", *words, "--store", str(store.folder)])
+def main(store, *words):
+    return main(["store", *words, "--store", str(store.folder)])
 
 
 def test_statistics_count_records_by_agent_and_outcome(store):
@@ -169,7 +169,7 @@ def test_a_clock_of_the_future_makes_nothing_old(store):
 def test_the_command_tells_what_is_there(store, capsys):
     (store.folder / "aside").mkdir()
     (store.folder / "aside" / "x.episode").write_bytes(b"")
-    assert run_cli(store, "stats") == 0
+    assert main(store, "stats") == 0
     told = capsys.readouterr().out
     assert "4 episodes" in told
     assert "1 ended in a way that no other run takes over" in told
@@ -182,22 +182,22 @@ def test_the_command_tells_what_is_there(store, capsys):
 
 
 def test_the_command_verifies_and_sets_aside(store, capsys):
-    assert run_cli(store, "verify") == 0
+    assert main(store, "verify") == 0
     path = Shelf(store.folder).path("aa01")
     path.write_bytes(path.read_bytes()[:-1])
-    assert run_cli(store, "verify") == 1
+    assert main(store, "verify") == 1
     told = capsys.readouterr().out
     assert f"{path}: its checksum does not fit" in told
     assert "4 episodes, 1 damaged" in told
-    assert run_cli(store, "verify", "--fix") == 0
+    assert main(store, "verify", "--fix") == 0
     assert not path.exists()
-    assert run_cli(store, "verify") == 0
+    assert main(store, "verify") == 0
 
 
 def test_the_command_sweeps_what_it_is_told_to(store, capsys):
-    assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
+    assert main(store, "gc", "--agent", "other", "--dry-run") == 0
     assert "would remove 1 episodes, 0 damaged records and 0 leftovers" in capsys.readouterr().out
-    assert run_cli(store, "gc", "--agent", "other") == 0
+    assert main(store, "gc", "--agent", "other") == 0
     assert "removed 1 episodes" in capsys.readouterr().out
     assert statistics(store.folder).records == 3
 
@@ -206,9 +206,9 @@ def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monke
     below = store.folder.parent / "a" / "b"
     below.mkdir(parents=True)
     monkeypatch.chdir(below)
-    assert cli.main(["store", "stats"]) == 0
+    assert main(["store", "stats"]) == 0
     assert "4 episodes" in capsys.readouterr().out
-    assert cli.main(["store", "stats", "--store", "nowhere"]) == 4
+    assert main(["store", "stats", "--store", "nowhere"]) == 4
     assert "there is no store 'nowhere'" in capsys.readouterr().err
-    assert cli.main(["store", "gc", "--older-than", "soon"]) == 4
+    assert main(["store", "gc", "--older-than", "soon"]) == 4
     assert "--older-than is 'soon', expected minutes, hours or days" in capsys.readouterr().err

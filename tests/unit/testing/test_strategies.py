@@ -1,4 +1,4 @@
-"""Settings for hypothesis: what is drawn, and what it shrinks to."""
+"""RunOptions for hypothesis: what is drawn, and what it shrinks to."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""Bench2Drive and CARLA: official agents here, our failures there, official result files."""

@@ -1,0 +1,226 @@
+"""What is missing before the official evaluator can drive, each with what to do about it."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import socket
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.errors import UsageError
+
+__all__ = ["Check", "carla_version", "checkout_version", "examine"]
+
+_CARLA = "0.9.15"
+_LARGE_MAPS = ("Town12", "Town13")
+_SEAMS = {
+    "leaderboard/leaderboard/envs/sensor_interface.py": ("SensorInterface", "get_data"),
+    "leaderboard/leaderboard/autoagents/agent_wrapper.py": ("AgentWrapper", "__call__"),
+    "leaderboard/leaderboard/scenarios/scenario_manager.py": ("ScenarioManager", "load_scenario"),
+}
+_MODULES = (
+    "carla", "agents.navigation.global_route_planner", "numpy", "py_trees", "dictor", "networkx", "shapely", "tabulate",
+    "transforms3d", "simple_watchdog_timer", "pexpect", "six", "ephem", "psutil", "requests", "pkg_resources",
+    "distutils.version",
+)  # fmt: skip
+_PROBE = """
+import importlib, json, sys
+told = {"python": list(sys.version_info[:2]), "missing": {}}
+for name in sys.argv[1:]:
+    try:
+        module = importlib.import_module(name)
+    except Exception as error:
+        told["missing"][name] = "{}: {}".format(type(error).__name__, error)
+    else:
+        told[name] = str(getattr(module, "__version__", ""))
+try:
+    import pkg_resources
+    told["carla"] = pkg_resources.get_distribution("carla").version
+except Exception:
+    pass
+print("\\n" + json.dumps(told))
+"""
+_TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """`ok` is None for what is worth knowing and stops nothing. `advice` says what to do when it is not ok."""
+
+    name: str
+    ok: bool | None
+    found: str
+    advice: str = ""
+
+
+def examine(root: Path, *, carla_root: Path | None = None, python: str = "", port: int = 2000) -> tuple[Check, ...]:
+    """Everything, in the order in which one would put it right."""
+    given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
+    checks = [*_checkout(root), *_server(given)]
+    try:
+        checkout = Checkout.find(root, carla_root=given, python=python)
+    except UsageError:
+        interpreter = Check("python", None, "not looked at", "Put the checkout and CARLA right first.")
+        checks.append(interpreter)
+    else:
+        checks += _python(checkout)
+    return (*checks, *_ports(port), _gpu())
+
+
+def checkout_version(root: Path) -> str:
+    """`0.0.4` where its validation routes are there, else `0.0.3`: checkouts do not say it."""
+    return "0.0.4" if (root / "leaderboard/data/bench2drive_0.0.4_val.xml").is_file() else "0.0.3"
+
+
+def carla_version(carla_root: Path) -> str:
+    """What the file `VERSION` of a CARLA says, empty when it is not there."""
+    try:
+        return (carla_root / "VERSION").read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+def _checkout(root: Path) -> Iterator[Check]:
+    clone = "Clone github.com/Thinklab-SJTU/Bench2Drive and give its folder."
+    evaluator = root / "leaderboard/leaderboard/leaderboard_evaluator.py"
+    if not evaluator.is_file():
+        yield Check("checkout", False, f"no {evaluator}", clone)
+        return
+    yield Check("checkout", True, f"{root}, version {checkout_version(root)}")
+    missing = [
+        name for name in ("scenario_runner/srunner", "leaderboard/data/weather.xml") if not (root / name).exists()
+    ]
+    if missing:
+        yield Check("checkout files", False, f"no {', '.join(missing)}", clone)
+    lost = [f"{cls}.{method}" for file, (cls, method) in _SEAMS.items() if not _has_method(root / file, cls, method)]
+    told = "SensorInterface.get_data, AgentWrapper.__call__" if not lost else f"no {', '.join(lost)}"
+    yield Check("seams", not lost, told, "This fork is built differently: the injection cannot be put into it.")
+    manager = root / "leaderboard/leaderboard/scenarios/scenario_manager.py"
+    if manager.is_file() and not _mentions(manager, 4000):
+        yield Check(
+            "tick cap", None, "none: the fork removed it", "Its scores do not compare with those of the original."
+        )
+
+
+def _server(carla_root: Path | None) -> Iterator[Check]:
+    install = f"Unpack CARLA {_CARLA} with its additional maps; set CARLA_ROOT to its folder."
+    if carla_root is None:
+        yield Check("server", False, "CARLA_ROOT is not set", install)
+        return
+    script = carla_root / "CarlaUE4.sh"
+    if not script.is_file():
+        yield Check("server", False, f"no {script}", install)
+        return
+    if not os.access(script, os.X_OK):
+        yield Check("server", False, f"{script} cannot be executed", f"chmod +x {script}")
+        return
+    version = carla_version(carla_root)
+    right = not version or version.startswith(_CARLA)
+    yield Check("server", right, f"{carla_root}, version {version or 'unknown'}", f"Bench2Drive is made for {_CARLA}.")
+    maps = carla_root / "CarlaUE4/Content/Carla/Maps"
+    missing = [town for town in _LARGE_MAPS if not (maps / town).is_dir() and not (maps / f"{town}.umap").is_file()]
+    yield Check(
+        "maps", not missing, f"{', '.join(missing)} missing" if missing else ", ".join(_LARGE_MAPS),
+        "Import AdditionalMaps with ImportAssets.sh: 151 of the 220 routes are in Town12 and Town13.",
+    )  # fmt: skip
+
+
+def _python(checkout: Checkout) -> Iterator[Check]:
+    """Ask the evaluator's Python, with the evaluator's environment, what it can import."""
+    hint = "Give the Python of the agent's environment with --python."
+    try:
+        ended = subprocess.run(
+            [checkout.python, "-c", _PROBE, *_MODULES],
+            env=checkout.environment(os.environ), cwd=checkout.root, stdin=subprocess.DEVNULL,
+            capture_output=True, text=True, errors="replace", timeout=_TIMEOUT_S, check=False,
+        )  # fmt: skip
+        told = json.loads(ended.stdout.splitlines()[-1])
+    except (OSError, subprocess.TimeoutExpired, ValueError, IndexError) as error:
+        yield Check("python", False, f"{checkout.python}: {type(error).__name__}", hint)
+        return
+    version = tuple(told["python"])
+    known = version >= (3, 7)
+    yield Check("python", known, f"{checkout.python}, version {version[0]}.{version[1]}", hint)
+    missing = dict(told["missing"])
+    client = missing.pop("carla", "")
+    eggs = ", ".join(egg.name for egg in checkout.eggs) or "no egg in PythonAPI/carla/dist"
+    yield Check(
+        "client", not client, client or f"carla {told.get('carla') or 'of unknown version'} ({eggs})",
+        f"{checkout.python} -m pip install carla=={_CARLA} (Python 3.7 to 3.10), or a Python that fits the egg.",
+    )  # fmt: skip
+    planner = missing.pop("agents.navigation.global_route_planner", "")
+    if planner and not client:
+        yield Check(
+            "PythonAPI", False, planner, "CARLA's folder PythonAPI/carla/agents is not there: unpack CARLA again."
+        )
+    found = "all there" if not missing else "; ".join(f"{name} ({why})" for name, why in missing.items())
+    yield Check(
+        "modules", not missing, found,
+        f"{checkout.python} -m pip install -r {checkout.root}/leaderboard/requirements.txt "
+        f"-r {checkout.root}/scenario_runner/requirements.txt",
+    )  # fmt: skip
+    numbers = [int(part) for part in str(told.get("numpy", "")).split(".")[:2] if part.isdecimal()]
+    if numbers:
+        yield Check("numpy", numbers >= [1, 17], told["numpy"], "The injection needs numpy 1.17 or later.")
+
+
+def _ports(port: int) -> Iterator[Check]:
+    """CARLA takes three ports in a row, the traffic manager one."""
+    wanted = (port, port + 1, port + 2, port + 6000)
+    held = [number for number in wanted if not _is_free(number)]
+    yield Check(
+        "ports", not held, f"{', '.join(map(str, held))} taken" if held else f"{', '.join(map(str, wanted))} free",
+        "Another server runs there: `pgrep -af carla-rpc-port` names it. End it, or give another --port.",
+    )  # fmt: skip
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as server:
+        try:
+            server.bind(("localhost", port))
+        except OSError:
+            return False
+    return True
+
+
+def _gpu() -> Check:
+    advice = "CARLA draws with Vulkan on a GPU, also with -RenderOffScreen: use a machine with one and its driver."
+    tool = shutil.which("nvidia-smi")
+    if tool is None:
+        return Check("gpu", False, "no nvidia-smi", advice)
+    try:
+        ended = subprocess.run(
+            [tool, "--query-gpu=name,driver_version,memory.free", "--format=csv,noheader"],
+            capture_output=True, text=True, errors="replace", timeout=_TIMEOUT_S, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Check("gpu", False, f"nvidia-smi: {type(error).__name__}", advice)
+    lines = [line.strip() for line in ended.stdout.splitlines() if line.strip()]
+    return Check("gpu", ended.returncode == 0 and bool(lines), "; ".join(lines) or ended.stderr.strip()[:200], advice)
+
+
+def _has_method(file: Path, cls: str, method: str) -> bool:
+    return any(
+        isinstance(part, ast.FunctionDef) and part.name == method
+        for node in ast.walk(_tree(file))
+        if isinstance(node, ast.ClassDef) and node.name == cls
+        for part in node.body
+    )
+
+
+def _mentions(file: Path, number: int) -> bool:
+    """True when the code, comments excepted, holds the number."""
+    return any(isinstance(node, ast.Constant) and node.value == number for node in ast.walk(_tree(file)))
+
+
+def _tree(file: Path) -> ast.AST:
+    try:
+        return ast.parse(file.read_text(encoding="utf-8", errors="replace"))
+    except (OSError, SyntaxError, ValueError):
+        return ast.Module([], [])

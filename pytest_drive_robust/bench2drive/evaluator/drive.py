@@ -1,0 +1,276 @@
+"""One route in the official evaluator, as often as harness errors make it necessary."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import socket
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
+from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.wire import setting_as_json
+from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.results_file import read_results
+from pytest_drive_robust.bench2drive.results.statuses import STATUSES
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Setting
+
+__all__ = ["Driven", "Job", "Places", "drive_route", "read_finished"]
+
+_INJECT = Path(__file__).with_name("inject.py")
+_REFUSED = 78
+_CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
+_SERVER_LOST = "while waiting for the simulator"
+"""Out of the message of every call of CARLA's client that has no server any more."""
+_PORTS = 150
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is driven: `agent` is the agent's file, `config` what its `setup` gets; `seed` also seeds the traffic."""
+
+    checkout: Checkout
+    agent: Path
+    config: str
+    setting: Setting
+    seed: int
+    routes: Path
+    gpu: int = 0
+    port: int = 2000
+    tries: int = 3
+    patience: Patience = field(default_factory=Patience)
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What decides the results, as text by name: drives of which one differs must not be mixed."""
+        return {
+            "agent": str(self.agent),
+            "agent file": _digest(self.agent),
+            "config": self.config,
+            "config file": _stamp(Path(self.config)) if self.config else "",
+            "setting": str(self.setting),
+            "seed": str(self.seed),
+            "routes": f"{self.routes} {_digest(self.routes)}",
+            "root": str(self.checkout.root),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where the files of a route go, below `folder`. What is finished is in `results`, one file for each route."""
+
+    folder: Path
+
+    @property
+    def results(self) -> Path:
+        """Official result files, and beside them what agents save: what `drive-robust score` takes."""
+        return self.folder / "results"
+
+    def result(self, route: str) -> Path:
+        """The official result file of a route; there only when it is scored."""
+        return self.results / f"{route}.json"
+
+    def injected(self, route: str) -> Path:
+        """One line of JSON: what was injected."""
+        return self.folder / "injected" / f"{route}.jsonl"
+
+    def log(self, route: str, number: int) -> Path:
+        """What the evaluator said in try `number`."""
+        return self.folder / "logs" / f"{route}.{number}.log"
+
+    def work(self, route: str) -> Path:
+        """What a try writes before it is known to be a result."""
+        return self.folder / "work" / route
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """`record` is None when every try was a harness error, which `troubles` tell, one for each failed try."""
+
+    route: str
+    record: Record | None
+    troubles: tuple[str, ...]
+    injected: Mapping[str, object]
+    wall_s: float
+    resumed: bool = False
+
+
+def drive_route(job: Job, route: str, places: Places, *, slot: int = 0, stop: threading.Event | None = None) -> Driven:
+    """Drive a route until it has a score, at most `job.tries` times. A route that has one already is not driven.
+
+    Raises `UsageError` when the evaluator cannot be started like this at all.
+    """
+    if not route.isdecimal():
+        raise UsageError(f"the route id {route!r} is no number, and the official evaluator takes no other.")
+    finished = read_finished(places, route)
+    if finished is not None:
+        return finished
+    troubles: list[str] = []
+    wall_s = 0.0
+    for number in range(1, job.tries + 1):
+        ended = _once(job, route, places, number, slot, stop)
+        wall_s += ended.wall_s
+        if ended.trouble == "stopped":
+            break
+        log = places.log(route, number)
+        record, trouble = _reading(places.work(route) / "result.json", route, ended)
+        if record is not None and _is_innocent(record, ended, log):
+            trouble, record = f"{record.status}, after the CARLA server was lost", None
+        if record is not None:
+            _keep(places, route)
+            shutil.rmtree(places.work(route), ignore_errors=True)
+            return Driven(route, record, tuple(troubles), _injected(places.injected(route)), wall_s)
+        _refuse_hopeless(ended, log)
+        troubles.append(f"{trouble} (see {log})")
+    shutil.rmtree(places.work(route), ignore_errors=True)
+    return Driven(route, None, tuple(troubles), {}, wall_s)
+
+
+def read_finished(places: Places, route: str) -> Driven | None:
+    """What an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
+    path = places.result(route)
+    if not path.is_file():
+        return None
+    record, trouble = _reading(path, route, Attempt(0, "", 0.0))
+    if record is None:
+        raise UsageError(f"{str(path)!r} is no finished result: {trouble}. Remove it to drive the route again.")
+    return Driven(route, record, (), _injected(places.injected(route)), record.wall_s, resumed=True)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
+
+
+def _stamp(path: Path) -> str:
+    """Weights are too large to be read each time."""
+    try:
+        status = path.stat()
+    except OSError:
+        return ""
+    return f"{status.st_size} bytes of {status.st_mtime_ns}" if path.is_file() else ""
+
+
+def _once(job: Job, route: str, places: Places, number: int, slot: int, stop: threading.Event | None) -> Attempt:
+    work, log = places.work(route), places.log(route, number)
+    shutil.rmtree(work, ignore_errors=True)
+    for folder in (work, log.parent, places.results, places.injected(route).parent):
+        folder.mkdir(parents=True, exist_ok=True)
+    log.unlink(missing_ok=True)
+    return attempt(
+        _command(job, route, work, slot),
+        environment=_environment(job, work, places, route),
+        folder=job.checkout.root,  # the evaluator reads files by their place in the checkout
+        log=log,
+        patience=job.patience,
+        stop=stop,
+    )
+
+
+def _command(job: Job, route: str, work: Path, slot: int) -> list[str]:
+    return [
+        job.checkout.python,
+        str(_INJECT),
+        str(job.checkout.evaluator),
+        f"--routes={job.routes}",
+        f"--routes-subset={route}",
+        "--repetitions=1",
+        "--track=SENSORS",
+        f"--checkpoint={work / 'result.json'}",
+        f"--debug-checkpoint={work / 'live.txt'}",
+        f"--agent={job.agent}",
+        f"--agent-config={job.config}",
+        "--debug=0",
+        "--record=",
+        f"--port={_free_port(job.port + slot * _PORTS)}",
+        f"--traffic-manager-port={_free_port(job.port + 6000 + slot * _PORTS)}",
+        f"--traffic-manager-seed={job.seed}",
+        f"--gpu-rank={job.gpu}",
+    ]
+
+
+def _environment(job: Job, work: Path, places: Places, route: str) -> dict[str, str]:
+    return {
+        **job.checkout.environment(os.environ),
+        "CUDA_VISIBLE_DEVICES": str(job.gpu),  # as the official script has it; CARLA gets --gpu-rank
+        "PDR_SETTING": setting_as_json(job.setting, seed=job.seed, log=str(work / "injected.jsonl")),
+        "PDR_LOG": "",
+        "ROUTES": str(job.routes),
+        "TEAM_AGENT": str(job.agent),
+        "TEAM_CONFIG": job.config,
+        "CHECKPOINT_ENDPOINT": str(work / "result.json"),
+        "SAVE_PATH": str(places.results),
+    }
+
+
+def _free_port(first: int) -> int:
+    """CARLA takes three ports in a row; the evaluator itself looks at one."""
+    for port in range(first, first + _PORTS - 3, 3):
+        with socket.socket() as one, socket.socket() as two, socket.socket() as three:
+            try:
+                for number, server in enumerate((one, two, three)):
+                    server.bind(("localhost", port + number))
+            except OSError:
+                continue
+            return port
+    raise UsageError(f"no three free ports in a row from {first} on. `drive-robust doctor` says who holds them.")
+
+
+def _reading(path: Path, route: str, ended: Attempt) -> tuple[Record | None, str]:
+    """The record if it is about the agent, else why there is none."""
+    told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
+    if not path.is_file() or path.stat().st_size == 0:
+        return None, f"{told} and wrote no result"
+    try:
+        records = [record for record in read_results(path).records if record.route == route]
+    except UsageError as error:
+        return None, f"{told}: {error}"
+    if len(records) != 1:
+        return None, f"{told} with {len(records)} records of the route, expected one"
+    (record,) = records
+    if record.is_harness_error:
+        return None, f"{told}: {record.status}"
+    return record, ""
+
+
+def _is_innocent(record: Record, ended: Attempt, log: Path) -> bool:
+    """An agent that asks a dead server for something crashes too: that says nothing about the agent."""
+    if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
+        return False
+    return bool(ended.trouble) or _SERVER_LOST in log.read_text(encoding="utf-8", errors="replace")
+
+
+def _keep(places: Places, route: str) -> None:
+    """The result last: a route with a result is a finished one."""
+    log = places.work(route) / "injected.jsonl"
+    if log.is_file():
+        os.replace(log, places.injected(route))
+    os.replace(places.work(route) / "result.json", places.result(route))
+
+
+def _injected(path: Path) -> Mapping[str, object]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        told = json.loads(lines[-1]) if lines else {}
+    except (OSError, ValueError):
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _refuse_hopeless(ended: Attempt, log: Path) -> None:
+    """Another try would end the same: tell the user instead."""
+    lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
+    last = lines[-1] if lines else ""
+    if ended.code == _REFUSED:
+        raise UsageError(f"the evaluator could not be set up: {last}")
+    if not ended.trouble and ended.code == 1 and last.startswith(_CANNOT_START):
+        raise UsageError(
+            f"the evaluator could not be started: {last} (see {log}). Does its Python have what the agent needs? "
+            "Give it with --python; `drive-robust doctor` says what is missing."
+        )

@@ -1,0 +1,161 @@
+"""The executor behind `--drive-sim bench2drive`: tasks are driven by the official evaluator."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.drive import Job, Places, drive_route
+from pytest_drive_robust.bench2drive.evaluator.results import episode_result
+from pytest_drive_robust.bench2drive.evaluator.wire import setting_as_json
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+
+__all__ = ["AGENT_PREFIX", "Bench2DriveExecutor", "read_agent"]
+
+AGENT_PREFIX = "leaderboard:"
+
+
+def read_agent(name: str) -> tuple[Path, str]:
+    """`leaderboard:FILE.py+CONFIG` as the absolute path of the file and the text for the agent's `setup`.
+
+    Raises `UsageError`: only official agents drive in the official evaluator.
+    """
+    if not name.startswith(AGENT_PREFIX):
+        raise UsageError(
+            f"the agent {name!r} cannot drive in Bench2Drive: expected an official one, as in "
+            f"{AGENT_PREFIX}path/to/agent.py+path/to/config"
+        )
+    file, _, config = name[len(AGENT_PREFIX) :].partition("+")
+    path = Path(file)
+    if not path.is_file():
+        raise UsageError(f"there is no agent file {file!r} (of {name!r}).")
+    parts = [str(Path(part).resolve()) if part and Path(part).exists() else part for part in config.split("+")]
+    return path.resolve(), "+".join(parts)  # the evaluator runs in another folder
+
+
+class Bench2DriveExecutor:
+    """Drives `slots` episodes at a time (see `runner.executors.Executor`), each in an evaluator and server of its own.
+
+    `routes` is the route file in the evaluator's schema that all tasks are of. What evaluators write goes below
+    `folder`, and episodes that are finished there are not driven again. The GPUs are used in turn, one for each slot.
+    """
+
+    def __init__(
+        self,
+        checkout: Checkout,
+        *,
+        folder: Path,
+        routes: Path | None = None,
+        slots: int = 1,
+        gpus: tuple[int, ...] = (0,),
+        **options: object,
+    ) -> None:
+        self.slots = slots
+        self._checkout = checkout
+        self._folder = folder.resolve()
+        self._routes = (routes or checkout.routes).resolve()
+        self._gpus = gpus
+        self._options = options  # port, tries, patience of a Job
+        self._stop = threading.Event()
+        self._free: SimpleQueue[int] = SimpleQueue()
+        for slot in range(slots):
+            self._free.put(slot)
+        self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust-b2d")
+
+    @cached_property
+    def routes(self) -> tuple[Route, ...]:
+        """The routes of the file. Raises `RouteError`."""
+        from pytest_drive_robust.simulators.embedded.route_xml import load_routes
+
+        return load_routes(self._routes)
+
+    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
+        """Raise `UsageError` for a task whose agent, route or setting the evaluator cannot have."""
+        for task in tasks:
+            read_agent(task.episode.agent)
+            self._require_route(task.route)
+            setting_as_json(task.setting, seed=task.episode.seed)
+
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+        """Begin an episode as soon as a slot is free."""
+        return self._pool.submit(self._drive, task)
+
+    def close(self, *, cancel: bool = False) -> None:
+        """With `cancel`, evaluators and servers are killed at once; without, they come to their end first."""
+        if cancel:
+            self._stop.set()
+        self._pool.shutdown(wait=True, cancel_futures=cancel)
+
+    def _drive(self, task: EpisodeRequest) -> EpisodeResult:
+        from pytest_drive_robust.engine.nursery import Stopped
+
+        self.check((task,))
+        agent, config = read_agent(task.episode.agent)
+        slot = self._free.get()
+        try:
+            job = Job(
+                checkout=self._checkout,
+                agent=agent,
+                config=config,
+                setting=task.setting,
+                seed=task.episode.seed,
+                routes=self._routes,
+                gpu=self._gpus[slot % len(self._gpus)],
+            )
+            job = replace(job, **self._options)  # type: ignore[arg-type]
+            places = Places(self._folder / _name_of(task, job))
+            driven = drive_route(job, task.route.id, places, slot=slot, stop=self._stop)
+        finally:
+            self._free.put(slot)
+        if driven.record is None and self._stop.is_set():
+            raise Stopped
+        return episode_result(
+            driven,
+            task.episode,
+            scenario=task.route.scenario.type,
+            saved=places.results,
+            versions=self._versions,
+        )
+
+    @cached_property
+    def _versions(self) -> Mapping[str, str]:
+        from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
+
+        return {
+            "bench2drive": checkout_version(self._checkout.root),
+            "carla": carla_version(self._checkout.carla_root) or "unknown",
+        }
+
+    @cached_property
+    def _known(self) -> dict[str, Route]:
+        return {route.id: route for route in self.routes}
+
+    def _require_route(self, route: Route) -> None:
+        own = self._known.get(route.id)
+        if own is None:
+            raise UnknownNameError.of(f"route in {str(self._routes)!r}", route.id, self._known)
+        if (own.town, own.scenario.type) != (route.town, route.scenario.type):
+            raise UsageError(
+                f"route {route.id} is {route.scenario.type} in {route.town} for the test, but {own.scenario.type} in "
+                f"{own.town} in {str(self._routes)!r}: give both the same file with --drive-routes."
+            )
+
+
+def _name_of(task: EpisodeRequest, job: Job) -> str:
+    """A folder for everything that decides the results: what is in it is of the same kind."""
+    parts = (*job.identity.values(), task.identity)
+    digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
+    return f"{job.agent.stem}-seed{task.episode.seed}-{digest}"

@@ -1,0 +1,153 @@
+"""`metric_info.json` of a route: the motion that an agent logged in each step, world frame of CARLA.
+
+Bench2Drive `leaderboard/autoagents/autonomous_agent.py`, `get_metric_info`: y to the right of x, yaw clockwise;
+accelerations in m/s2, angular velocities in degrees per second, rotations as roll, pitch, yaw in degrees.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.result import Trace
+    from pytest_drive_robust.metrics.comfort import Motion
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["FILE_NAME", "TICK_S", "Log", "find_log", "log_text", "motion_from", "read_log", "trace_from"]
+
+FILE_NAME = "metric_info.json"
+TICK_S = 0.05
+"""The step of the official evaluator."""
+_VECTORS = ("acceleration", "angular_velocity", "forward_vector", "right_vector", "location", "rotation")
+_WIDTH = 3 * len(_VECTORS)
+
+
+def find_log(folder: Path, save_name: str) -> Path | None:
+    """The log of a record, in the folder of its name or in the only one whose name ends with it; None without one."""
+    if not save_name or Path(save_name).name != save_name or "\0" in save_name or save_name in (".", ".."):
+        return None
+    try:
+        exact = folder / save_name / FILE_NAME
+        if exact.is_file():
+            return exact
+        renamed = [
+            item / FILE_NAME
+            for item in folder.iterdir()
+            if item.name.endswith(f"_{save_name}") and (item / FILE_NAME).is_file()
+        ]
+    except (OSError, ValueError):
+        return None
+    return renamed[0] if len(renamed) == 1 else None
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """(samples, 18) numbers, the six vectors in a row, and the seconds between samples.
+
+    `as_written` are the lines as they come, which is how the official tool takes them; `in_order` goes by the steps.
+    """
+
+    as_written: Floats
+    in_order: Floats
+    dt_s: float
+
+
+def read_log(path: Path) -> Log:
+    """The log in a file. Raises `UsageError` for a damaged one."""
+    import numpy as np
+
+    document = read_json(path)
+    if not isinstance(document, dict):
+        raise UsageError(f"{shown(path)} is no log of motion: expected an object with one entry for each step.")
+    rows = np.array(
+        [_row(given, f"{shown(path)}, step {shown(step)}") for step, given in document.items()], dtype=np.float64
+    ).reshape(len(document), _WIDTH)
+    steps = [_step(step) for step in document]
+    known = np.array([step for step in steps if step is not None], dtype=np.int64)
+    if len(known) < len(steps) or len(known) < 2:
+        return Log(rows, rows, TICK_S)
+    order = np.argsort(known, kind="stable")
+    return Log(rows, rows[order], TICK_S * max(float(np.median(np.diff(known[order]))), 1.0))
+
+
+def motion_from(rows: Floats, dt_s: float) -> Motion:
+    """The planar signals that comfort is made of, by the official projections."""
+    import numpy as np
+
+    from pytest_drive_robust.metrics.comfort import Motion
+
+    acceleration, forward, right, place = rows[:, 0:2], rows[:, 6:8], rows[:, 9:11], rows[:, 12:14]
+    moved_m = np.hypot(*np.diff(place, axis=0).T) if len(rows) > 1 else np.zeros(0)
+    return Motion(
+        forward_mps2=np.einsum("ij,ij->i", acceleration, forward),
+        right_mps2=np.einsum("ij,ij->i", acceleration, right),
+        magnitude_mps2=np.hypot(acceleration[:, 0], acceleration[:, 1]),
+        yaw_rate_radps=np.radians(rows[:, 5]),
+        speed_mps=np.concatenate((moved_m[:1], moved_m)) / dt_s if len(moved_m) else np.zeros(len(rows)),
+        dt_s=dt_s,
+    )
+
+
+def trace_from(log: Log) -> Trace:
+    """As much of a trace as the log tells: controls and progress are 0."""
+    import numpy as np
+
+    from pytest_drive_robust.domain.result import Trace
+
+    rows = log.in_order
+    motion = motion_from(rows, log.dt_s)
+    columns = np.zeros((len(rows), len(Trace.COLUMNS)))
+    columns[:, 0:2] = rows[:, 12:14]
+    columns[:, 2] = np.radians(rows[:, 17])
+    columns[:, 3:7] = np.stack(
+        (motion.speed_mps, motion.forward_mps2, motion.right_mps2, motion.yaw_rate_radps), axis=1
+    )
+    return Trace(columns)
+
+
+def log_text(trace: Trace) -> str:
+    """The log of a trace. The official tools get the planar signals back to the last bits of a double."""
+    import numpy as np
+
+    yaw = trace.column("yaw_rad")
+    cos, sin, flat = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))
+    forward, right = trace.column("forward_mps2"), trace.column("right_mps2")
+    vectors = {
+        "acceleration": (forward * cos - right * sin, forward * sin + right * cos, flat),
+        "angular_velocity": (flat, flat, np.degrees(trace.column("yaw_rate_radps"))),
+        "forward_vector": (cos, sin, flat),
+        "right_vector": (-sin, cos, flat),
+        "location": (trace.column("x_m"), trace.column("y_m"), flat),
+        "rotation": (flat, flat, np.degrees(yaw)),
+    }
+    columns = {name: np.stack(parts, axis=1).tolist() for name, parts in vectors.items()}
+    steps = {str(step): {name: columns[name][step] for name in _VECTORS} for step in range(len(trace.rows))}
+    return json.dumps(steps, allow_nan=False) + "\n"
+
+
+def _step(name: str) -> int | None:
+    return int(name) if name.isascii() and name.isdigit() and len(name) < 10 else None
+
+
+def _row(given: object, where: str) -> list[float]:
+    row: list[float] = []
+    for name in _VECTORS:
+        vector = given.get(name) if isinstance(given, dict) else None
+        if not isinstance(vector, list) or len(vector) != 3:
+            raise UsageError(f"{where}: {name} is {shown(vector)}, expected a list of three numbers.")
+        for value in vector:
+            number = finite(value)
+            if number is None:
+                raise UsageError(f"{where}: {name} holds {shown(value)}, expected a finite number.")
+            row.append(number)
+    return row

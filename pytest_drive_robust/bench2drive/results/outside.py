@@ -1,0 +1,96 @@
+"""What each test judges when none of our worlds is driven: the official evaluator drives, or has driven before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.runner.cache_key.identity import route_digest
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.store.events import Identified
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.options.marker import MarkerOptions
+    from pytest_drive_robust.options.run import RunOptions
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.registry.registry import Registry
+
+__all__ = ["OutsideScopes", "Supply"]
+
+_TICK_S = 0.05
+
+
+class Supply(Protocol):
+    """An executor that has routes of its own, and knows which tasks it cannot answer."""
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """All its routes."""
+        ...
+
+    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
+        """Raise one `UsageError` that names everything that cannot be answered."""
+        ...
+
+
+class OutsideScopes(Scopes):
+    """As `Scopes`, over the routes of a `Supply`. Agents are only names here; none is loaded and no world is built."""
+
+    def __init__(
+        self,
+        settings: RunOptions,
+        registry: Registry,
+        load_routes: Callable[[str], tuple[Route, ...]],
+        supply: Supply,
+    ) -> None:
+        super().__init__(settings, registry, load_routes)
+        self._supply = supply
+
+    @property
+    def dt_s(self) -> float:
+        """Bench2Drive's tick in seconds."""
+        return _TICK_S
+
+    def of(self, marker: MarkerOptions) -> Scope:
+        """The scope of a test with this marker. Raises `UsageError` for unknown routes."""
+        own = self._settings.simulator
+        spec = marker.routes or (self._settings.routes if self._settings.routes_given else own)
+        agent, seeds = marker.agent or self._settings.agent, marker.seeds or self._settings.seeds
+        return Scope(agent, spec, self.routes(spec), seeds, own)
+
+    def routes(self, spec: str) -> tuple[Route, ...]:
+        """All routes, some of them by id, or those of a route file. Raises `UsageError`."""
+        if spec == self._settings.simulator:
+            return self._supply.routes
+        try:
+            return self._named([name.strip() for name in spec.split(",")])
+        except UnknownNameError:
+            return self._load_routes(spec)
+
+    def identify(self, scope: Scope) -> Identified:
+        """What is known about an agent that drove elsewhere: its routes."""
+        routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
+        return Identified(
+            agent=scope.agent, distribution=self._settings.simulator, source="", weights="", routes=routes
+        )
+
+    def check(self) -> None:
+        """The supply was made: there is nothing else to look at."""
+
+    def check_setting(self, setting: Setting) -> None:
+        """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""
+        setting.start(route_id="", seed=0, dt_s=_TICK_S, cameras=())
+
+    def check_tasks(self, tasks: Iterable[EpisodeRequest]) -> None:
+        """Raise one `UsageError` that names everything that the supply cannot answer."""
+        self._supply.check(tasks)
+
+    def _named(self, names: Sequence[str]) -> tuple[Route, ...]:
+        by_id = {route.id: route for route in self._supply.routes}
+        unknown = [name for name in names if name not in by_id]
+        if unknown:
+            raise UnknownNameError.of(f"route of {self._settings.simulator}", unknown[0], by_id)
+        return tuple(by_id[name] for name in dict.fromkeys(names))

@@ -1,0 +1,130 @@
+"""Official result files: one of the evaluator, a folder of splits, or what the official merge tool made of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from pytest_drive_robust.bench2drive.results.record import Record, read_record
+from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
+from pytest_drive_robust.errors import UsageError
+
+__all__ = ["ResultSet", "StatedTotals", "read_results"]
+
+_MERGED = "merged.json"
+_RECORDS = "records"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedTotals:
+    """What a merged file says about itself; None where it does not. `success_rate` is 0..1."""
+
+    driving_score: float | None = None
+    success_rate: float | None = None
+    evaluated: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ResultSet:
+    """The records of one run in the order of their files and lines.
+
+    `planned` is how many routes the evaluator set out to drive, None where no file says so. `folder` is where the
+    files are: folders of single routes are looked for from there. `skipped` are files that hold no records.
+    """
+
+    records: tuple[Record, ...]
+    folder: Path
+    files: tuple[Path, ...]
+    planned: int | None = None
+    stated: StatedTotals = StatedTotals()
+    skipped: tuple[Path, ...] = ()
+
+    @property
+    def duplicates(self) -> tuple[str, ...]:
+        """The route ids, with repetition, that more than one record has."""
+        counts = Counter(record.route_id for record in self.records)
+        return tuple(route_id for route_id, count in counts.items() if count > 1)
+
+
+def read_results(path: Path) -> ResultSet:
+    """The results in a file or in the `*.json` of a folder, where `merged.json` is read only when it is alone.
+
+    Raises `UsageError` for what is not there, is damaged, or holds no record.
+    """
+    single = _is_file(path)
+    files = [path] if single else _files_of(path)
+    records: list[Record] = []
+    planned: list[int | None] = []
+    read: list[Path] = []
+    skipped: list[Path] = []
+    stated = StatedTotals()
+    for file in files:
+        document = {} if file != path and is_empty(file) else read_json(file)
+        lines = _records_of(document)
+        if lines is None:
+            if file == path:
+                raise UsageError(f"{shown(file)} holds no official results: expected '_checkpoint' with 'records'.")
+            skipped.append(file)
+            continue
+        records += [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
+        planned.append(_planned(document))
+        stated = _stated(document)
+        read.append(file)
+    if not records:
+        raise UsageError(f"{shown(path)} holds no record of a route. A score of nothing is not 0.")
+    totals = [total for total in planned if total is not None]
+    return ResultSet(
+        records=tuple(records),
+        folder=path.parent if single else path,
+        files=tuple(read),
+        planned=sum(totals) if len(totals) == len(planned) else None,
+        stated=stated if len(read) == 1 else StatedTotals(),
+        skipped=tuple(skipped),
+    )
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError) as error:  # a name that no disk can have
+        raise UsageError(f"{shown(path)} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """The files that the official merge tool would take, in an order that does not depend on the disk."""
+    try:
+        found = sorted(item for item in folder.iterdir() if item.suffix == ".json" and not item.name.startswith("."))
+        splits = [item for item in found if _MERGED not in item.name]
+        if splits or found:
+            return splits if any(_holds_records(item) for item in splits) else found
+        below = sorted({shown(item.parent) for item in folder.glob("*/*.json")})[:5]
+    except OSError as error:
+        raise UsageError(f"{shown(folder)} cannot be read: {error.strerror}.") from None
+    hint = f" Below it, files are in {', '.join(below)}." if below else ""
+    raise UsageError(f"{shown(folder)} holds no *.json file.{hint} Give a result file or the folder of its parts.")
+
+
+def _holds_records(file: Path) -> bool:
+    return not is_empty(file) and _records_of(read_json(file)) is not None
+
+
+def _records_of(document: object) -> list[object] | None:
+    checkpoint = document.get("_checkpoint") if isinstance(document, dict) else None
+    records = checkpoint.get(_RECORDS) if isinstance(checkpoint, dict) else None
+    return records if isinstance(records, list) else None
+
+
+def _planned(document: object) -> int | None:
+    """The second number of `progress`: [done, planned]."""
+    assert isinstance(document, dict)  # it has records
+    progress = document["_checkpoint"].get("progress")
+    if not isinstance(progress, list) or len(progress) != 2:
+        return None
+    total = finite(progress[1])
+    return int(total) if total is not None and total >= 0.0 and total == int(total) else None
+
+
+def _stated(document: object) -> StatedTotals:
+    assert isinstance(document, dict)  # it has records
+    return StatedTotals(*(finite(document.get(name)) for name in ("driving score", "success rate", "eval num")))

@@ -1,0 +1,198 @@
+"""Episodes out of result files instead of a simulator: what `--drive-results` stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.bench2drive.results.episodes import episode_of
+from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.results_file import ResultSet, read_results
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
+from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.perturbations.base import Perturbation
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+
+__all__ = ["ResultsExecutor", "ResultsSource", "parse_results", "read_setting"]
+
+_MOST_SHOWN = 10
+
+
+def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = None) -> dict[str, Path]:
+    """`"clean=DIR,latency 200 ms=DIR2"` as paths by the sentence of their setting (`str(Setting)`).
+
+    A part without `=` belongs to the path before it, so that paths may have commas. `known` are the perturbation
+    classes (default: the built-in ones). Raises `UsageError`, `RequirementError` for a sentence that does not parse.
+    """
+    parts: list[str] = []
+    for piece in text.split(","):
+        if "=" in piece or not parts:
+            parts.append(piece)
+        else:
+            parts[-1] += f",{piece}"
+    found: dict[str, Path] = {}
+    for part in parts:
+        sentence, equals, path = (word.strip() for word in part.partition("="))
+        if not (sentence and equals and path):
+            raise UsageError(
+                f"--drive-results holds {part.strip()!r}, expected SETTING=FOLDER as in "
+                '--drive-results "clean=results/clean,200 ms latency=results/latency".'
+            )
+        setting = str(read_setting(sentence, known))
+        if setting in found:
+            raise UsageError(f"--drive-results names {setting!r} twice: {str(found[setting])!r} and {path!r}.")
+        found[setting] = Path(path)
+    return found
+
+
+def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
+    """As `Setting.parse`; `latency 200 ms` is understood as `200 ms latency` too."""
+    from pytest_drive_robust.perturbations.setting import Setting
+
+    try:
+        return Setting.parse(sentence, known)
+    except RequirementError:
+        first, _, rest = sentence.partition(" ")
+        try:
+            return Setting.parse(f"{rest} {first}", known)
+        except DriveRobustError:
+            pass  # the first error names what was typed
+        raise
+
+
+@dataclass(frozen=True)
+class ResultsSource:
+    """The results of one setting: answers which episode a route and a seed (the record's repetition) were."""
+
+    setting: str
+    path: Path
+    records: Mapping[tuple[str, int], tuple[Record, ...]]
+    folders: tuple[Path, ...]
+
+    @classmethod
+    def read(cls, setting: str, path: Path) -> ResultsSource:
+        """Read a file or folder of results. Raises `UsageError`."""
+        results: ResultSet = read_results(path)
+        found: dict[tuple[str, int], list[Record]] = {}
+        for record in results.records:
+            found.setdefault((record.route, record.repetition), []).append(record)
+        return cls(setting, path, {key: tuple(of_key) for key, of_key in found.items()}, (results.folder,))
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """A route for each id, without a road: what is judged needs none."""
+        first: dict[str, Record] = {}
+        for records in self.records.values():
+            first.setdefault(records[0].route, records[0])
+        return tuple(_route(record) for record in first.values())
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The repetitions that are there."""
+        return tuple(sorted({repetition for _, repetition in self.records}))
+
+    def problem(self, episode: Episode, route: Route) -> str:
+        """Why there is no such episode, in one sentence; empty where there is one."""
+        records = self.records.get((episode.route_id, episode.seed))
+        if records is None:
+            others = [seed for route_id, seed in self.records if route_id == episode.route_id]
+            if not others:
+                return f"route {episode.route_id} is missing"
+            listed = ", ".join(map(str, sorted(others)[:_MOST_SHOWN]))
+            return f"route {episode.route_id} has no repetition {episode.seed}, only {listed}"
+        if len(records) > 1:
+            return f"route {episode.route_id} has {len(records)} records of repetition {episode.seed}, expected one"
+        scenario = records[0].scenario
+        if scenario and scenario != route.scenario.type:
+            return f"route {episode.route_id} is of type {scenario}, the test's route of that id {route.scenario.type}"
+        return ""
+
+    def episode(self, episode: Episode, route: Route) -> EpisodeResult:
+        """The episode. Raises `UsageError` where there is none or its record cannot be used."""
+        problem = self.problem(episode, route)
+        if problem:
+            raise UsageError(f"the results of {self.setting!r} in {str(self.path)!r}: {problem}.")
+        (record,) = self.records[episode.route_id, episode.seed]
+        return episode_of(record, agent=episode.agent, setting=self.setting, folders=self.folders)
+
+
+class ResultsExecutor:
+    """Answers tasks from results, as an executor that drives would (one at a time, at once)."""
+
+    slots = 1
+
+    def __init__(self, sources: Sequence[ResultsSource]) -> None:
+        self._sources = {source.setting: source for source in sources}
+
+    @classmethod
+    def read(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> ResultsExecutor:
+        """Read everything that a `--drive-results` names. Raises `UsageError`."""
+        return cls([ResultsSource.read(setting, path) for setting, path in parse_results(text, known).items()])
+
+    @property
+    def routes(self) -> tuple[Route, ...]:
+        """The routes of all results, each id once: what to judge over when no route file is given."""
+        found: dict[str, Route] = {}
+        for source in self._sources.values():
+            for route in source.routes:
+                found.setdefault(route.id, route)
+        return tuple(found.values())
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The sentences of the settings that there are results of."""
+        return tuple(self._sources)
+
+    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
+        """Raise one `UsageError` that names everything that `tasks` need and the results do not hold."""
+        wanted: dict[str, list[EpisodeRequest]] = {}
+        for task in tasks:
+            wanted.setdefault(task.episode.setting, []).append(task)
+        problems = []
+        for setting, of_setting in wanted.items():
+            if setting not in self._sources:
+                problems.append(str(self._unknown(setting)))
+                continue
+            source = self._sources[setting]
+            found = [text for task in of_setting if (text := source.problem(task.episode, task.route))]
+            if found:
+                more = f"; and {len(found) - _MOST_SHOWN} more" if len(found) > _MOST_SHOWN else ""
+                problems.append(
+                    f"the results of {setting!r} in {str(source.path)!r} lack {len(found)} of {len(of_setting)} "
+                    f"episodes: {'; '.join(found[:_MOST_SHOWN])}{more}"
+                )
+        if problems:
+            advice = "Drive what is missing, or judge the routes that are there: --drive-routes FILE.xml:id,id"
+            raise UsageError("\n  ".join(["--drive-results cannot answer:", *problems, advice]))
+
+    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+        """The finished episode, or a `UsageError` as the future's exception. Never blocks."""
+        future: Future[EpisodeResult] = Future()
+        future.set_running_or_notify_cancel()
+        try:
+            if task.episode.setting not in self._sources:
+                raise self._unknown(task.episode.setting)
+            future.set_result(self._sources[task.episode.setting].episode(task.episode, task.route))
+        except UsageError as error:
+            future.set_exception(error)
+        return future
+
+    def close(self, *, cancel: bool = False) -> None:
+        """There is nothing to free."""
+
+    def _unknown(self, setting: str) -> UsageError:
+        hint = f'Name them with --drive-results "...,{setting}=FOLDER".'
+        return UnknownNameError.of("result set of the setting", setting, self._sources, hint=hint)
+
+
+def _route(record: Record) -> Route:
+    scenario = ScenarioSpec(record.scenario, record.scenario, TriggerPoint(0.0, 0.0, 0.0, 0.0))
+    return Route(record.route, record.town, (), scenario)

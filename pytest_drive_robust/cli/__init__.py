@@ -1,0 +1,1 @@
+"""`drive-robust`: what one wants to know without writing a test; one module per command."""

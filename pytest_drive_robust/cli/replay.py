@@ -1,0 +1,240 @@
+"""`drive-robust replay`: drives one route again, clean and perturbed, and films both side by side."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.cli.replay_check import Before, before_of, read_episode_file
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.replay.tape import Tape
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["add_command"]
+
+_SUFFIXES = (".mp4", ".png")
+_DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
+was given, the view from above with its plan, speed and controls, infractions, the first divergence. Without an encoder
+(pip install 'pytest-drive-robust[video]') it writes a PNG of the telling moments instead."""
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `replay` to the commands of a parser."""
+    replay = commands.add_parser("replay", help="drive one route again and film it", description=_DESCRIPTION)
+    replay.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
+    replay.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    replay.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
+    replay.add_argument("--seed", type=int, help="default: 0")
+    replay.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
+    replay.add_argument("--routes", metavar="SET", help="where ROUTE is from: a set (full, dev10) or a file")
+    replay.add_argument("--stuck-stop", metavar="SECONDS", help="as --drive-stuck-stop of the run that is replayed")
+    replay.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
+    replay.add_argument(
+        "--run", metavar="RUN", help="a stored run or a folder of episodes: say whether both are the same"
+    )
+    replay.add_argument("--out", metavar="FILE", help="a .mp4, or a .png strip; default: replay-ROUTE-SETTING.mp4")
+    replay.add_argument("--no-video", action="store_true", help="only tell what happened")
+    replay.set_defaults(command=_replay)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What to drive, after the command line and a stored episode were put together."""
+
+    agent: str
+    route: str
+    setting: Setting
+    seed: int
+    stored: EpisodeResult | None
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.options.run import positive_seconds
+    from pytest_drive_robust.registry.registry import default_registry
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    registry = default_registry()
+    wanted = _wanted(options, registry)
+    stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)
+    if options.tick_cap is not None and options.tick_cap < 1:
+        raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
+    before = before_of(options.run, wanted.stored)
+    target = None if options.no_video else _target(options, wanted)
+    registry.require("agents", wanted.agent)
+    caps = {} if options.tick_cap is None else {"tick_cap": options.tick_cap}
+    simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s, **caps))
+    tapes: list[Tape] = []
+    try:
+        route = _route(options, wanted.route, simulator)
+        running = wanted.setting.start(route_id=route.id, seed=0, dt_s=simulator.dt_s, cameras=())  # or say why not
+        tapes = _drive(registry, simulator, wanted, route)
+        same = _compare(tapes, wanted, route, before)
+        if not same and running.measures_inference:
+            print("a measured latency is never the same twice")
+            same = True
+        if target is not None:
+            _film(tapes, target)
+    finally:
+        simulator.close()
+        for tape in tapes:
+            tape.close()
+    return 0 if same else 1
+
+
+def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
+    """Options that are given win over what a stored episode says."""
+    from pytest_drive_robust.perturbations.setting import Setting
+
+    stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
+    agent = options.agent or (stored.episode.agent if stored else None)
+    if agent is None:
+        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
+    sentence = options.setting or (stored.episode.setting if stored else "clean")
+    seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
+    return _Wanted(
+        agent=agent,
+        route=stored.episode.route_id if stored else options.route,
+        setting=Setting.parse(sentence, registry.perturbations()),
+        seed=seed,
+        stored=stored,
+    )
+
+
+def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
+    """Where to write, looked at before anything is driven. Without an encoder a strip takes the video's place."""
+    from pytest_drive_robust.report.video import EXTRA, has_encoder
+
+    words = re.sub(r"[^a-z0-9.]+", "-", f"{wanted.route}-{wanted.setting}".lower()).strip("-")
+    target = Path(options.out or f"replay-{words}.mp4")
+    if target.suffix.lower() not in _SUFFIXES:
+        raise UsageError(f"--out is {options.out!r}, expected the name of a .mp4 or .png file.")
+    if not target.parent.is_dir():
+        raise UsageError(f"--out is {options.out!r}, but there is no folder {str(target.parent)!r}.")
+    if target.is_dir():
+        raise UsageError(f"--out is {options.out!r}, which is a folder.")
+    if target.suffix.lower() == ".mp4" and not has_encoder():
+        strip = target.with_suffix(".png")
+        print(f"drive-robust: no H.264 encoder is installed, so the telling moments go to {strip}.", file=sys.stderr)
+        print(f"drive-robust: for a video pip install '{EXTRA}'", file=sys.stderr)
+        return strip
+    return target
+
+
+def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Route:
+    from pytest_drive_robust.runner.routes import own_routes, routes_for
+    from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
+
+    spec = options.routes or (ALL_ROUTES if own_routes(simulator) is None else name)
+    routes = {route.id: route for route in routes_for(spec, simulator)}
+    if name not in routes:
+        raise UnknownNameError.of("route", name, routes, hint="Name its file with --routes.")
+    check_route = getattr(simulator, "check_route", None)
+    if check_route is not None:
+        check_route(routes[name])
+    return routes[name]
+
+
+def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
+    """Both episodes, one after the other, with the same simulator and agent."""
+    from pytest_drive_robust.runner.replay.recording import record_episode
+
+    agent = registry.agent(wanted.agent)
+    tapes: list[Tape] = []
+    settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
+    try:
+        for setting in settings:
+            with _progress(f"driving under {setting}") as step:
+                tape = record_episode(
+                    simulator,
+                    agent,
+                    route=route,
+                    setting=setting,
+                    seed=wanted.seed,
+                    agent_name=wanted.agent,
+                    ticked=lambda _: step(),
+                )
+            tapes.append(tape)
+            _print_result(tape.result)
+            if tape.plan_problem:
+                print(f"  no plan is shown: {tape.plan_problem}")
+    except BaseException:
+        for tape in tapes:
+            tape.close()
+        raise
+    return tapes
+
+
+def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
+    """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
+    from pytest_drive_robust.verdict.divergence import first_divergence_s
+
+    if len(tapes) == 2:
+        parted_s = first_divergence_s(tapes[0].result, tapes[1].result)
+        print("both drove the same" if parted_s is None else f"first divergence at {parted_s:.2f} s")
+    all_same = True
+    for tape in tapes if before is not None else ():
+        assert before is not None
+        told = before.verdict(tape.result, route=route)
+        if told is not None:
+            same, clause = told
+            print(f"{tape.result.episode.setting}: {clause}")
+            all_same = all_same and (same or not before.asked)
+        elif before.asked and before.episode is None:
+            print(f"{tape.result.episode.setting}: not in {before.label}")
+    return all_same
+
+
+def _film(tapes: list[Tape], target: Path) -> None:
+    from pytest_drive_robust.report.film.film import Film
+    from pytest_drive_robust.report.video import write_png, write_video
+
+    film = Film(*tapes)
+    if target.suffix.lower() == ".png":
+        sheet = film.sheet()
+        write_png(target, sheet)
+        print(f"{target}: {sheet.shape[1]} x {sheet.shape[0]} pixels")
+        return
+    count = len(film.positions)
+    with _progress("filming", total=count) as step:
+        write_video(target, film.pictures(), rate_hz=film.rate_hz, wrote=step)
+    print(f"{target}: {count / film.rate_hz:.0f} s, {target.stat().st_size / 1e6:.1f} MB")
+
+
+@contextmanager
+def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], None]]:
+    """A bar on a terminal, nothing elsewhere: `step()` for each tick or picture."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=total)
+        yield lambda: progress.advance(task)
+
+
+def _print_result(result: EpisodeResult) -> None:
+    """One paragraph: outcome, score, end, and every infraction with its second."""
+    from pytest_drive_robust.domain.outcome import Outcome
+    from pytest_drive_robust.metrics.score import driving_score
+
+    scored = result.outcome is not Outcome.INFRA_ERROR
+    score = f"DS {driving_score(result):.1f}" if scored else "not scored"
+    print(f"{result.episode} ({result.scenario})")
+    print(f"  {result.outcome.value}: {score}, {result.route_completion_pct:.1f} % of {result.route_length_m:.0f} m")
+    print(f"  ended after {result.game_s:.2f} s ({result.wall_s:.2f} s on the clock): {result.end_detail}")
+    for infraction in result.infractions:
+        print(f"  {infraction.tick * result.dt_s:7.2f} s  {infraction.kind.value}: {infraction.detail}")
+    print(f"  trajectory {result.trace.digest}")

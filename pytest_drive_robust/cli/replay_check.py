@@ -1,0 +1,146 @@
+"""Whether what `drive-robust replay` drove is what was driven before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.route import Route
+
+__all__ = ["Before", "before_of", "read_episode_file"]
+
+Words = tuple[str, str, str, int]
+"""Agent, route id, setting, seed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Episodes that were driven before: `label` is how people call the place.
+
+    `folder` holds episode files, `digests` the digests of trajectories by the words of their episodes, `routes` the
+    digests of the routes by id as far as they are known, `episode` is one episode; what there is not is None or empty.
+    `asked` is False when nobody named the place.
+    """
+
+    label: str
+    asked: bool
+    folder: Path | None = None
+    digests: Mapping[Words, str] | None = None
+    routes: Mapping[str, str] = field(default_factory=dict)
+    episode: EpisodeResult | None = None
+
+    def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
+        """(same, a clause that says so), or None when that episode is not there."""
+        from pytest_drive_robust.runner.replay.recording import difference
+
+        if self.episode is not None and self.episode.episode == driven.episode:
+            stored = [self.episode]
+        else:
+            stored = [] if self.folder is None else _stored(self.folder, driven)
+        same = f"as in {self.label}, bit for bit"
+        if stored:
+            # A store keeps what earlier versions of an agent drove, too: the newest one is told of.
+            differences = [difference(driven, earlier) for earlier in stored]
+            return (True, same) if not all(differences) else (False, f"DIFFERS from {self.label} {differences[0]}")
+        words = (driven.episode.agent, route.id, driven.episode.setting, driven.episode.seed)
+        if self.digests is None or words not in self.digests or self._is_another(route):
+            return None
+        if self.digests[words] == driven.trace.digest:
+            return True, same
+        return False, f"DIFFERS from {self.label}"
+
+    def _is_another(self, route: Route) -> bool:
+        """Whether the route of that id was another one then."""
+        from pytest_drive_robust.runner.cache_key.identity import route_digest
+
+        return self.routes.get(route.id, route_digest(route)) != route_digest(route)
+
+
+def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | None:
+    """Where to look: the episode that was given, a run's name or file, a folder; else the newest stored run, if any.
+
+    Raises `UsageError` for a reference that is none of these.
+    """
+    if reference is None and episode is not None:
+        return Before("the stored episode", True, episode=episode)
+    if reference is not None and Path(reference).is_dir():
+        return Before(f"the folder {reference}", True, folder=Path(reference), episode=episode)
+    path = _run_file(reference)
+    if path is None:
+        return None
+    from pytest_drive_robust.regression.document import read_document
+
+    label = f"the run {reference or path.stem}"
+    try:
+        document = read_document(path)
+        digests, routes = _digests(document, path), _routes(document)
+    except UsageError:
+        if reference is not None:
+            raise
+        return None  # nobody asked for this run
+    return Before(label, reference is not None, digests=digests, routes=routes, episode=episode)
+
+
+def read_episode_file(name: str) -> EpisodeResult:
+    """The episode in a file. Raises `UsageError` when there is none."""
+    from pytest_drive_robust.store.episodes import read_episode
+
+    try:
+        return read_episode(Path(name))
+    except FileNotFoundError:
+        raise UsageError(f"there is no episode file {name!r}. Looked from the folder {Path.cwd()}.") from None
+    except Exception as error:
+        raise UsageError(f"{name!r} is no stored episode: {type(error).__name__}: {error}") from error
+
+
+def _run_file(reference: str | None) -> Path | None:
+    from pytest_drive_robust.regression.runs import RunFolder, home_of
+
+    if reference is not None and (reference.endswith(".json") or "/" in reference):
+        if not Path(reference).is_file():
+            raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
+        return Path(reference)
+    runs = RunFolder(home_of(Path.cwd()))
+    if reference is None and not runs.names():
+        return None
+    return runs.find(reference or "latest")
+
+
+def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
+    """The records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
+    from pytest_drive_robust.store.episodes import SUFFIX, read_episode
+
+    found: list[EpisodeResult] = []
+    for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):
+        try:
+            result = read_episode(path)
+        except (OSError, ValueError):
+            continue
+        if result.episode == driven.episode:
+            found.append(result)
+    return found
+
+
+def _digests(document: Mapping[str, Any], path: Path) -> dict[Words, str]:
+    try:
+        return {
+            (str(item["agent"]), str(item["route_id"]), str(item["setting"]), int(item["seed"])): str(
+                item["trace_digest"]
+            )
+            for item in document["episodes"]
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"the run {str(path)!r} is damaged: {type(error).__name__}: {error}.") from None
+
+
+def _routes(document: Mapping[str, Any]) -> dict[str, str]:
+    """Empty for runs that were stored before routes were told."""
+    fingerprint = document.get("fingerprint")
+    routes = fingerprint.get("routes") if isinstance(fingerprint, dict) else None
+    return {str(name): str(digest) for name, digest in routes.items()} if isinstance(routes, dict) else {}

@@ -1,0 +1,133 @@
+"""`drive-robust store`: what the store of finished episodes holds, is it whole, and what may go."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.store.care import Statistics
+
+__all__ = ["add_command"]
+
+_WIDTH = 100
+_MEGA = 1e6
+
+
+def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `store stats`, `store verify` and `store gc` to the commands of a parser."""
+    store = commands.add_parser("store", help="the finished episodes that runs keep for later ones")
+    what = store.add_subparsers(required=True, metavar="WHAT")
+    stats = what.add_parser("stats", help="how many episodes of which agents, how large, what driving them took")
+    stats.set_defaults(command=_stats)
+    verify = what.add_parser("verify", help="read every record to its last byte. Exit code 1 when one is damaged")
+    verify.add_argument("--fix", action="store_true", help="move damaged records to aside/: they are driven again")
+    verify.set_defaults(command=_verify)
+    gc = what.add_parser("gc", help="remove what no run will read, and what you name")
+    gc.add_argument("--older-than", metavar="TIME", help="also every record written longer ago, as in 30d or 12h")
+    gc.add_argument(
+        "--agent", action="append", default=[], metavar="NAME", help="only records of this agent; repeatable"
+    )
+    gc.add_argument("--dry-run", action="store_true", help="only say what would go")
+    gc.set_defaults(command=_gc)
+    for command in (stats, verify, gc):
+        command.add_argument("--store", metavar="FOLDER", help="default: .drive-robust, here or in a folder above")
+
+
+def _stats(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.store.care import statistics
+
+    found = statistics(_folder(options))
+    print(
+        f"{found.folder}: {found.records} episodes, {found.size_bytes / _MEGA:.1f} MB, "
+        f"{_duration(found.wall_s)} of driving, {found.runs} runs"
+    )
+    if found.by_agent:
+        _print_agents(found)
+    again = found.records - found.unreadable - found.reusable
+    if again:
+        print(f"{again} ended in a way that no other run takes over (timeouts, crashes, errors of the simulator)")
+    if found.unreadable:
+        print(f"{found.unreadable} cannot be read: see drive-robust store verify")
+    if found.set_aside:
+        print(f"{found.set_aside} damaged ones lie in {found.folder / 'aside'}")
+    return 0
+
+
+def _print_agents(found: Statistics) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    outcomes = sorted({outcome for _, outcome in found.by_agent})
+    table = Table(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table.add_column("agent", overflow="fold")
+    for outcome in outcomes:
+        table.add_column(outcome, justify="right")
+    for agent in sorted({agent for agent, _ in found.by_agent}):
+        table.add_row(agent, *(str(found.by_agent.get((agent, outcome), 0)) for outcome in outcomes))
+    Console(width=None if sys.stdout.isatty() else _WIDTH, markup=False, highlight=False).print(table)
+
+
+def _verify(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.store.care import set_aside, verify
+
+    folder = _folder(options)
+    count, damages = verify(folder)
+    for damage in damages:
+        print(f"{damage.path}: {damage.problem}")
+    damaged = [damage for damage in damages if not damage.later_version]
+    print(f"{folder}: {count} episodes, {len(damaged)} damaged")
+    if not damaged:
+        return 0
+    if not options.fix:
+        print(
+            "A run moves a damaged record to aside/ when it meets it and drives the episode again. --fix does it now."
+        )
+        return 1
+    moved = set_aside(folder, damaged)
+    print(f"{moved} moved to {folder / 'aside'}")
+    return 0 if moved == len(damaged) else 1
+
+
+def _gc(options: argparse.Namespace) -> int:
+    from pytest_drive_robust.store.care import sweep
+
+    folder = _folder(options)
+    older_than_s = None if options.older_than is None else _seconds(options.older_than)
+    swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
+    print(
+        f"{folder}: {'would remove' if options.dry_run else 'removed'} {swept.records} episodes, {swept.set_aside} "
+        f"damaged records and {swept.leftovers} leftovers of writers that died, {swept.size_bytes / _MEGA:.1f} MB"
+    )
+    return 0
+
+
+def _folder(options: argparse.Namespace) -> Path:
+    from pytest_drive_robust.options.table import DEFAULT_STORE
+    from pytest_drive_robust.regression.runs import home_of
+
+    folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE
+    if not folder.is_dir():
+        advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
+        raise UsageError(f"there is no store {str(folder)!r}.{advice}")
+    return folder
+
+
+_UNITS = {"m": 60.0, "h": 3600.0, "d": 86_400.0}
+
+
+def _seconds(given: str) -> float:
+    number, unit = given[:-1], given[-1:]
+    if unit not in _UNITS or not number.isdecimal():
+        raise UsageError(f"--older-than is {given!r}, expected minutes, hours or days, as in 90m, 12h or 30d.")
+    return int(number) * _UNITS[unit]
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,0 +1,1 @@
+"""Every option of the command line, the ini file and the marker."""

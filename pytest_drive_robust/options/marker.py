@@ -1,0 +1,80 @@
+"""The marker `drive_robust(agent=, routes=, seeds=, ...)`: what some tests want driven or judged differently."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol
+
+from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.errors import UsageError, nearest
+from pytest_drive_robust.options.run import check_seeds
+
+__all__ = ["MarkerOptions"]
+
+
+class _Mark(Protocol):
+    """The part of `pytest.Mark` that is read here."""
+
+    @property
+    def args(self) -> tuple[Any, ...]: ...
+
+    @property
+    def kwargs(self) -> Mapping[str, Any]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class MarkerOptions:
+    """What the markers of one test say; None where they say nothing."""
+
+    agent: str | None = None
+    routes: str | None = None
+    seeds: tuple[int, ...] | None = None
+    verdict: str | None = None
+    margin: float | None = None
+
+    def ruling(self, usual: Ruling) -> Ruling:
+        """The run's ruling with what these marks change. Raises `UsageError`."""
+        kind = usual.kind if self.verdict is None else self.verdict
+        return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
+
+    @classmethod
+    def from_marks(cls, marks: Iterable[_Mark]) -> MarkerOptions:
+        """Merge the marks of a test, the closest first; the closest that names an option wins. Raises `UsageError`."""
+        merged = cls()
+        for mark in marks:
+            one = cls._from_mark(mark)
+            unset = {item.name for item in fields(cls) if getattr(merged, item.name) is None}
+            merged = replace(merged, **{name: getattr(one, name) for name in unset})
+        return merged
+
+    @classmethod
+    def _from_mark(cls, mark: _Mark) -> MarkerOptions:
+        names = [item.name for item in fields(cls)]
+        if mark.args:
+            raise UsageError(
+                f"the marker drive_robust takes keywords only ({', '.join(names)}), not {mark.args[0]!r}. "
+                f"Did you mean drive_robust(agent={mark.args[0]!r})?"
+            )
+        for name in mark.kwargs:
+            if name not in names:
+                close = nearest(name, names)
+                hint = f" Did you mean {close!r}?" if close else ""
+                raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
+        agent, routes, verdict = (_text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict"))
+        options = cls(agent, routes, _seeds(mark.kwargs.get("seeds")), verdict, mark.kwargs.get("margin"))
+        options.ruling(Ruling())  # refuses what it cannot use
+        return options
+
+
+def _text(value: object, name: str) -> str | None:
+    if value is None or (isinstance(value, str) and value):
+        return value
+    raise UsageError(f"the marker drive_robust has {name}={value!r}, expected text, as in {name}='...'.")
+
+
+def _seeds(value: object) -> tuple[int, ...] | None:
+    if value is None:
+        return None
+    seeds = value if isinstance(value, (list, tuple, range)) else [value]
+    return check_seeds(seeds, source=f"the marker drive_robust's seeds={value!r}")

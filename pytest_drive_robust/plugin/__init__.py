@@ -1,0 +1,31 @@
+"""The pytest plugin: all that imports pytest. pytest loads this package by its entry point and finds the hooks here.
+
+Inert without `--drive-robust`: `hooks` hands over to the other modules, which are imported when they are needed.
+"""
+
+from __future__ import annotations
+
+from pytest_drive_robust.plugin.fixtures import drive, drive_agent
+from pytest_drive_robust.plugin.hooks import (
+    pytest_addhooks,
+    pytest_addoption,
+    pytest_collection_finish,
+    pytest_collection_modifyitems,
+    pytest_configure,
+    pytest_make_collect_report,
+    pytest_make_parametrize_id,
+    pytest_unconfigure,
+)
+
+__all__ = [
+    "drive",
+    "drive_agent",
+    "pytest_addhooks",
+    "pytest_addoption",
+    "pytest_collection_finish",
+    "pytest_collection_modifyitems",
+    "pytest_configure",
+    "pytest_make_collect_report",
+    "pytest_make_parametrize_id",
+    "pytest_unconfigure",
+]

@@ -1,0 +1,120 @@
+"""From the choices of a run to the executor that drives its episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.engine.cradle import Cradle
+    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.options.execution import ExecutionOptions
+    from pytest_drive_robust.options.run import RunOptions
+    from pytest_drive_robust.runner.executors import Executor
+
+__all__ = ["CRADLE", "cradle_for", "executor_of"]
+
+CRADLE = "drive_robust_cradle"
+"""Where a worker of pytest-xdist finds it in its `workerinput`."""
+
+
+def executor_of(
+    config: pytest.Config,
+    settings: RunOptions,
+    execution: ExecutionOptions,
+    *,
+    shared: bool,
+    agents: Callable[[], tuple[str, ...]],
+    ticked: Callable[[], object],
+) -> Executor:
+    """The executor that was asked for; nothing is started before its first episode.
+
+    `shared`: other processes of this run drive beside us. `agents()` are the agents of the plan, asked for at the first
+    episode. `ticked` is called after every tick that this process drives itself. Raises `UsageError` when the executor
+    is not installed.
+    """
+    from pytest_drive_robust.registry.registry import default_registry
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    width = execution.lockstep
+    if execution.executor == "inline":
+        from pytest_drive_robust.runner.executors import InlineExecutor
+        from pytest_drive_robust.runner.lockstep.inline import InlineLockstepExecutor
+
+        options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
+        if width is not None:
+            return InlineLockstepExecutor(
+                default_registry(), simulator=settings.simulator, options=options, ticked=ticked, width=width
+            )
+        return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
+    from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.processes import ProcessExecutor
+
+    limits = Limits(
+        episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
+    )
+    if execution.executor == "ray":
+        from pytest_drive_robust.engine.ray_executor import RayExecutor
+
+        address, most = execution.ray_address, execution.workers
+        return RayExecutor(lambda: _recipe_of(config, settings, agents()), limits, address=address, slots=most)
+    slots = execution.slots(shared=shared)
+    if width is not None:
+        from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+        from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep
+
+        return LockstepProcessExecutor(
+            lambda: _recipe_of(config, settings, agents()),
+            limits,
+            workers=slots,
+            width=width,
+            shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
+        )
+    return ProcessExecutor(lambda: _recipe_of(config, settings, agents()), limits, slots=slots)
+
+
+def cradle_for(settings: RunOptions, execution: ExecutionOptions, place: Path) -> Cradle | None:
+    """On the controller of pytest-xdist: what its workers' processes are forked from; None where that saves nothing.
+
+    It loads no plugin and no agent: which ones there are is known to the workers, which collect.
+    """
+    if execution.executor != "processes" or settings.simulator != DEFAULT_SIMULATOR:
+        return None
+    from pytest_drive_robust.engine.cradle import Cradle
+
+    return Cradle(_recipe(settings), place)
+
+
+def _recipe_of(config: pytest.Config, settings: RunOptions, agents: tuple[str, ...]) -> Recipe:
+    """How a fresh process comes to know the names that this one knows."""
+    from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
+
+    return replace(
+        _recipe(settings),
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+        preload_agents=agents,
+        cradle=getattr(config, "workerinput", {}).get(CRADLE, ""),
+    )
+
+
+def _recipe(settings: RunOptions) -> Recipe:
+    """With nothing but what is installed."""
+    import os
+    import sys
+
+    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.simulators.base import SimulatorOptions
+
+    return Recipe(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=(),
+        simulator=settings.simulator,
+        options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
+    )

@@ -1,0 +1,120 @@
+"""A worker of pytest-xdist whose tests are done drives what other workers still wait for."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.runner.campaign import Campaign
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.runner.scopes import Scopes
+    from pytest_drive_robust.store.claims import Claims
+    from pytest_drive_robust.store.events import Asked
+
+__all__ = ["HelpingPlugin", "tell_helpers_to_stop"]
+
+_STOP = "stop"
+_BUSY = "busy"
+
+
+def tell_helpers_to_stop(folder: Path) -> None:
+    """On the controller: the run is ending, be it that all is done or that somebody cannot wait."""
+    (folder / _STOP).touch()
+
+
+class HelpingPlugin:
+    """In one worker. `folder` is the run's; `name` is what the worker is called.
+
+    It drives only what other workers have asked for and not yet decided without, each in the order in which its test
+    reads it, and only as many at a time as if the test ran here: a verdict that comes early leaves little behind.
+    """
+
+    def __init__(self, folder: Path, name: str, scopes: Scopes, campaign: Campaign) -> None:
+        from pytest_drive_robust.store.claims import Claims
+
+        self._stop = folder / _STOP
+        self._folder = folder
+        self._name = name
+        self._scopes = scopes
+        self._campaign = campaign
+        self._workers: Claims = Claims(folder / _BUSY)
+        self._own = self._workers.attempt(name)  # the system frees it should this process be killed
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, Any, Any]:
+        """After the tests of this worker."""
+        outcome = yield
+        if self._own is not None:
+            self._own.release()
+        if not (session.shouldstop or session.shouldfail):
+            self._help()
+        return outcome
+
+    def pytest_unconfigure(self) -> None:
+        """Where no test ran."""
+        if self._own is not None:
+            self._own.release()
+
+    def _help(self) -> None:
+        questions = _Questions(self._folder, self._scopes)
+        try:
+            while not self._stop.exists() and self._others_are_busy():
+                self._campaign.assist(questions.tasks())
+        except UsageError:  # the worker that asked says so in its test
+            return
+
+    def _others_are_busy(self) -> bool:
+        for path in (self._folder / _BUSY).glob("*.lock"):
+            claim = None if path.stem == self._name else self._workers.attempt(path.stem)
+            if claim is not None:
+                claim.release()
+            elif path.stem != self._name:
+                return True
+        return False
+
+
+class _Questions:
+    """What the workers of a run ask for and have no answer to, read from their journals."""
+
+    def __init__(self, folder: Path, scopes: Scopes) -> None:
+        from pytest_drive_robust.store.journal import JournalReader
+
+        self._journals = JournalReader(folder)
+        self._scopes = scopes
+        self._open: list[tuple[Asked, list[EpisodeRequest]]] = []
+
+    def tasks(self) -> Iterator[EpisodeRequest]:
+        """In the order in which they are read, one test after the other. Raises `UsageError`."""
+        from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
+
+        for event in self._journals.read():
+            if isinstance(event, Asked):  # clean episodes are asked for alone first, then named by what needs them
+                self._open = [(asked, tasks) for asked, tasks in self._open if asked.keys != event.clean_keys]
+                self._open.append((event, self._in_order(event)))
+            elif isinstance(event, (Used, Spared)):
+                done = frozenset(event.keys)
+                self._open = [(asked, [task for task in left if task.key not in done]) for asked, left in self._open]
+            elif isinstance(event, Judged):
+                over = (event.agent, event.routes_spec, event.setting, event.seeds)
+                self._open = [
+                    (asked, left)
+                    for asked, left in self._open
+                    if (asked.agent, asked.routes_spec, asked.setting, asked.seeds) != over
+                ]
+        self._open = [(asked, left) for asked, left in self._open if left]
+        return (task for _, left in self._open for task in left)
+
+    def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
+        from pytest_drive_robust.options.marker import MarkerOptions
+        from pytest_drive_robust.runner.reading import routes_in_order
+
+        scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
+        need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))
+        wanted = frozenset((*asked.keys, *asked.clean_keys))
+        return [task for route in routes_in_order(scope, need) for task in route.tasks if task.key in wanted]

@@ -1,0 +1,54 @@
+"""Waivers in pytest: a waived requirement that fails is an xfail until its date, and red with a word about it after."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pytest_drive_robust.plugin.fixtures import BrokenRequirementError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.regression.waivers import Waivers
+
+__all__ = ["WaivingPlugin"]
+
+
+class WaivingPlugin:
+    """In every process that runs tests and knows waivers."""
+
+    def __init__(self, waivers: Waivers) -> None:
+        self._waivers = waivers
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """An active waiver turns the failure into an xfail, which travels from workers; an expired one is told."""
+        error = call.excinfo.value if call.excinfo is not None else None
+        broken = _last_judged(item) if isinstance(error, BrokenRequirementError) else {}
+        waiver = None
+        if broken:
+            sentence, agent = broken["drive_requirement"], broken["drive_agent"]
+            waiver = self._waivers.find(sentence, item.nodeid, agent=agent)
+        holds = waiver is not None and self._waivers.holds(waiver)
+        if waiver is not None and not holds and isinstance(error, BrokenRequirementError):
+            error.msg = f"{error.msg}\n  the waiver has expired: {waiver.signature}"
+        report = yield
+        if waiver is not None and holds:
+            report.outcome = "skipped"
+            report.wasxfail = waiver.signature
+            item.user_properties.append(("drive_waived", waiver.signature))
+        return report
+
+
+def _last_judged(item: pytest.Item) -> dict[str, str]:
+    """What `drive.check` noted last about this test: the requirement that broke it."""
+    found: dict[str, str] = {}
+    properties: Sequence[tuple[str, object]] = item.user_properties
+    for name, value in properties:
+        if name == "drive_requirement":
+            found = {}
+        found[name] = str(value)
+    return found if "drive_requirement" in found and "drive_agent" in found else {}

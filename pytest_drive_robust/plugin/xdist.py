@@ -1,0 +1,260 @@
+"""pytest-xdist: every hook of it and every decision about workers and the controller.
+
+The controller makes a folder, the workers share episodes and append what happens to journals in it, the controller
+reads. Nothing rests on a worker ending well: what it finished is on disk before it goes on.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Generator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from pytest_drive_robust.plugin.executor import CRADLE, cradle_for
+from pytest_drive_robust.plugin.helping import tell_helpers_to_stop
+from pytest_drive_robust.store.opening import nothing_is_stored, open_store
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.cradle import Cradle
+    from pytest_drive_robust.options.execution import ExecutionOptions
+    from pytest_drive_robust.options.run import RunOptions
+    from pytest_drive_robust.report.progress import Progress
+    from pytest_drive_robust.store.base import EpisodeStore
+    from pytest_drive_robust.store.events import Event
+    from pytest_drive_robust.store.journal import JournalWriter
+
+__all__ = [
+    "ControllerPlugin",
+    "ProblemCourier",
+    "is_controller",
+    "is_worker",
+    "join_run",
+    "send_advice",
+    "sentences",
+    "start_run",
+]
+
+_INPUT = "drive_robust_folder"
+_OUTPUT = "drive_robust_problems"
+_POLL_S = 0.2
+
+
+def is_worker(config: pytest.Config) -> bool:
+    """True in a worker of pytest-xdist."""
+    return hasattr(config, "workerinput")
+
+
+def is_controller(config: pytest.Config) -> bool:
+    """True where pytest-xdist will hand all tests to workers."""
+    return config.getoption("dist", "no") != "no" and not is_worker(config)
+
+
+def start_run(config: pytest.Config, settings: RunOptions, execution: ExecutionOptions) -> FolderRecord:
+    """On the controller: make the run's folder and follow what the workers do. The folder goes with the session."""
+    from pytest_drive_robust.plugin.screen import progress_for
+
+    folder = Path(tempfile.mkdtemp(prefix="drive-robust-"))
+    config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+    record = FolderRecord(folder, open_store(settings, config.rootpath, run=folder.name, own=folder / "store"))
+    config.pluginmanager.register(ControllerPlugin(folder, record, progress_for(config)), "drive_robust_controller")
+    cradle = cradle_for(settings, execution, folder / "cradle")
+    if cradle is not None:
+        config.add_cleanup(cradle.close)
+        config.pluginmanager.register(
+            CradlePlugin(cradle, folder / "cradle", at_once=nothing_is_stored(settings, config.rootpath)),
+            "drive_robust_cradle",
+        )
+    return record
+
+
+def join_run(
+    config: pytest.Config, settings: RunOptions, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
+) -> Path:
+    """In a worker: drive with the store of the run and tell the controller through the run's folder; the folder."""
+    from pytest_drive_robust.store.journal import JournalWriter
+
+    workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
+    folder = Path(workerinput[_INPUT])
+    journal = JournalWriter(folder, name=workerinput["workerid"])
+    config.add_cleanup(journal.close)
+    store = open_store(settings, config.rootpath, run=folder.name, own=folder / "store")
+    drive_here(store, WorkerObserver(journal))
+    return folder
+
+
+def send_advice(config: pytest.Config, tell: Callable[[Event], None], sentences: tuple[str, ...]) -> None:
+    """In a worker: what its collection found goes to the controller, which shows it (see `ControllerPlugin`)."""
+    from pytest_drive_robust.store.events import Advised
+
+    if is_worker(config) and sentences:
+        tell(Advised(sentences))
+
+
+class WorkerObserver:
+    """Writes what happens in a worker to its journal; the controller shows it."""
+
+    def __init__(self, journal: JournalWriter) -> None:
+        self._journal = journal
+
+    def __call__(self, event: Event) -> None:
+        """Something happened."""
+        self._journal(event)
+
+    def ticked(self) -> None:
+        """The controller cannot see ticks."""
+
+    def idle(self) -> None:
+        """A worker draws nothing."""
+
+
+class FolderRecord:
+    """What the workers of a run did, read from the run's folder."""
+
+    def __init__(self, folder: Path, store: EpisodeStore) -> None:
+        from pytest_drive_robust.store.journal import JournalReader
+
+        self._reader = JournalReader(folder)
+        self._store = store
+        self._events: list[Event] = []
+        self._lock = threading.Lock()
+
+    def events(self) -> list[Event]:
+        """Everything so far, in order within each worker."""
+        self.fresh()
+        return self._events
+
+    def fresh(self) -> list[Event]:
+        """What was written since the last call. The display's thread asks too, hence the lock."""
+        with self._lock:
+            events = self._reader.read()
+            self._events += events
+        return events
+
+    def find(self, key: str) -> EpisodeResult | None:
+        """The finished episode of a key, or None."""
+        return self._store.get(key)
+
+
+class ControllerPlugin:
+    """Gives workers the folder and shows their progress.
+
+    The display has a thread of its own, because the controller's main thread sleeps until a report comes in.
+    """
+
+    def __init__(self, folder: Path, record: FolderRecord, progress: Progress) -> None:
+        self._folder = folder
+        self._record = record
+        self._progress = progress
+        self._stop = threading.Event()
+        self._writing = threading.RLock()
+        self._advised: set[str] = set()
+        self._thread = threading.Thread(target=self._follow, name="drive-robust progress", daemon=True)
+
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker where the run's folder is (a hook of pytest-xdist)."""
+        node.workerinput[_INPUT] = str(self._folder)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_node_collection_finished(self, node: Any) -> None:
+        """A worker knows its tests and has not begun (a hook of pytest-xdist): show what it advised, once."""
+        from pytest_drive_robust.store.events import Advised
+
+        reporter = node.config.pluginmanager.get_plugin("terminalreporter")
+        with self._writing:
+            news = self._record.fresh()
+            for event in news:
+                self._progress.see(event)
+            advised = (text for event in news if isinstance(event, Advised) for text in event.sentences)
+            fresh = [text for text in dict.fromkeys(advised) if text not in self._advised]
+            self._advised.update(fresh)
+            if fresh and reporter is not None:
+                self._progress.pause()
+                reporter.ensure_newline()
+                for text in fresh:
+                    reporter.write_line(f"drive-robust: {text}")
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self) -> None:
+        """Begin to follow."""
+        self._thread.start()
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_logreport(self) -> Generator[None, None, None]:
+        """pytest writes about a test: our line must be gone meanwhile."""
+        with self._writing:
+            self._progress.pause()
+            yield
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_sessionfinish(self) -> Generator[None, None, None]:
+        """Stop following before the summaries are written. Workers without tests stop helping."""
+        tell_helpers_to_stop(self._folder)
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        with self._writing:
+            self._progress.pause()
+        yield
+
+    def _follow(self) -> None:
+        while not self._stop.wait(_POLL_S):
+            with self._writing:
+                for event in self._record.fresh():
+                    self._progress.see(event)
+                self._progress.refresh()
+
+
+class CradlePlugin:
+    """Gives workers one process from which theirs are forked. `at_once`: they will surely need it."""
+
+    def __init__(self, cradle: Cradle, place: Path, *, at_once: bool) -> None:
+        self._cradle = cradle
+        self._place = place
+        self._at_once = at_once
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_setupnodes(self) -> None:
+        """Workers are about to be started (a hook of pytest-xdist): it gets ready while they do."""
+        self._cradle.open(at_once=self._at_once)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker where to find it (a hook of pytest-xdist)."""
+        node.workerinput[CRADLE] = str(self._place)
+
+
+class ProblemCourier:
+    """Carries usage errors from the workers, which collect, to the controller, which decides the exit code."""
+
+    def __init__(self, problems: dict[str, str]) -> None:
+        self._problems = problems
+
+    def pytest_testnodedown(self, node: Any) -> None:
+        """A worker has ended (a hook of pytest-xdist). One that crashed brings nothing."""
+        for problem, place in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, {}).items():
+            self._problems.setdefault(problem, place)
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """In a worker: hand the problems over. On the controller: exit code 4."""
+        if is_worker(session.config):
+            session.config.workeroutput[_OUTPUT] = self._problems  # type: ignore[attr-defined]
+        elif self._problems and is_controller(session.config):
+            session.exitstatus = pytest.ExitCode.USAGE_ERROR
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Say what pytest itself would have said without workers."""
+        if is_controller(terminalreporter.config):
+            for sentence in sentences(self._problems):
+                terminalreporter.write_line(f"ERROR: {sentence}", red=True)
+
+
+def sentences(problems: Mapping[str, str]) -> list[str]:
+    """`"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
+    return [f"{place}: {problem}" if place else problem for problem, place in problems.items()]

@@ -1,0 +1,136 @@
+"""Plugins with the hook `pytest_drive_robust_register`: found in pytest, and called where there is none."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pluggy import PluginManager
+
+    from pytest_drive_robust.registry.registry import Registry
+
+__all__ = ["call_hook", "imported_from", "naming_plugins", "plugin_source", "plugin_words", "register_names_of"]
+
+_HOOK = "pytest_drive_robust_register"
+_CONFTEST = "conftest.py"
+
+
+def naming_plugins(manager: PluginManager) -> list[object]:
+    """Those that register names, in the order of their registration."""
+    return [plugin for _, plugin in manager.list_name_plugin() if plugin is not None and hasattr(plugin, _HOOK)]
+
+
+def plugin_source(plugin: object) -> tuple[str, str]:
+    """The module and the file of a plugin that registers names.
+
+    Raises `UsageError` for a plugin that no other process could import.
+    """
+    if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
+        raise UsageError(
+            f"the plugin {plugin!r} implements {_HOOK} but is no module in a file, so that the processes that drive "
+            "episodes cannot import it. Register the names in a module or a conftest.py, or give "
+            "--drive-executor inline."
+        )
+    return plugin.__name__, str(Path(plugin.__file__).absolute())
+
+
+def plugin_words(manager: PluginManager) -> tuple[str, ...]:
+    """What `drive-robust -p` takes for those that register names: a module, or the path of a `conftest.py`.
+
+    The path starts from the current folder where the file lies below it. What is no module in a file is left out.
+    """
+    modules = [plugin for plugin in naming_plugins(manager) if isinstance(plugin, ModuleType) and plugin.__file__]
+    return tuple(_word(module.__name__, Path(str(module.__file__)).absolute()) for module in modules)
+
+
+def register_names_of(word: str, registry: Registry) -> None:
+    """Let the plugin `word`, a module or a file, register its names. Raises `UsageError`.
+
+    A file is imported as pytest does it: its folder, or the one that holds its package, comes first on `sys.path`.
+    """
+    try:
+        if word.endswith(".py"):
+            file = Path(word).absolute()
+            if not file.is_file():
+                raise UsageError(f"-p is {word!r}, but there is no such file. Looked from the folder {Path.cwd()}.")
+            folder, name = _folder_and_name(file)
+            _prepend(folder)
+            module = imported_from(name, str(file))
+        else:
+            _prepend(Path.cwd())
+            module = importlib.import_module(word)
+    except (UsageError, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
+        raise UsageError(
+            f"-p is {word!r}, expected a module that can be imported or the path of a conftest.py: "
+            f"{type(error).__name__}: {error}."
+        ) from error
+    if not hasattr(module, _HOOK):
+        raise UsageError(f"-p is {word!r}, which registers no names: it has no function {_HOOK}(registry).")
+    call_hook(module, registry)
+
+
+def imported_from(module: str, file: str) -> ModuleType:
+    """The module of that name from exactly that file. Two conftest.py files may share a name: the later one gets it."""
+    known = sys.modules.get(module)
+    if known is not None and _is_file(known.__file__, file):
+        return known
+    if "." in module and _is_file(getattr(_spec(module), "origin", None), file):
+        return importlib.import_module(module)
+    spec = importlib.util.spec_from_file_location(module, file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file} is no Python module")
+    made = importlib.util.module_from_spec(spec)
+    sys.modules[module] = made
+    spec.loader.exec_module(made)
+    return made
+
+
+def call_hook(module: ModuleType, registry: Registry) -> None:
+    """Call the hook of a module that has it; as in pluggy, it need not take every argument."""
+    hook = getattr(module, _HOOK, None)
+    if hook is None:
+        return
+    wanted = inspect.signature(hook).parameters
+    hook(**({"registry": registry} if "registry" in wanted else {}))
+
+
+def _word(module: str, file: Path) -> str:
+    if file.name != _CONFTEST:
+        return module
+    return (file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file).as_posix()
+
+
+def _folder_and_name(file: Path) -> tuple[Path, str]:
+    """Where to import a file from, and as what: `a/b/conftest.py` with `b/__init__.py` is `b.conftest` in `a`."""
+    folder, parts = file.parent, [file.stem]
+    while (folder / "__init__.py").is_file():
+        parts.insert(0, folder.name)
+        folder = folder.parent
+    return folder, ".".join(parts)
+
+
+def _prepend(folder: Path) -> None:
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))  # it stays, because what is registered may import its neighbours later
+
+
+def _spec(module: str) -> object:
+    try:
+        return importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        return None
+
+
+def _is_file(found: str | None, file: str) -> bool:
+    return found is not None and os.path.realpath(found) == os.path.realpath(file)

@@ -1,0 +1,267 @@
+"""Agents, perturbations, simulators and metrics by name.
+
+Three ways lead in, all open to everybody:
+
+* an entry point of an installed distribution, in the group `pytest_drive_robust.agents`, `.perturbations`,
+  `.simulators` or `.metrics`; it is listed without being imported, and imported when its name is asked for;
+* the hook `pytest_drive_robust_register` in a plugin or a `conftest.py`, which wins over an entry point of that name;
+* for agents and simulators, a reference `module.path:Factory` in place of a name.
+
+Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import cast
+
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
+from pytest_drive_robust.metrics.table import METRICS, MetricFunction
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.template import kebab_name
+from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+
+__all__ = ["KINDS", "AgentFactories", "AgentFactory", "Registry", "SimulatorFactory", "default_registry"]
+
+AgentFactory = Callable[[], Agent]
+"""A class or function that makes a new agent, called without arguments."""
+SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[SimulatorOptions, str], Simulator]
+"""A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
+
+AgentFactories = Callable[[str], AgentFactory]
+"""Makes such a factory of the text after the colon of a name: what it wraps and carries is that of one agent."""
+
+KINDS = ("agents", "perturbations", "simulators", "metrics")
+
+_SIMULATORS = "pytest_drive_robust.simulators"
+_BUILTIN_SIMULATORS = (
+    ("embedded", "embedded:EmbeddedSimulator", ""),
+    ("gymnasium", "gymnasium:gymnasium_simulator", "ID"),
+    ("highway-env", "gymnasium:compiled_simulator", "ID"),
+)
+_BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),)
+_HINTS: Mapping[str, str] = {
+    "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
+    "(drive-robust reads that of a conftest.py with -p conftest.py).",
+    "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
+    "simulators": "Give 'module:Factory' to use your own, or register one in pytest_drive_robust_register.",
+    "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
+}
+
+
+class Registry:
+    """The names that one process knows. Asking for a name loads that entry and no other."""
+
+    def __init__(self) -> None:
+        self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
+        self._problems: dict[tuple[str, str], DriveRobustError] = {}
+        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points by kind: finding them reads disk
+
+    def register_agent(self, name: str, factory: AgentFactory | AgentFactories, *, argument: str = "") -> None:
+        """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook.
+
+        `argument` is for agents that come in many: with `argument="FILE"` the name is listed as `name:FILE`, and
+        `--drive-agent name:text` calls `factory("text")()`; without a colon the text is empty.
+        """
+        self._register("agents", name, factory, argument=argument)
+
+    def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
+        """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default."""
+        _check_perturbation(cls, definition_of(cls))
+        self._register("perturbations", name or kebab_name(cls), cls)
+
+    def register_simulator(self, name: str, factory: SimulatorFactory, *, argument: str = "") -> None:
+        """Make `--drive-sim name` call `factory(options)`.
+
+        `argument` is for a world that comes in several kinds: with `argument="ID"` it is listed as `name:ID`, and
+        `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty.
+        """
+        self._register("simulators", name, factory, argument=argument)
+
+    def register_metric(self, name: str, function: MetricFunction) -> None:
+        """Let requirements name a number of your own: `function(results of one setting)`, None for no data.
+
+        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere.
+        """
+        if name in METRICS:
+            raise UsageError(f"{name!r} is a built-in metric and keeps its meaning: give yours another name.")
+        self._register("metrics", name, function)
+
+    def agent(self, name: str) -> Agent:
+        """A new agent. `name` is a registered name or `module.path:Factory`.
+
+        Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
+        """
+        entry = self._find("agents", name)
+        return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
+
+    def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
+        """A new world. `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or
+        `module.path:Factory`. Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
+        """
+        entry = self._find("simulators", name)
+        argument = (name.partition(":")[2],) if entry.argument else ()
+        arguments = (options or SimulatorOptions(), *argument)
+        return cast("Simulator", _made(entry, entry.load(), arguments, protocol=Simulator))
+
+    def perturbation(self, name: str) -> type[Perturbation]:
+        """The class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
+        entry = self._find("perturbations", name)
+        return _check_perturbation(entry.load(), entry.origin)
+
+    def perturbations(self) -> dict[str, type[Perturbation]]:
+        """Every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
+        classes: dict[str, type[Perturbation]] = {}
+        for name, _ in self.names("perturbations"):
+            try:
+                classes[name] = self.perturbation(name)
+            except DriveRobustError as error:  # noqa: PERF203 - one that is broken stops no other
+                self._problems["perturbations", name] = error
+        return classes
+
+    def metric(self, name: str) -> MetricFunction:
+        """The function of that name. Raises `UnknownNameError` or `PluginError`."""
+        entry = self._find("metrics", name)
+        function = entry.load()
+        if not callable(function):
+            raise PluginError(f"the metric {name!r} from {entry.origin} is {function!r}, expected a function.")
+        return cast("MetricFunction", function)
+
+    def names(self, kind: str) -> list[tuple[str, str]]:
+        """(name, origin) of every entry of a kind, sorted, nothing loaded. One with an argument is `gymnasium:ID`."""
+        return sorted(
+            (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
+        )
+
+    def entry(self, kind: str, name: str) -> Entry:
+        """The entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
+        return self._find(kind, name)
+
+    def require(self, kind: str, name: str) -> None:
+        """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
+        self._find(kind, name).load()
+
+    def problems(self) -> tuple[DriveRobustError, ...]:
+        """What did not load when `perturbations` loaded them all, for the report."""
+        return tuple(self._problems[key] for key in sorted(self._problems))
+
+    def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
+        if not name or ":" in name or name != name.strip():
+            raise UsageError(f"{name!r} cannot name one of our {kind}: expected text without ':' or outer spaces.")
+        if not callable(target):
+            raise UsageError(f"{name!r} of {kind} is registered with {target!r}, expected a class or a function.")
+        definition = definition_of(target)
+        known = self._registered.get((kind, name))
+        if known is not None and known[1] != definition:  # equal: a conftest.py was imported once more
+            raise UsageError(
+                f"{name!r} of {kind} is registered twice: by {known[0].origin} and by {definition}. Rename one of them."
+            )
+        self._registered[kind, name] = (
+            Entry(kind, name, definition, lambda: target, argument=argument, registered=True),
+            definition,
+        )
+
+    def _all(self, kind: str) -> dict[str, list[Entry]]:
+        if kind not in KINDS:
+            raise UnknownNameError.of("kind of entry", kind, KINDS)
+        if kind not in self._declared:
+            self._declared[kind] = (*_builtins(kind), *from_entry_points(kind))
+        found: dict[str, list[Entry]] = {}
+        for entry in self._declared[kind]:
+            found.setdefault(entry.name, []).append(entry)
+        for (registered_kind, name), (entry, _) in self._registered.items():
+            if registered_kind == kind:
+                found[name] = [entry]
+        return found
+
+    def _find(self, kind: str, name: str) -> Entry:
+        known = self._all(kind)
+        bare, colon, argument = name.partition(":")
+        if colon and bare in known and known[bare][0].argument:
+            name = bare
+        if name not in known:
+            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
+                return from_reference(kind, name)
+            syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
+            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=_HINTS[kind])
+        if len(known[name]) > 1:
+            origins = " and ".join(entry.origin for entry in known[name])
+            raise PluginError(
+                f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
+                "the name in pytest_drive_robust_register of your conftest.py."
+            )
+        found = known[name][0]
+        return found.bound_to(argument) if kind == "agents" and found.argument else found
+
+
+@functools.cache
+def default_registry() -> Registry:
+    """The registry of this process: built-ins, entry points, and what hooks registered."""
+    return Registry()
+
+
+def _builtins(kind: str) -> list[Entry]:
+    if kind == "agents":
+        return [
+            Entry(kind, name, "built in", from_reference(kind, path).loader, argument=argument)
+            for name, path, argument in _BUILTIN_AGENTS
+        ]
+    if kind == "simulators":
+        return [
+            Entry(kind, name, "built in", from_reference(kind, f"{_SIMULATORS}.{path}").loader, argument=argument)
+            for name, path, argument in _BUILTIN_SIMULATORS
+        ]
+    if kind == "metrics":
+        return [Entry(kind, name, "built in", functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
+    if kind == "perturbations":
+        from pytest_drive_robust.perturbations import BUILTIN
+
+        return [Entry(kind, name, "built in", functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
+    return []
+
+
+def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
+    """Whether a name before a colon looks like one of ours that takes an argument, and like no module."""
+    import importlib.util
+
+    close = nearest(bare, [name for name in known if known[name][0].argument])
+    here = Path(f"{bare}.py").exists() or Path(bare).exists()  # the current folder may not be on sys.path yet
+    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+
+
+def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
+    """What the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    what = f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
+    if not callable(factory):
+        raise PluginError(f"{what} is {factory!r}, expected a class or a function that makes one.")
+    try:
+        made: object = factory(*arguments)
+    except DriveRobustError:
+        raise
+    except Exception as error:
+        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
+    if isinstance(made, type):
+        raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
+    missing = [name for name in _members(protocol) if not (hasattr(type(made), name) or hasattr(made, name))]
+    if missing:
+        raise PluginError(
+            f"{what} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
+            f"{protocol.__module__}.{protocol.__name__}."
+        )
+    return made
+
+
+def _members(protocol: type) -> list[str]:
+    names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
+    return sorted(name for name in names if not name.startswith("_"))
+
+
+def _check_perturbation(cls: object, origin: str) -> type[Perturbation]:
+    if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
+        raise PluginError(f"{cls!r} from {origin} is no perturbation: expected a subclass of Perturbation.")
+    return cls

@@ -1,0 +1,206 @@
+"""Everything that one run produced, as one frozen object: what every report is a pure function of."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.summary import Summary, summarize
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.store.events import (
+    Asked,
+    Event,
+    Finished,
+    Identified,
+    Judged,
+    Planned,
+    Searched,
+    Spared,
+    Troubled,
+    Used,
+)
+
+__all__ = ["RunResult", "SettingRow"]
+
+Lookup = Callable[[str], "EpisodeResult | None"]
+
+
+@dataclass(frozen=True, slots=True)
+class SettingRow:
+    """One agent under one setting.
+
+    `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
+    the clean twins were not driven or do not compare. `verdict` is the worst of the requirements on this row:
+    `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged. `needed` leaves out what a verdict
+    did not wait for.
+    """
+
+    agent: str
+    routes_spec: str
+    setting: str
+    seeds: tuple[int, ...]
+    needed: int
+    results: tuple[EpisodeResult, ...]
+    summary: Summary | None
+    rd: float | None
+    verdict: str
+    problem: str = ""
+
+    @property
+    def routes(self) -> int:
+        """How many routes were driven at least once."""
+        return len({result.episode.route_id for result in self.results})
+
+    @property
+    def privileged(self) -> bool:
+        """True when the agent saw ground truth."""
+        return any(result.privileged for result in self.results)
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """One run. `episodes` holds the episodes that its verdicts rest on by key, in the order in which tests need them.
+
+    What was driven ahead of a verdict that then did not need it is left out: what a run shows does not depend on who
+    was quicker. `driven` is how many of `episodes` this run drove itself; the others were in the store.
+    `late` are those of `judged` that were open in their test and became fails when all p-values were known.
+    """
+
+    settings: RunOptions
+    rows: tuple[SettingRow, ...]
+    judged: tuple[Judged, ...]
+    episodes: Mapping[str, EpisodeResult]
+    versions: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    identified: tuple[Identified, ...] = ()
+    searched: tuple[Searched, ...] = ()
+    late: tuple[Judged, ...] = ()
+    driven: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        settings: RunOptions,
+        events: Sequence[Event],
+        find: Lookup,
+        *,
+        versions: Mapping[str, str],
+        notes: tuple[str, ...] = (),
+    ) -> RunResult:
+        """Put together what the events tell; `find` gives the finished episode of a key, or None."""
+        asked = _merged(event for event in events if isinstance(event, Asked))
+        order = {key: place for place, key in enumerate(_needed_keys(events))}
+        asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
+        spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
+        used = {key for event in events if isinstance(event, Used) for key in event.keys}
+        episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
+        judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
+        judged, late = _corrected(judged, settings)
+        return cls(
+            settings=settings,
+            rows=tuple(_row(item, episodes, judged, spared, mode=settings.metrics) for item in asked),
+            judged=tuple(judged),
+            episodes=episodes,
+            versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
+            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, Troubled))),
+            identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
+            searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
+            late=late,
+            driven=len(episodes.keys() & {event.key for event in events if isinstance(event, Finished)}),
+        )
+
+
+def _corrected(judged: list[Judged], settings: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
+    """What was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
+    known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
+    if settings.correction == "none" or not known:
+        return judged, ()
+    from pytest_drive_robust.stats.several import late_fails
+
+    verdicts, p_values = [judged[place].verdict for place, _ in known], [p_value for _, p_value in known]
+    family = max(item.family for item in judged)
+    late = {}
+    for found in late_fails(verdicts, p_values, family=family, alpha=settings.ruling.alpha):
+        place, p_value = known[found]
+        message = f"open in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
+        late[place] = replace(judged[place], verdict="fail", message=message)
+    return [late.get(place, item) for place, item in enumerate(judged)], tuple(late.values())
+
+
+def _merged(asked: Iterable[Asked]) -> list[Asked]:
+    """Each setting once, though several tests asked for it; its clean twins are known when one of them compared."""
+    found: dict[tuple[str, ...], Asked] = {}
+    for item in asked:
+        if item.keys not in found or item.clean_keys:
+            found[item.keys] = item
+    return list(found.values())
+
+
+def _needed_keys(events: Sequence[Event]) -> list[str]:
+    """Keys in the order of the plan, then of asking: the same however many workers took part."""
+    planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
+    asked = (key for event in events if isinstance(event, Asked) for key in (*event.clean_keys, *event.keys))
+    return list(dict.fromkeys((*planned, *asked)))
+
+
+def _row(
+    asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[Judged], spared: set[str], *, mode: str
+) -> SettingRow:
+    results = tuple(episodes[key] for key in asked.keys if key in episodes)
+    summary, problem = None, ""
+    try:
+        summary = summarize(results, mode=mode)
+    except ComparisonError as error:
+        problem = str(error)
+    return SettingRow(
+        agent=asked.agent,
+        routes_spec=asked.routes_spec,
+        setting=asked.setting,
+        seeds=asked.seeds,
+        needed=sum(key in episodes or key not in spared for key in asked.keys),
+        results=results,
+        summary=summary,
+        rd=_rd(asked, episodes, spared),
+        verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
+        problem=problem,
+    )
+
+
+def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str]) -> float | None:
+    """Over the routes that were driven in both ways; None when one is missing that nobody spared."""
+    if any(key not in episodes and key not in spared for key in (*asked.clean_keys, *asked.keys)):
+        return None
+    pairs = [
+        (episodes[clean], episodes[perturbed])
+        for clean, perturbed in zip(asked.clean_keys, asked.keys, strict=False)
+        if clean in episodes and perturbed in episodes
+    ]
+    if not pairs:
+        return None
+    try:
+        return robustness_degradation([clean for clean, _ in pairs], [perturbed for _, perturbed in pairs])
+    except ComparisonError:
+        return None
+
+
+def _is_on(judged: Judged, asked: Asked) -> bool:
+    same = (judged.agent, judged.routes_spec, judged.setting, judged.seeds)
+    return same == (asked.agent, asked.routes_spec, asked.setting, asked.seeds)
+
+
+def _worst(verdicts: Iterable[str]) -> str:
+    found = set(verdicts)
+    return next((verdict for verdict in ("error", "fail", "inconclusive", "pass") if verdict in found), "-")
+
+
+def _simulator_versions(results: Iterable[EpisodeResult]) -> dict[str, str]:
+    """What the episodes say decided their numbers. Several values of one name are all shown."""
+    found: dict[str, dict[str, None]] = {}
+    for result in results:
+        for name, version in result.versions.items():
+            found.setdefault(name, {})[version] = None
+    return {name: ", ".join(versions) for name, versions in found.items()}

@@ -1,0 +1,1 @@
+"""What decides how an episode ends, as one digest."""

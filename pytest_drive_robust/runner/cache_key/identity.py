@@ -1,0 +1,139 @@
+"""What an agent, a simulator and a set of routes are made of, as digests.
+
+`identify` is told once per scope and compared by people and `fingerprint`; `identity_of` is a part of every key of the
+store: what is not in it may change without an episode being driven again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust import domain, perturbations, simulators
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.runner.cache_key.canonical import canonical, digest_of
+from pytest_drive_robust.runner.cache_key.code import code_of
+from pytest_drive_robust.runner.cache_key.sources import code_digest, file_of, hex_of, module_digest, source_digest
+from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, witness
+from pytest_drive_robust.runner.lockstep import batch, lockstep, row
+from pytest_drive_robust.simulators import base, embedded
+from pytest_drive_robust.store.events import Identified
+from pytest_drive_robust.store.record import FORMAT_VERSION
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import Scope
+    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+
+__all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
+
+_DECIDING = (domain, perturbations, loop, contract, recorder, witness, generators, base)
+"""What of ours decides the numbers of every episode; the package of the simulator comes with it."""
+_LOCKSTEP = (lockstep, row, batch)
+
+_BLOCK_BYTES = 1 << 20
+
+
+def identify(scope: Scope, registry: Registry) -> Identified:
+    """The agent and the routes of `scope`. Raises `UsageError` for weights that cannot be read."""
+    entry = registry.entry("agents", scope.agent)
+    factory = entry.load()
+    return Identified(
+        agent=scope.agent,
+        distribution=entry.origin,
+        source=source_digest(factory),
+        weights=weights_digest(getattr(factory, "weights", ()), agent=scope.agent),
+        routes=tuple(f"{route.id}={route_digest(route)}" for route in scope.routes),
+    )
+
+
+def identity_of(
+    agent: str, registry: Registry, *, simulator: str, world: Simulator, options: SimulatorOptions, mode: str = "single"
+) -> str:
+    """32 hex digits of everything but route, setting and seed that decides how an episode ends.
+
+    `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
+    gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
+    """
+    driving = code_digest(_LOCKSTEP) if mode == "lockstep" else ""
+    world_digest = simulator_identity(simulator, registry, world, options)
+    return digest_of(agent_identity(agent, registry), world_digest, mode, driving)
+
+
+def agent_identity(agent: str, registry: Registry) -> str:
+    """32 hex digits of an agent: name, distribution, code, weights, and the optional `configuration` of its factory."""
+    entry = registry.entry("agents", agent)
+    factory = entry.load()
+    given = getattr(factory, "configuration", None)
+    try:
+        configuration = canonical(given)
+    except TypeError as error:
+        raise UsageError(
+            f"the configuration of the agent {agent!r} is {given!r}, expected plain values that can be compared with "
+            f"those of an earlier run (numbers, text, lists, mappings, dataclasses): {error}."
+        ) from None
+    weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
+    return digest_of(agent, _distribution(entry), code_of(factory), weights, configuration)
+
+
+def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
+    """32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
+
+    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment.
+    """
+    factory = registry.entry("simulators", name).load()
+    others = [_module_code(module) for module in getattr(world, "sources", ())]
+    facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
+    return digest_of(facts, sys.version_info[:2], _own_code(factory), others)
+
+
+def route_digest(route: Route) -> str:
+    """12 hex digits of everything that the route says."""
+    return hex_of(repr(route).encode())
+
+
+def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *, agent: str) -> str:
+    """12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
+
+    Raises `UsageError` when a file cannot be read.
+    """
+    several: Iterable[str | os.PathLike[str]] = [files] if isinstance(files, (str, os.PathLike)) else files
+    digest, found = hashlib.blake2b(digest_size=6), False
+    for path in map(Path, several):
+        found = True
+        try:
+            with path.open("rb") as file:
+                while block := file.read(_BLOCK_BYTES):
+                    digest.update(block)
+        except OSError as error:
+            raise UsageError(
+                f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."
+            ) from None
+    return digest.hexdigest() if found else ""
+
+
+def _distribution(entry: Entry) -> str:
+    """Empty for what a hook registered: its place is no part of what it does."""
+    return "" if entry.registered else entry.origin
+
+
+def _own_code(factory: object) -> object:
+    """The code of our part of the loop with that of the simulator."""
+    module = str(getattr(factory, "__module__", ""))
+    own = module.startswith(f"{simulators.__name__}.")
+    # Every other world may use the sensors and criteria of `embedded`.
+    package = embedded if module.startswith(f"{embedded.__name__}.") else simulators
+    return [code_digest((*_DECIDING, package)), "" if own else code_of(factory)]
+
+
+def _module_code(name: str) -> str:
+    import importlib
+
+    module = importlib.import_module(name)
+    return module_digest(file_of(module), name)

@@ -1,0 +1,187 @@
+"""The agent's contract, held at every call: whatever an agent does wrong becomes an `AgentError` with one sentence."""
+
+from __future__ import annotations
+
+import math
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.agent import consumed_signals
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.errors import AgentError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.route import GlobalPlan
+
+__all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
+
+_LARGEST_SIDE_PX = 4096
+_MOST_CHARACTERS = 20_000
+"""An exception may hold megabytes."""
+_CALLERS = (
+    "pytest_drive_robust.engine.",
+    "pytest_drive_robust.bench2drive.agents.",
+    "pytest_drive_robust.runner.",
+    "pytest_drive_robust.testing.",
+    "pytest_drive_robust.perturbations.running",
+    "pytest_drive_robust.perturbations.setting",
+)
+"""Modules that only pass calls on to agents, simulators and perturbations, which are never what broke."""
+
+
+def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
+    """The agent's rig, checked: distinct names, sizes 1..4096 px, fov 1..179 degrees, rates that divide `1 / dt_s`.
+
+    Raises `AgentError`.
+    """
+    with _blamed("sensors"):
+        cameras: object = agent.sensors()
+    if not isinstance(cameras, Sequence) or isinstance(cameras, str):
+        raise AgentError(f"sensors returned {_shown(cameras)}, expected a list of CameraSpec")
+    for camera in cameras:
+        problem = _camera_problem(camera, dt_s)
+        if problem is not None:
+            raise AgentError(f"sensors returned {_shown(camera)}: {problem}")
+    names = [camera.name for camera in cameras]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise AgentError(f"sensors returned two cameras named {twice[0]!r}, expected distinct names")
+    return tuple(cameras)
+
+
+def agent_consumes(agent: Agent) -> tuple[str, ...]:
+    """The signals that the agent declares to use, sorted. Raises `AgentError`."""
+    with _blamed("consumes"):
+        return tuple(sorted(consumed_signals(agent)))
+
+
+def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
+    """Begin an episode. Raises `AgentError`."""
+    with _blamed("reset"):
+        agent.reset(plan, seed)
+
+
+def agent_act(agent: Agent, observation: Observation) -> Control:
+    """One control in plain floats, within its ranges. Raises `AgentError`."""
+    try:  # spelled out, not `_blamed`: this is called in every tick
+        control: object = agent.act(observation)
+    except (Exception, SystemExit) as error:
+        raise AgentError(blame("act", error)) from error
+    return _checked(control, "act")
+
+
+def agent_act_batch(agents: Sequence[Agent], observations: Sequence[Observation]) -> list[Control | AgentError]:
+    """One answer for each agent: its control in plain floats, or what is wrong with it.
+
+    Raises `AgentError` where no agent can be blamed alone: there is no `act_batch`, it raised, or gave no such list.
+    """
+    act_batch = getattr(agents[0], "act_batch", None)
+    if not callable(act_batch):
+        raise AgentError(f"{type(agents[0]).__name__} has no act_batch")
+    with _blamed("act_batch"):
+        answers: object = act_batch(agents, observations)
+    if not isinstance(answers, Sequence) or len(answers) != len(agents):
+        given = f"{len(answers)} answers" if isinstance(answers, Sequence) else _shown(answers)
+        raise AgentError(f"act_batch returned {given} for {len(agents)} agents, expected one Control for each")
+    return [_judged(answer) for answer in answers]
+
+
+def _judged(answer: object) -> Control | AgentError:
+    if isinstance(answer, Exception):
+        return AgentError(blame("act_batch", answer, "returned"))
+    try:
+        return _checked(answer, "act_batch")
+    except AgentError as error:
+        return error
+
+
+def _checked(control: object, call: str) -> Control:
+    if not isinstance(control, Control):
+        raise AgentError(f"{call} returned {_shown(control)} of type {type(control).__name__}, expected a Control")
+    problem = control.problem()
+    if problem is not None:
+        raise AgentError(f"{call} returned {_shown(control)}: {problem}")
+    if type(control.throttle) is type(control.steer) is type(control.brake) is float:
+        return control
+    return Control(float(control.throttle), float(control.steer), float(control.brake))
+
+
+def blame(call: str, error: BaseException, verb: str = "raised") -> str:
+    """`"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
+    last_line = traceback.format_exception_only(type(error), error)[-1].strip()
+    return f"{call} {verb} {_cut(last_line)}{_place(error)}"
+
+
+def _shown(value: object) -> str:
+    """What an agent gave, as text: whatever it is, showing it is not our fault."""
+    try:
+        return _cut(repr(value))
+    except Exception as error:
+        return f"something that cannot be shown ({type(error).__name__} in its __repr__)"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
+
+
+@contextmanager
+def _blamed(call: str) -> Iterator[None]:
+    # Exception and sys.exit() are the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a
+    # timeout is pytest's: both derive from BaseException only and go through.
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        raise AgentError(blame(call, error)) from error
+
+
+def _place(error: BaseException) -> str:
+    """The deepest line of the package that was called first: where its author would look."""
+    frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_ours(frame)]
+    if not frames:
+        return ""
+    package = _package(frames[0][0])
+    frame, line = [(frame, line) for frame, line in frames if _package(frame) == package][-1]
+    path = Path(frame.f_code.co_filename)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f" ({shown}:{line} in {frame.f_code.co_name})"
+
+
+def _is_ours(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__", "")).startswith(_CALLERS)
+
+
+def _package(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
+
+
+def _camera_problem(camera: object, dt_s: float) -> str | None:
+    if not isinstance(camera, CameraSpec):
+        return f"it is a {type(camera).__name__}, expected a CameraSpec"
+    if not isinstance(camera.name, str) or not camera.name:
+        return f"its name is {camera.name!r}, expected text"
+    for field in ("width_px", "height_px"):
+        side = getattr(camera, field)
+        if not isinstance(side, int) or not 1 <= side <= _LARGEST_SIDE_PX:
+            return f"{field} is {side!r}, expected a whole number in 1..{_LARGEST_SIDE_PX}"
+    for field in ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "rate_hz"):
+        number = getattr(camera, field)
+        if not isinstance(number, (int, float)) or not math.isfinite(number):
+            return f"{field} is {number!r}, expected a finite number"
+    if not 1.0 <= camera.fov_deg <= 179.0:
+        return f"fov_deg is {camera.fov_deg:g}, expected 1..179"
+    if camera.rate_hz <= 0.0 or not _is_whole(1.0 / (dt_s * camera.rate_hz)):
+        tick_rate_hz = round(1.0 / dt_s)
+        rates = ", ".join(f"{tick_rate_hz / n:g}" for n in range(1, tick_rate_hz + 1) if tick_rate_hz % n == 0)
+        return f"rate_hz is {camera.rate_hz:g}, expected a rate that divides {tick_rate_hz} Hz, such as {rates}"
+    return None
+
+
+def _is_whole(ratio: float) -> bool:
+    return ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6

@@ -1,0 +1,259 @@
+"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`.
+
+`Drive` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
+(`runner.lockstep.lockstep`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from pytest_drive_robust.domain.agent import is_privileged
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import AgentError, SimulationError
+from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
+from pytest_drive_robust.runner.episode.recorder import Recorder
+from pytest_drive_robust.runner.episode.witness import Witness
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.result import Injection
+    from pytest_drive_robust.domain.route import GlobalPlan, Route
+    from pytest_drive_robust.domain.truth import Frame, GroundTruth
+    from pytest_drive_robust.perturbations.running import RunningStack
+    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.simulators.base import Score, Simulator
+
+    OnTick = Callable[[int, Frame, Observation, Control], object]
+
+__all__ = ["Drive", "Watch", "drive_episode", "private_truth"]
+
+_Given = TypeVar("_Given")
+_OUTCOMES = {
+    End.COMPLETED: Outcome.COMPLETED,
+    End.AGENT_CRASHED: Outcome.AGENT_ERROR,
+    End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
+}  # every other end is the agent's failure
+
+
+class Watch(Protocol):
+    """Who wants to know at any moment whose code runs, so that a death or a hang is blamed on the right one.
+
+    The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
+    (everything else: the world, the perturbations, the books).
+    """
+
+    def phase(self, name: str, tick: int) -> None:
+        """From now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
+        ...
+
+
+def drive_episode(
+    simulator: Simulator,
+    agent: Agent,
+    *,
+    route: Route,
+    setting: Setting,
+    seed: int,
+    agent_name: str,
+    on_tick: OnTick | None = None,
+    watch: Watch | None = None,
+) -> EpisodeResult:
+    """Drive one episode to its end. Never raises for what the agent, the simulator or a perturbation does.
+
+    What the agent does wrong (exception, `sys.exit`, NaN, wrong type, bad cameras) ends in `agent_error`, with what
+    was driven so far scored. What the simulator or a perturbation does wrong ends in `infra_error`, never scored.
+    KeyboardInterrupt, and whatever `on_tick` raises, goes through to the caller.
+
+    While the warm-up of the setting lasts the vehicle gets `Control.NEUTRAL`, whatever the agent says.
+
+    `on_tick(tick, frame, observation, control)` is called after every tick with the world at the moment of the
+    observation, the observation as perturbed (not the agent's own copy of it), and the control that the vehicle got.
+    `watch` is told whose code runs; what it raises counts as a fault of the simulation.
+    """
+    drive = Drive(simulator, agent, route, setting, seed, watch=watch)
+    drive.attempt(drive.start)
+    while not drive.over:
+        drive.attempt(drive.tick)
+        if on_tick is not None and drive.moment is not None:
+            on_tick(*drive.moment)
+    return drive.result(Episode(agent_name, route.id, str(setting), seed))
+
+
+class Drive:
+    """An episode under way: whose fault its end is, and what was recorded until then.
+
+    `start`, then as long as it is not `over`: `sense`, the agent's `act` when there is something to see, `advance`;
+    `tick` is these three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        agent: Agent,
+        route: Route,
+        setting: Setting,
+        seed: int,
+        *,
+        watch: Watch | None = None,
+    ) -> None:
+        self.simulator = simulator
+        self.agent = agent
+        self.route = route
+        self.setting = setting
+        self.seed = seed
+        self.privileged = False
+        self.plan: GlobalPlan | None = None
+        self.warmup_ticks = 0
+        self.started_s = time.perf_counter()
+        self.recorder = Recorder()
+        self.witness = Witness()
+        self.crash: AgentError | SimulationError | None = None
+        self.moment: tuple[int, Frame, Observation, Control] | None = None
+        self.stack: RunningStack | None = None
+        self._watch = watch
+        self._frame: Frame | None = None
+        self._seen: Observation | None = None
+        self._done = False
+
+    @property
+    def over(self) -> bool:
+        """True once nothing more can be driven."""
+        return self._done or self.crash is not None
+
+    def attempt(self, action: Callable[[], _Given]) -> _Given | None:
+        """Do one thing and give what it gives; when it fails, remember whose fault it is and give None."""
+        self.moment = None
+        try:
+            return action()
+        except AgentError as error:
+            self.crash = error
+        except SimulationError as error:
+            self.crash = error
+        except Exception as error:
+            self.crash = SimulationError(blame("the simulation", error))
+        return None
+
+    def start(self) -> None:
+        """Build the world, then wake up the agent and the perturbations."""
+        self._enter("reset")
+        self.privileged = is_privileged(self.agent)
+        cameras = agent_cameras(self.agent, self.simulator.dt_s)
+        self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
+        self._enter("sim")
+        self._frame = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
+        self.plan = self.simulator.plan()
+        self._enter("reset")
+        agent_reset(self.agent, self.plan, self.seed)
+        self._enter("sim")
+        self.stack = self.setting.start(
+            route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
+        )
+        self.warmup_ticks = self.stack.warmup_ticks
+        self._done = self.simulator.done is not None
+
+    def tick(self) -> None:
+        """Observe, ask the agent when its computer is free, step the world."""
+        given = self.sense()
+        if given is None:
+            self.advance(None, 0.0)
+            return
+        self._enter("act")
+        asked_s = time.perf_counter()
+        control = agent_act(self.agent, given)
+        inference_s = time.perf_counter() - asked_s
+        self._enter("sim")
+        self.advance(control, inference_s)
+
+    def sense(self) -> Observation | None:
+        """What the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
+        stack = self.stack
+        assert stack is not None  # start() came before
+        captured = self.simulator.observe()
+        self._seen = observation = stack.observe(captured)
+        if not stack.wants_inference(self.recorder.ticks):
+            return None
+        self.witness.seen(captured, observation)
+        given = observation.private()
+        if self.privileged:
+            return replace(given, truth=private_truth(self.simulator.truth()))
+        return given if given.truth is None else replace(given, truth=None)
+
+    def advance(self, control: Control | None, inference_s: float) -> None:
+        """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
+        tick, frame, stack, observation = self.recorder.ticks, self._frame, self.stack, self._seen
+        assert frame is not None  # start() and sense() came before
+        assert stack is not None
+        assert observation is not None
+        applied = stack.actuate(tick, control, inference_s)
+        if applied is not control and (problem := applied.problem()) is not None:
+            raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
+        if tick < self.warmup_ticks:
+            applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
+        else:
+            self.witness.applied(tick, control, applied)
+        self._frame = self.simulator.step(applied)
+        self.recorder.add(self._frame.ego, applied, self.simulator.progress_m)
+        self.moment = (tick, frame, observation, applied)
+        self._done = self.simulator.done is not None
+
+    def result(self, episode: Episode) -> EpisodeResult:
+        """Close the books. A world that cannot even report its score makes the episode an `infra_error`."""
+        score: Score | None = None
+        schedule: tuple[Injection, ...] = ()
+        versions: dict[str, str] = {}
+        try:
+            self._enter("sim")
+            if self._frame is not None and not isinstance(self.crash, SimulationError):
+                score = self.simulator.score()
+            schedule = self.stack.schedule() if self.stack is not None else ()
+            versions = dict(self.simulator.versions())
+        except Exception as error:
+            self.crash, score = SimulationError(blame("the end of the simulation", error)), None
+        end, detail = self._end(score)
+        return EpisodeResult(
+            episode=episode,
+            scenario=self.route.scenario.type,
+            outcome=_OUTCOMES.get(end, Outcome.FAILED),
+            end=end,
+            end_detail=detail,
+            route_completion_pct=score.route_completion_pct if score else 0.0,
+            route_length_m=score.route_length_m if score else 0.0,
+            infractions=score.infractions if score else (),
+            speed_ratios_pct=score.speed_ratios_pct if score else (),
+            ticks=self.recorder.ticks,
+            dt_s=self.simulator.dt_s,
+            wall_s=time.perf_counter() - self.started_s,
+            trace=self.recorder.trace(),
+            schedule=schedule,
+            inference_s=tuple(self.stack.inference_s) if self.stack is not None else (),
+            privileged=self.privileged,
+            junction_passed=score.junction_passed if score else False,
+            versions=versions,
+            reception=self.witness.reception(),
+            given=self.witness.given(),
+        )
+
+    def _enter(self, phase: str) -> None:
+        if self._watch is not None:
+            self._watch.phase(phase, self.recorder.ticks)
+
+    def _end(self, score: Score | None) -> tuple[End, str]:
+        if isinstance(self.crash, AgentError):
+            return End.AGENT_CRASHED, str(self.crash)
+        if self.crash is not None or score is None:
+            return End.SIMULATION_CRASHED, str(self.crash)
+        return score.end, score.end_detail
+
+
+def private_truth(truth: GroundTruth) -> GroundTruth:
+    """The truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
+    frame = replace(truth.frame, actors=truth.frame.actors.copy(), lights=truth.frame.lights.copy())
+    return replace(truth, frame=frame, route=truth.route.copy())

@@ -1,0 +1,145 @@
+"""The score of an episode whose process died: the recorded controls are driven again, without the agent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.perturbations.setting import Setting
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.route import GlobalPlan, Route
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["ROW_FIELDS", "Rig", "Wreck", "bare_result", "drive_again"]
+
+ROW_FIELDS = 9
+"""A row a tick: throttle, steer, brake as asked (NaN: not asked), the same as applied, x, y, speed before the tick."""
+_ASKED = slice(0, 3)
+_APPLIED = slice(3, 6)
+_POSE = slice(6, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What is known of an agent that can no longer be asked."""
+
+    cameras: tuple[CameraSpec, ...] = ()
+    consumes: tuple[str, ...] = ()
+    privileged: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Wreck:
+    """What is left of an episode: the rig (None: it never came to that) and the rows of every tick (see `ROW_FIELDS`).
+
+    `call` is where the agent was lost: `"sensors"`, `"reset"` or `"act"`.
+    """
+
+    rig: Rig | None
+    rows: NDArray[np.float64]
+    call: str
+
+
+def drive_again(
+    simulator: Simulator, wreck: Wreck, *, route: Route, setting: Setting, episode: Episode
+) -> EpisodeResult:
+    """The episode up to where the agent was lost, as if the agent had raised there.
+
+    First what the agent asked for is driven through the setting, which gives the schedule too. Where that leads
+    elsewhere, because the wall clock decided what the setting did, what the vehicle got is driven in a clean world.
+    """
+    through = _ghost_drive(simulator, wreck, route, setting, episode.seed, as_applied=False)
+    if _same_way(through, wreck):
+        return replace(through, episode=episode)
+    direct = _ghost_drive(simulator, wreck, route, Setting.CLEAN, episode.seed, as_applied=True)
+    if direct.outcome is Outcome.INFRA_ERROR:
+        direct = through
+    return replace(direct, episode=episode, schedule=through.schedule, reception=through.reception)
+
+
+def bare_result(
+    route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str, dt_s: float = 0.05
+) -> EpisodeResult:
+    """The result of an episode of which nothing but its end is known."""
+    import numpy as np
+
+    return EpisodeResult(
+        episode=episode,
+        scenario=route.scenario.type,
+        outcome=outcome,
+        end=end,
+        end_detail=detail,
+        route_completion_pct=0.0,
+        route_length_m=0.0,
+        infractions=(),
+        speed_ratios_pct=(),
+        ticks=0,
+        dt_s=dt_s,
+        wall_s=0.0,
+        trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
+    )
+
+
+class _LostError(Exception):
+    """Where the recording ends."""
+
+
+class _Ghost:
+    """Gives the recorded controls, then raises where the agent was lost."""
+
+    def __init__(self, wreck: Wreck, controls: Sequence[Control]) -> None:
+        rig = wreck.rig or Rig()
+        self.privileged = False  # the truth would be copied every tick, for nobody
+        self.consumes = frozenset(rig.consumes)
+        self._wreck = wreck
+        self._cameras = rig.cameras
+        self._controls = iter(controls)
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        if self._wreck.rig is None:
+            raise _LostError
+        return self._cameras
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        if self._wreck.call == "reset":
+            raise _LostError
+
+    def act(self, observation: Observation) -> Control:
+        control = next(self._controls, None)
+        if control is None:
+            raise _LostError
+        return control
+
+
+def _ghost_drive(
+    simulator: Simulator, wreck: Wreck, route: Route, setting: Setting, seed: int, *, as_applied: bool
+) -> EpisodeResult:
+    from pytest_drive_robust.runner.episode.loop import drive_episode
+
+    rows = wreck.rows[:, _APPLIED if as_applied else _ASKED]
+    controls = [Control(*row) for row in rows.tolist() if row[0] == row[0]]  # NaN is not itself
+    result = drive_episode(
+        simulator, _Ghost(wreck, controls), route=route, setting=setting, seed=seed, agent_name="nobody"
+    )
+    return replace(result, privileged=wreck.rig is not None and wreck.rig.privileged)
+
+
+def _same_way(result: EpisodeResult, wreck: Wreck) -> bool:
+    """Whether the world went the recorded way: the pose after each tick is the pose before the next."""
+    names = ("x_m", "y_m", "speed_mps")
+    if result.outcome is Outcome.INFRA_ERROR or result.ticks != len(wreck.rows):
+        return False
+    return all(
+        bool((result.trace.column(name)[:-1] == wreck.rows[1:, _POSE][:, number]).all())
+        for number, name in enumerate(names)
+    )

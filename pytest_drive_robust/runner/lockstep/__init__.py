@@ -1,0 +1,1 @@
+"""The closed loop of many episodes at once."""

@@ -1,0 +1,116 @@
+"""Does an agent's `act_batch` give the same bits in any company? Asked of the net at hand, on this very machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.agent import offers_lockstep
+from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.runner.episode.contract import agent_act, agent_act_batch, agent_reset
+from pytest_drive_robust.runner.episode.loop import Drive
+from pytest_drive_robust.runner.lockstep.batch import ROWS, own_copy
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.domain.control import Control
+    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.route import GlobalPlan
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["Recording", "check_lockstep", "record"]
+
+_ADVICE = (
+    "Usual causes: batch normalisation or dropout in training mode, attention or statistics across rows, state that "
+    "agents share, more than one thread, and a layer of few outputs whose number of inputs is no multiple of four "
+    "(pad it: the bits of such a product depend on where in memory a row begins)."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What one agent was given: the arguments of its `reset`, then observations."""
+
+    plan: GlobalPlan
+    seed: int
+    observations: tuple[Observation, ...]
+
+    @property
+    def backwards(self) -> Recording:
+        """The same observations in the other order: another episode for whoever remembers the last one."""
+        return Recording(self.plan, self.seed, self.observations[::-1])
+
+
+def record(world: Simulator, agent: Agent, task: EpisodeRequest, *, count: int = 8, every: int = 8) -> Recording | None:
+    """Drive the beginning of `task` by the agent's own `act` and keep every so many-th observation, up to `count`.
+
+    None when the world, the agent or a perturbation broke before anything was seen.
+    """
+    drive = Drive(world, agent, task.route, task.setting, task.episode.seed)
+    drive.attempt(drive.start)
+    kept: list[Observation] = []
+
+    def tick() -> None:
+        given = drive.sense()
+        if given is not None and drive.recorder.ticks >= every * len(kept):
+            kept.append(own_copy(given))
+        drive.advance(None if given is None else agent_act(agent, given), 0.0)
+
+    while len(kept) < count and not drive.over:
+        drive.attempt(tick)
+    return Recording(drive.plan, drive.seed, tuple(kept)) if kept and drive.plan is not None else None
+
+
+def check_lockstep(
+    make_agent: Callable[[], Agent], recordings: Sequence[Recording], widths: Sequence[int] = (4, 8, 16)
+) -> str | None:
+    """Why the agent must not be driven in lockstep, in one sentence, or None when nothing speaks against it.
+
+    The same observations are given in batches of all `widths`, at other places and among other neighbours; every
+    control must agree to the last bit. Raises `ValueError` without recordings and for widths that are no multiples of
+    four.
+    """
+    if not recordings or any(width < ROWS or width % ROWS for width in widths):
+        raise ValueError(f"expected recordings and widths that are multiples of {ROWS}, got widths {tuple(widths)}")
+    streams = [stream for recording in recordings for stream in (recording, recording.backwards)]
+    crew = [make_agent() for _ in range(max(widths))]
+    if not offers_lockstep(crew[0]):
+        return f"{type(crew[0]).__name__} has no act_batch."
+    first: dict[tuple[int, int], tuple[Control, str]] = {}
+    try:
+        for width in widths:
+            for seating in _seatings(width, len(streams)):
+                for place, stream, moment, control in _answers(crew[:width], seating, streams):
+                    where = f"at place {place} of {width}"
+                    known, there = first.setdefault((stream, moment), (control, where))
+                    if repr(known) != repr(control):  # repr tells floats apart to the bit, and -0.0 from 0.0
+                        told = f"act_batch gives {known} {there} and {control} {where}"
+                        return f"{told} for the same observation in other company. {_ADVICE}"
+    except AgentError as error:
+        return f"{error}."
+    return None
+
+
+def _seatings(width: int, streams: int) -> Iterator[list[int]]:
+    """Who sits where: all of them mixed; one alone among equals, last; the same one, second, among others."""
+    yield list(islice(cycle(range(streams)), width))
+    yield [1] * (width - 1) + [0]
+    yield [streams - 1, 0] + [streams // 2] * (width - 2)
+
+
+def _answers(
+    crew: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording]
+) -> Iterator[tuple[int, int, int, Control]]:
+    """(place, stream, moment, control) of every row. Raises `AgentError`."""
+    rows = [streams[stream] for stream in seating]
+    for agent, row in zip(crew, rows, strict=True):
+        agent_reset(agent, row.plan, row.seed)
+    for moment in range(min(len(row.observations) for row in streams)):
+        given = tuple(own_copy(row.observations[moment]) for row in rows)
+        for place, answer in enumerate(agent_act_batch(crew, given)):
+            if isinstance(answer, AgentError):
+                raise answer
+            yield place, seating[place], moment, answer

@@ -1,0 +1,225 @@
+"""Many episodes at once in one process, for agents that answer many observations in one call (`act_batch`).
+
+Every episode has a world and an agent object of its own; only the calls of `act` are made together. A batch always
+has the same number of rows: where fewer episodes ask, stand-ins fill it, because the bits of a matrix product depend
+on its shape. With one thread and `check_lockstep` passed, an episode comes out the same to the last bit whoever shares
+the batch with it, in whichever order, and however early the others end.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.runner.episode.loop import Drive, drive_episode
+from pytest_drive_robust.runner.lockstep.batch import ROWS, Batch
+from pytest_drive_robust.runner.lockstep.row import Row, measures_inference
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.domain.control import Control
+    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.truth import Frame
+    from pytest_drive_robust.runner.episode.loop import OnTick, Watch
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["WIDTH", "Lockstep", "drive_together"]
+
+WIDTH = 8
+"""Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
+
+
+def drive_together(
+    make_world: Callable[[], Simulator],
+    make_agent: Callable[[], Agent],
+    tasks: Sequence[EpisodeRequest],
+    *,
+    width: int = WIDTH,
+) -> list[EpisodeResult]:
+    """Drive `tasks`, `width` at a time, and give their results in the order of `tasks`. See `Lockstep`."""
+    lockstep = Lockstep(make_world, make_agent, width=width)
+    try:
+        results = {id(task): result for task, result in lockstep.drive(tasks)}
+    finally:
+        lockstep.close()
+    return [results[id(task)] for task in tasks]
+
+
+class Lockstep:
+    """Drives `width` episodes of one agent side by side, tick by tick.
+
+    `make_world` and `make_agent` make as many as are needed, which are kept for the next episodes. `ticked` is called
+    after every tick of all, `on_tick` after every tick of each as in `drive_episode`; `watch` is told whose code runs,
+    the tick of `"act"` being that of the first row.
+
+    A result says `lockstep=8` in `versions`, and its `wall_s` is the episode's share of the time that all took.
+    A setting that measures the time of inference is driven alone by the agent's own `act`, as a batch has no time per
+    row. Raises `ValueError` for a width that is no positive multiple of four, and for tasks of two agents.
+    """
+
+    def __init__(
+        self,
+        make_world: Callable[[], Simulator],
+        make_agent: Callable[[], Agent],
+        *,
+        width: int = WIDTH,
+        watch: Watch | None = None,
+        ticked: Callable[[], object] | None = None,
+        on_tick: OnTick | None = None,
+    ) -> None:
+        if width < ROWS or width % ROWS:
+            raise ValueError(f"the width of lockstep is {width}, expected a multiple of {ROWS} such as {WIDTH}")
+        self.width = width
+        self._make_world = make_world
+        self._make_agent = make_agent
+        self._watch = watch
+        self._ticked = ticked
+        self._on_tick = on_tick
+        self.agent_name: str | None = None
+        self._worlds: list[Simulator] = []
+        self._free_worlds: list[Simulator] = []
+        self._free_agents: list[Agent] = []
+
+    def drive(self, tasks: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
+        """Every task with its result as soon as it ends. `tasks` is read when a place is free, and not before.
+
+        Never raises for what agent, world or perturbations do: see `drive_episode` for how that ends. When a whole
+        batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
+        """
+        waiting = iter(tasks)
+        live: list[Row] = []
+        batch = self._batch()
+        try:
+            while True:
+                while len(live) < self.width and (task := next(waiting, None)) is not None:
+                    if measures_inference(task.setting):
+                        yield task, self._drive_measured(task)
+                    else:
+                        live.append(self._begin(task))
+                if not live:
+                    return
+                broken = self._round(live, batch)
+                ended = [episode for episode in live if episode.drive.over]
+                live = [episode for episode in live if episode not in broken and episode not in ended]
+                self._free_worlds += [episode.drive.simulator for episode in broken]
+                yield from [self._end(episode) for episode in ended]
+                for episode in broken:
+                    yield self._drive_alone(episode.task)
+        finally:  # also when the caller wants no more of them
+            self._free_agents += batch.dismiss()
+            self._free_worlds += [episode.drive.simulator for episode in live]
+
+    def close(self) -> None:
+        """Close the worlds and drop the agents. Calling it twice does no harm."""
+        for world in self._worlds:
+            world.close()
+        for kept in (self._worlds, self._free_worlds, self._free_agents):
+            kept.clear()
+
+    def _begin(self, task: EpisodeRequest) -> Row:
+        self._check_agent(task)
+        started_s = time.perf_counter()
+        world, agent = self._take_world(), self._take_agent()
+        drive = Drive(world, agent, task.route, task.setting, task.episode.seed, watch=self._watch)
+        drive.attempt(drive.start)
+        return Row(task, drive, time.perf_counter() - started_s)
+
+    def _round(self, live: Sequence[Row], batch: Batch, *, alone: bool = False) -> list[Row]:
+        """One tick of every episode. Gives back those whose batch broke, nobody knows by whose fault."""
+        started_s = time.perf_counter()
+        asked = [(episode, given) for episode in live if (given := episode.sense()) is not None]
+        broken: list[Row] = []
+        if asked:
+            try:
+                answers, inference_s = batch.ask([(episode.drive, given) for episode, given in asked])
+            except AgentError as error:
+                broken = [episode for episode, _ in asked]
+                if alone:
+                    broken.pop().drive.crash = error
+            else:
+                for (episode, _), answer in zip(asked, answers, strict=True):
+                    episode.answer(answer, inference_s)
+        self._tell_ticks(live)
+        share_s = (time.perf_counter() - started_s) / len(live)
+        for episode in live:
+            episode.share_s += share_s
+        return broken
+
+    def _tell_ticks(self, live: Sequence[Row]) -> None:
+        if self._ticked is not None:
+            self._ticked()
+        if self._on_tick is not None:
+            for moment in [episode.drive.moment for episode in live]:
+                if moment is not None:
+                    self._on_tick(*moment)
+
+    def _end(self, episode: Row) -> tuple[EpisodeRequest, EpisodeResult]:
+        result = episode.drive.result(episode.task.episode)
+        self._give_back(episode.drive.simulator, episode.drive.agent, result.outcome)
+        versions = {**result.versions, "lockstep": str(self.width)}
+        return episode.task, replace(result, wall_s=episode.share_s, versions=versions)
+
+    def _drive_alone(self, task: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
+        """From its start to its end in a batch whose other rows are twins of the episode."""
+        batch, episode = self._batch(), self._begin(task)
+        while not episode.drive.over:
+            self._round([episode], batch, alone=True)
+        self._free_agents += batch.dismiss()
+        return self._end(episode)
+
+    def _drive_measured(self, task: EpisodeRequest) -> EpisodeResult:
+        self._check_agent(task)
+        world, agent, episode = self._take_world(), self._take_agent(), task.episode
+
+        def on_tick(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+            if self._ticked is not None:
+                self._ticked()
+            if self._on_tick is not None:
+                self._on_tick(tick, frame, observation, applied)
+
+        result = drive_episode(
+            world,
+            agent,
+            route=task.route,
+            setting=task.setting,
+            seed=episode.seed,
+            agent_name=episode.agent,
+            on_tick=on_tick,
+            watch=self._watch,
+        )
+        self._give_back(world, agent, result.outcome)
+        return result
+
+    def _batch(self) -> Batch:
+        return Batch(self.width, self._take_agent, self._watch)
+
+    def _check_agent(self, task: EpisodeRequest) -> None:
+        if self.agent_name not in (None, task.episode.agent):
+            raise ValueError(f"{task.episode} cannot share a batch with episodes of {self.agent_name}")
+        self.agent_name = task.episode.agent
+
+    def _take_agent(self) -> Agent:
+        return self._free_agents.pop() if self._free_agents else self._make_agent()
+
+    def _take_world(self) -> Simulator:
+        if self._free_worlds:
+            return self._free_worlds.pop()
+        world = self._make_world()
+        self._worlds.append(world)
+        return world
+
+    def _give_back(self, world: Simulator, agent: Agent, outcome: Outcome) -> None:
+        """What raised in the middle of an episode may be in any state: it is not used again."""
+        if outcome is Outcome.INFRA_ERROR:
+            self._worlds.remove(world)
+            world.close()
+            return
+        self._free_worlds.append(world)
+        if outcome is not Outcome.AGENT_ERROR:
+            self._free_agents.append(agent)

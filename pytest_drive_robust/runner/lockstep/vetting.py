@@ -1,0 +1,64 @@
+"""Which agents of a run are driven in lockstep, and the question to each of them whether it may be."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.lockstep.batch import ROWS
+from pytest_drive_robust.runner.lockstep.batch_check import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.lockstep import WIDTH
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["Vetting", "factory_offers_lockstep", "refused", "vet"]
+
+
+class Vetting(NamedTuple):
+    """`recorded`: something was seen to ask about. `problem`: why the agent must not be driven in lockstep."""
+
+    recorded: bool
+    problem: str | None = None
+
+    @property
+    def passed(self) -> bool:
+        """True when the agent may be driven in lockstep."""
+        return self.recorded and self.problem is None
+
+
+def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
+    """True when what makes the agent has an `act_batch`, or says that it returns a class that has one.
+
+    No agent is made: that belongs into the process that drives it. Raises `UnknownNameError` or `PluginError`.
+    """
+    factory = registry.entry("agents", agent).load()
+    if callable(getattr(factory, "act_batch", None)):
+        return True
+    try:
+        made = typing.get_type_hints(factory).get("return")
+    except Exception:  # an annotation that names something imported for type checkers only, or no function at all
+        return False
+    return callable(getattr(made, "act_batch", None))
+
+
+def vet(world: Simulator, make_agent: Callable[[], Agent], task: EpisodeRequest, *, width: int) -> Vetting:
+    """Drive the beginning of `task` by `act`, then ask `act_batch` about it in batches of several widths."""
+    recording = record(world, make_agent(), task)
+    if recording is None:
+        return Vetting(recorded=False)
+    widths = sorted({ROWS, WIDTH, 2 * WIDTH, width})
+    return Vetting(recorded=True, problem=check_lockstep(make_agent, [recording], widths))
+
+
+def refused(agent: str, problem: str) -> UsageError:
+    """What a run is told whose agent must not be driven in lockstep."""
+    return UsageError(
+        f"the agent {agent!r} cannot be driven in lockstep: {problem} Leave out --drive-lockstep (drive_lockstep) and "
+        "its episodes are driven one by one."
+    )

@@ -1,0 +1,1 @@
+"""Drives an episode again and keeps what a film of it needs."""

@@ -1,0 +1,184 @@
+"""The leaderboard's criteria for a world that is no array: collisions, lanes, progress, and why an episode ends.
+
+Source: Bench2Drive `scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_criteria.py`; the constants are
+those of the embedded world. There are no lights, signs or scenarios to judge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.truth import ActorKind, Frame, LaneMap
+from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.embedded import criteria as constants
+from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
+from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
+
+__all__ = ["Judge"]
+
+_WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
+_DEVIATION_ROWS = 5
+_COLLISIONS = {"vehicle": InfractionKind.COLLISION_VEHICLE, "layout": InfractionKind.COLLISION_LAYOUT}
+
+
+class Judge:
+    """What the criteria say about one episode so far; `look` once after every tick."""
+
+    def __init__(self, road: LiveRoad, line: RouteLine, lane_map: LaneMap, index: dict[Any, int]) -> None:
+        self._road = road
+        self._line = line
+        self._lane_map = lane_map
+        self._index = index
+        self._infractions: list[Infraction] = []
+        self._crashed = False
+        self._off_road = False
+        self._outside_m = 0.0
+        self._off_route_m = 0.0
+        self._still_s = 0.0
+        self._checkpoint_m = 0.0
+        self._speeds: list[tuple[float, float]] = []
+        self._ratios: list[float] = []
+        self.row = 0
+        self.end: End | None = None
+
+    @property
+    def progress_m(self) -> float:
+        """Metres of the route that are behind the ego."""
+        return float(self._line.s[self.row])
+
+    def look(self, frame: Frame, *, dt_s: float, options: SimulatorOptions) -> None:
+        """Judge the tick that ended with `frame`."""
+        gained = self._pass_rows(frame)
+        self._collisions(frame)
+        self._off_road = not self._road.ego.on_road
+        if self._is_outside() or self._is_wrong_way(frame):
+            self._outside_m += gained
+        self._efficiency(frame)
+        self._still_s = self._still_s + dt_s if frame.ego.speed_mps < constants.STANDING_MPS else 0.0
+        self.end = self._end(frame, dt_s, options)
+
+    def score(self, frame: Frame, *, dt_s: float, options: SimulatorOptions) -> Score:
+        """The criteria of a finished episode, closed."""
+        end = self.end or End.SIMULATION_CRASHED
+        infractions = [*self._infractions, *self._at_the_end(frame, end)]
+        if self._speeds and self.progress_m > 0.95 * self._line.length_m:
+            self._close_checkpoint()
+        completion = 100.0 if end is End.COMPLETED else round(100.0 * self.progress_m / self._line.length_m, 2)
+        return Score(
+            end=end,
+            end_detail=self._end_detail(end, frame.tick * dt_s, options, dt_s),
+            route_completion_pct=completion,
+            route_length_m=self._line.length_m,
+            infractions=tuple(infractions),
+            speed_ratios_pct=tuple(self._ratios),
+            junction_passed=self._junction_passed(),
+        )
+
+    def _pass_rows(self, frame: Frame) -> float:
+        rows, before = self._line.rows, self.row
+        for k in range(before, min(before + constants.ROUTE_WINDOW, len(rows))):
+            x, y, yaw = rows[k, :3]
+            if (frame.ego.x_m - x) * math.cos(yaw) + (frame.ego.y_m - y) * math.sin(yaw) > 0.0:
+                self.row = k
+        return float(self._line.s[self.row] - self._line.s[before])
+
+    def _collisions(self, frame: Frame) -> None:
+        """highway-env's `crashed` stays true for the rest of the episode: one collision each."""
+        if self._road.ego.crashed and not self._crashed:
+            self._crashed = True
+            other = self._road.whom_it_hit()
+            kind = ActorKind.BARRIER if other is None else kind_of(other)
+            detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
+            self._note(_COLLISIONS[kind.collision_class], frame, detail)
+
+    def _is_outside(self) -> bool:
+        """More than half a metre outside every lane; `ego.lane` is the nearest one by place and heading."""
+        ego = self._road.ego
+        if ego.lane.on_lane(ego.position, margin=constants.OUTSIDE_M):
+            return False
+        lanes = self._road.network.lanes_list()
+        return not any(lane.on_lane(ego.position, margin=constants.OUTSIDE_M) for lane in lanes)
+
+    def _is_wrong_way(self, frame: Frame) -> bool:
+        """Against the traffic of the nearest lane. Junctions, where lanes cross, are left out."""
+        ego = self._road.ego
+        if self._lane_map.lanes[self._index[ego.lane_index]].junction:
+            return False
+        along = float(ego.lane.local_coordinates(ego.position)[0])
+        turn = math.remainder(frame.ego.yaw_rad - float(ego.lane.heading_at(along)), 2.0 * math.pi)
+        return abs(turn) >= _WRONG_WAY_RAD
+
+    def _efficiency(self, frame: Frame) -> None:
+        """The ego's mean speed against the traffic's, per twentieth of the route."""
+        vehicles = frame.actors[frame.actors[:, Frame.KIND] <= ActorKind.BICYCLE]
+        if len(vehicles):
+            self._speeds.append((frame.ego.speed_mps, float(np.mean(vehicles[:, Frame.SPEED]))))
+        if self.progress_m - self._checkpoint_m > self._line.length_m / constants.CHECKPOINTS:
+            self._checkpoint_m = self.progress_m
+            self._close_checkpoint()
+
+    def _close_checkpoint(self) -> None:
+        ego, traffic = (sum(column) for column in zip(*self._speeds, strict=True)) if self._speeds else (0.0, 0.0)
+        self._ratios.append(round(100.0 * ego / traffic, 2) if traffic > 0.0 else 100.0)
+        self._speeds.clear()
+
+    def _end(self, frame: Frame, dt_s: float, options: SimulatorOptions) -> End | None:
+        ego, last = frame.ego, self._line.rows[-1]
+        to_go = math.hypot(ego.x_m - last[0], ego.y_m - last[1])
+        done = 100.0 * self.progress_m / self._line.length_m > constants.COMPLETE_PCT
+        if to_go < constants.COMPLETE_M and not self._crashed and (done or (self._road.ended and not self._off_road)):
+            return End.COMPLETED
+        ahead = self._line.rows[self.row : self.row + _DEVIATION_ROWS]
+        away = float(np.min(np.hypot(ahead[:, 0] - ego.x_m, ahead[:, 1] - ego.y_m)))
+        if away > constants.DEVIATION_SOFT_M:
+            self._off_route_m += ego.speed_mps * dt_s
+        if away >= constants.DEVIATION_M or self._off_route_m > constants.DEVIATION_SHARE * self._line.length_m:
+            return End.DEVIATED
+        if self._road.ended:
+            return End.ENVIRONMENT
+        if self._still_s > constants.BLOCKED_S:
+            return End.BLOCKED
+        if options.stuck_stop_s is not None and self._still_s > options.stuck_stop_s:
+            return End.STUCK
+        return End.TICK_CAP if frame.tick >= options.tick_cap else None
+
+    def _at_the_end(self, frame: Frame, end: End) -> list[Infraction]:
+        found: list[Infraction] = []
+        if end is End.DEVIATED:
+            found.append(self._here(InfractionKind.DEVIATION, frame, "left the route by more than 30 m"))
+        if end is End.BLOCKED:
+            found.append(self._here(InfractionKind.BLOCKED, frame, "stood still for more than 60 s"))
+        outside_m, passed_m = self._outside_m, self.progress_m
+        if end is End.ENVIRONMENT and self._off_road:
+            outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
+        if outside_m > 0.0 and passed_m > 0.0:
+            share = min(100.0 * outside_m / passed_m, 100.0)
+            detail = f"outside its lanes for {outside_m:.0f} m, {share:.0f} % of the way"
+            found.append(self._here(InfractionKind.OUTSIDE_LANES, frame, detail, share_pct=share))
+        return found
+
+    def _end_detail(self, end: End, at_s: float, options: SimulatorOptions, dt_s: float) -> str:
+        stopped = "crashed" if self._crashed else "off the road" if self._off_road else "before the end of the route"
+        return {
+            End.COMPLETED: f"reached the end at {at_s:.1f} s",
+            End.DEVIATED: f"left the route at {at_s:.1f} s",
+            End.ENVIRONMENT: f"the environment ended the episode at {at_s:.1f} s: {stopped}",
+            End.BLOCKED: f"stood still for {self._still_s:.0f} s",
+            End.STUCK: f"stood still for {self._still_s:.0f} s, stopped early (--drive-stuck-stop)",
+            End.TICK_CAP: f"not finished after {options.tick_cap} ticks ({options.tick_cap * dt_s:.0f} s)",
+        }.get(end, f"stopped at {at_s:.1f} s before any end was reached")
+
+    def _junction_passed(self) -> bool:
+        flags = [self._lane_map.lanes[self._index[key]].junction for key in self._line.keys]
+        return any(flags) and self.row > flags.index(True) + 8
+
+    def _note(self, kind: InfractionKind, frame: Frame, detail: str) -> None:
+        self._infractions.append(self._here(kind, frame, detail))
+
+    @staticmethod
+    def _here(kind: InfractionKind, frame: Frame, detail: str, *, share_pct: float = 0.0) -> Infraction:
+        return Infraction(kind, frame.tick, detail, frame.ego.x_m, frame.ego.y_m, share_pct)

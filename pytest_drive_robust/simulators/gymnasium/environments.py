@@ -1,0 +1,136 @@
+"""Making an environment that we can drive: 20 Hz, two continuous actions, no observation, no reward."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import importlib
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import highway_env  # noqa: F401 -- registers its ids
+import numpy as np
+from gymnasium.envs.registration import EnvSpec, load_env_creator
+from highway_env.envs.common.abstract import AbstractEnv
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.simulators.gymnasium.ids import refusal_of, working_ids
+from pytest_drive_robust.simulators.gymnasium.vehicles import (
+    ACCELERATION_RANGE_MPS2,
+    STEERING_RANGE_RAD,
+    EgoAction,
+)
+
+__all__ = ["RATE_HZ", "Driven", "Environment", "find_spec", "make_environment"]
+
+Environment = gymnasium.Env[Any, Any]
+
+RATE_HZ = 20
+_CONFIG: Mapping[str, object] = {
+    "simulation_frequency": RATE_HZ,
+    "policy_frequency": RATE_HZ,
+    "observation": {"type": "AttributesObservation", "attributes": []},
+    "action": {
+        "type": "ContinuousAction",
+        "acceleration_range": list(ACCELERATION_RANGE_MPS2),
+        "steering_range": list(STEERING_RANGE_RAD),
+    },
+    "duration": math.inf,
+}
+"""What is forced on every environment.
+
+* One simulation step per decision, 20 of each in a second: `simulation_frequency // policy_frequency` frames are
+  computed, so 15 and 20 would mean none at all, and 50 and 20 would mean 2 of 20 ms in each 50 ms.
+* No observation: highway-env's `Kinematics` goes through pandas and costs half of a step.
+* No `duration`: the horizon of a learning problem, within which a careful driver may not arrive. `tick_cap` ends
+  episodes.
+"""
+_EXPECTED = (
+    "expected an environment like highway-env's: unwrapped it has `road` (network, vehicles, objects), `vehicle`, "
+    "`config` and `action_type`, and `gymnasium.make(id, config={...})` sets its config"
+)
+
+
+class Driven:
+    """Mixed into an environment's class before its own methods.
+
+    Nobody reads the reward, so none is computed: those of merge, roundabout and two-way raise for continuous actions.
+    """
+
+    def define_spaces(self) -> None:
+        """The environment's spaces, with our own class of the ego."""
+        super().define_spaces()  # type: ignore[misc]
+        self.action_type = EgoAction(self, **self.config["action"])  # type: ignore[attr-defined]
+        self.action_space = self.action_type.space()
+
+    def _reward(self, action: object) -> float:
+        return 0.0
+
+    def _rewards(self, action: object) -> dict[str, float]:
+        return {}
+
+
+def find_spec(identifier: str, prefix: str = "gymnasium") -> EnvSpec:
+    """The registered environment of that id, or of `"module:id"` after importing the module.
+
+    Raises `UnknownNameError` for one that nobody registered, `UsageError` for one that we refuse.
+    """
+    module, _, name = identifier.rpartition(":")
+    if module:
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            raise UsageError(f"the module {module!r} of {prefix}:{identifier} does not load: {error}") from error
+    reason = refusal_of(name, prefix)
+    if reason is not None:
+        raise UsageError(reason)
+    try:
+        return gymnasium.spec(name)
+    except gymnasium.error.Error:
+        hint = f"Give '{prefix}:module:ID' for one that a module of yours registers."
+        raise UnknownNameError.of("gymnasium environment", identifier, working_ids(prefix), hint=hint) from None
+
+
+def make_environment(spec: EnvSpec, *, name: str, mixin: type = Driven) -> Environment:
+    """A new environment, at 20 Hz; `name` is for messages.
+
+    Raises `UsageError` when it cannot be made so, or is not like highway-env's.
+    """
+    spec = copy.deepcopy(spec)
+    creator = load_env_creator(spec.entry_point) if isinstance(spec.entry_point, str) else spec.entry_point
+    if isinstance(creator, type) and issubclass(creator, AbstractEnv):
+        spec.entry_point = _driven(creator, mixin)
+    try:
+        env: Environment = gymnasium.make(spec, max_episode_steps=-1, disable_env_checker=True, config=dict(_CONFIG))
+    except Exception as error:  # whatever a stranger's constructor raises
+        reason = str(error).partition(" was raised from the environment creator")[0]  # what follows is our config
+        raise UsageError(f"{name} cannot be made: {type(error).__name__}: {reason}; {_EXPECTED}.") from error
+    _check(env.unwrapped, name)
+    return env
+
+
+def _check(env: Any, name: str) -> None:
+    lacking = [part for part in ("road", "vehicle", "config", "action_type") if getattr(env, part, None) is None]
+    if not lacking:
+        lacking = [f"road.{part}" for part in ("network", "vehicles", "objects") if not hasattr(env.road, part)]
+    if lacking:
+        raise UsageError(f"{name} has no {', '.join(lacking)}: {_EXPECTED}.")
+    rates = [env.config.get(rate) for rate in ("simulation_frequency", "policy_frequency")]
+    if rates != [RATE_HZ, RATE_HZ]:
+        raise UsageError(
+            f"{name} runs at simulation_frequency {rates[0]} and policy_frequency {rates[1]}, expected {RATE_HZ} "
+            f"and {RATE_HZ}: with another ratio its clock and its motion disagree. It overrides the config it is given."
+        )
+    ranged = all(hasattr(env.action_type, limits) for limits in ("acceleration_range", "steering_range"))
+    if not ranged or np.shape(env.action_space.sample()) != (2,):
+        raise UsageError(
+            f"{name} has the actions {env.action_space}, expected highway-env's ContinuousAction of two numbers, "
+            "acceleration and steering."
+        )
+
+
+@functools.cache
+def _driven(creator: type, mixin: type) -> type:
+    return type(f"{mixin.__name__}{creator.__name__}", (mixin, creator), {"__module__": __name__})

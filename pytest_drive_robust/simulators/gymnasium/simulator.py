@@ -1,0 +1,216 @@
+"""`--drive-sim gymnasium:ID`: a gymnasium driving environment as it is, behind the `Simulator` protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.domain.truth import Frame, GroundTruth, LaneMap
+from pytest_drive_robust.errors import SimulationError, UsageError
+from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.embedded.sensors import Sensors
+from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
+from pytest_drive_robust.simulators.gymnasium.criteria import Judge
+from pytest_drive_robust.simulators.gymnasium.destinations import itinerary_of
+from pytest_drive_robust.simulators.gymnasium.environments import (
+    RATE_HZ,
+    Environment,
+    find_spec,
+    make_environment,
+)
+from pytest_drive_robust.simulators.gymnasium.ids import reset_seed, routes_of, working_ids
+from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
+from pytest_drive_robust.simulators.gymnasium.road_map import RoadMap, junction_keys
+from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line
+
+__all__ = ["CompiledSimulator", "GymnasiumSimulator"]
+
+
+@dataclass
+class _Episode:
+    """What belongs to one route and seed."""
+
+    road: LiveRoad
+    line: RouteLine
+    lane_map: LaneMap
+    judge: Judge
+    sensors: Sensors
+    frame: Frame
+
+
+class GymnasiumSimulator:
+    """One environment, driven at 20 Hz with our sensors and criteria.
+
+    A route of it is `ID-NUMBER`: the environment reset with the seed `NUMBER + 100000 * the episode's seed`. The way is
+    the one that the environment plans for its ego, or straight on (`destinations`). Its `duration` is lifted; what else
+    ends it (a crash, leaving the road) ends the episode. Raises `UnknownNameError` for an id that nobody registered and
+    `UsageError` for one that we cannot drive, both with what can be driven.
+    """
+
+    prefix = "gymnasium"
+    version = "1"
+    dt_s = 1.0 / RATE_HZ
+
+    def __init__(self, identifier: str, options: SimulatorOptions | None = None) -> None:
+        self.options = options or SimulatorOptions()
+        self._spec = find_spec(identifier, self.prefix)
+        self.name = f"{self.prefix}:{identifier}"
+        self._classes = ClassAttributes()
+        self._env: Environment | None = None
+        self._episode: _Episode | None = None
+        if self._spec.id not in working_ids(self.prefix):  # a stranger's: tell now whether it can be driven
+            with self._classes.inside():
+                self._env = self._make()
+
+    @property
+    def environment(self) -> Environment:
+        """The gymnasium environment of the current episode. Raises `SimulationError` before the first `reset`."""
+        if self._env is None:
+            raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
+        return self._env
+
+    def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
+        """The routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
+
+        Raises `UnknownNameError`.
+        """
+        return routes_of(self.name, self._spec.id, names)
+
+    def check_route(self, route: Route) -> None:
+        """Raise `RouteError` for a route that is none of this environment's."""
+        self._reset_seed(route, 0)
+
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+        """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
+        number = self._reset_seed(route, seed)
+        self._episode = None
+        self._classes.begin()
+        with self._classes.inside():
+            if self._env is None:
+                self._env = self._make()
+            self._env.reset(seed=number)
+            self._episode = self._begin(self._env, route, cameras)
+        return self._episode.frame
+
+    def plan(self) -> GlobalPlan:
+        """The sparse plan of the current route."""
+        return self._now.line.plan()
+
+    def observe(self) -> Observation:
+        """Clean sensors of this moment."""
+        episode = self._now
+        return episode.sensors.observe(episode.frame)
+
+    def truth(self) -> GroundTruth:
+        """The state of the world of this moment."""
+        episode = self._now
+        return GroundTruth(episode.frame, episode.lane_map, episode.line.rows, episode.judge.row)
+
+    def step(self, control: Control) -> Frame:
+        """Advance by 50 ms."""
+        episode = self._now
+        with self._classes.inside():
+            episode.road.step(control)
+            episode.frame = episode.road.frame()
+            episode.judge.look(episode.frame, dt_s=self.dt_s, options=self.options)
+        return episode.frame
+
+    @property
+    def done(self) -> End | None:
+        """Why the episode is over, or None while it is not."""
+        return self._now.judge.end
+
+    @property
+    def progress_m(self) -> float:
+        """Metres of the route that are behind the ego."""
+        return self._now.judge.progress_m
+
+    def score(self) -> Score:
+        """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
+        self._classes.check()
+        episode = self._now
+        return episode.judge.score(episode.frame, dt_s=self.dt_s, options=self.options)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The module that brings the environment."""
+        maker = self._spec.entry_point
+        return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
+
+    def versions(self) -> Mapping[str, str]:
+        """Backend and the libraries that compute."""
+        import cv2
+        import highway_env
+
+        return {
+            "simulator": f"{self.name} {self.version}",
+            "gymnasium": str(gymnasium.__version__),
+            "highway-env": str(getattr(highway_env, "__version__", "unknown")),
+            "numpy": str(np.__version__),
+            "opencv": str(cv2.__version__),
+        }
+
+    def close(self) -> None:
+        """Close the environment. Calling it twice does no harm."""
+        self._episode = None
+        if self._env is not None:
+            self._env.close()
+            self._env = None
+
+    def _reset_seed(self, route: Route, seed: int) -> int:
+        return reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
+
+    def _make(self) -> Environment:
+        return make_environment(self._spec, name=self.name)
+
+    @property
+    def _now(self) -> _Episode:
+        if self._episode is None:
+            raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
+        return self._episode
+
+    def _begin(self, env: Environment, route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
+        inner: Any = env.unwrapped
+        network, start = inner.road.network, np.asarray(inner.vehicle.position, dtype=float)
+        line = draw_line(network, itinerary_of(inner), start, junction_keys(network))
+        road_map = RoadMap(network, line.rows, name=self.name)
+        road = LiveRoad(env, road_map.lane_map, road_map.index, dt_s=self.dt_s)
+        return _Episode(
+            road=road,
+            line=line,
+            lane_map=road_map.lane_map,
+            judge=Judge(road, line, road_map.lane_map, road_map.index),
+            sensors=Sensors(
+                cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
+            ),
+            frame=road.frame(),
+        )
+
+
+class CompiledSimulator(GymnasiumSimulator):
+    """`highway-env:ID`: the same world, whose road is stepped by our compiled copy (`simulators.compat`)."""
+
+    prefix = "highway-env"
+
+    def _make(self) -> Environment:
+        """The environment. Raises `UsageError` for roads, lanes or vehicles that the copy does not know."""
+        from pytest_drive_robust.simulators.compat import CompatRoad
+        from pytest_drive_robust.simulators.gymnasium.compiled import Compiled
+
+        env = make_environment(self._spec, name=self.name, mixin=Compiled)
+        inner: Any = env.unwrapped
+        try:
+            CompatRoad.from_road(inner.road, ego=inner.vehicle)
+        except SimulationError as error:
+            raise UsageError(
+                f"{self.name} cannot be driven: {error} Give gymnasium:{self._spec.id} instead."
+            ) from error
+        return env

@@ -1,0 +1,84 @@
+"""`drive-robust doctor` names what is missing and what to do about it."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+from fake_bench2drive import make
+
+from pytest_drive_robust.bench2drive.evaluator.doctor import Check, examine
+from pytest_drive_robust.cli.main import main
+
+
+def named(checks: tuple[Check, ...]) -> dict[str, Check]:
+    return {check.name: check for check in checks}
+
+
+def free_ports() -> int:
+    for first in range(31000, 60000 - 7000, 100):
+        try:
+            for number in (first, first + 1, first + 2, first + 6000):
+                with socket.socket() as server:
+                    server.bind(("localhost", number))
+        except OSError:
+            continue
+        return first
+    raise AssertionError("no free ports")
+
+
+def test_an_empty_folder_lacks_everything_with_an_advice_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CARLA_ROOT", raising=False)
+    assert main(["doctor", "--root", str(tmp_path), "--port", str(free_ports())]) == 1
+    told = capsys.readouterr().out
+    assert "MISSING  checkout" in told
+    assert "Clone github.com/Thinklab-SJTU/Bench2Drive" in told
+    assert "CARLA_ROOT is not set" in told
+    assert "Unpack CARLA 0.9.15" in told
+
+
+def test_a_checkout_without_client_and_maps_says_so(tmp_path: Path) -> None:
+    root, carla, _ = make(tmp_path)
+    checks = named(examine(root, carla_root=carla, python=sys.executable, port=free_ports()))
+    assert checks["checkout"].ok
+    assert checks["seams"].ok
+    assert checks["server"].ok
+    assert checks["python"].ok
+    assert checks["ports"].ok
+    assert "tick cap" not in checks
+    assert not checks["maps"].ok
+    assert "Town12, Town13 missing" in checks["maps"].found
+    assert "AdditionalMaps" in checks["maps"].advice
+    assert not checks["modules"].ok
+    assert "requirements.txt" in checks["modules"].advice
+    assert all(check.advice for check in checks.values() if check.ok is False)
+
+
+def test_a_fork_without_the_seams_or_the_tick_cap_is_recognised(tmp_path: Path) -> None:
+    root, carla, _ = make(tmp_path)
+    (root / "leaderboard/leaderboard/envs/sensor_interface.py").write_text("class SensorInterface:\n    pass\n")
+    manager = root / "leaderboard/leaderboard/scenarios/scenario_manager.py"
+    manager.write_text(manager.read_text().replace("tick_cap = 4000", "pass  # if tick_count > 4000: raise"))
+    checks = named(examine(root, carla_root=carla, port=free_ports()))
+    assert not checks["seams"].ok
+    assert "SensorInterface.get_data" in checks["seams"].found
+    assert checks["tick cap"].ok is None
+
+
+def test_a_wrong_server_a_taken_port_and_a_dead_python_are_found(tmp_path: Path) -> None:
+    root, carla, _ = make(tmp_path)
+    (carla / "VERSION").write_text("0.10.0")
+    port = free_ports()
+    with socket.socket() as server:
+        server.bind(("localhost", port + 1))
+        checks = named(examine(root, carla_root=carla, python=str(tmp_path / "no-python"), port=port))
+    assert not checks["server"].ok
+    assert "0.10.0" in checks["server"].found
+    assert str(port + 1) in checks["ports"].found
+    assert not checks["python"].ok
+    (carla / "CarlaUE4.sh").chmod(0o644)
+    assert "chmod +x" in named(examine(root, carla_root=carla, port=port))["server"].advice

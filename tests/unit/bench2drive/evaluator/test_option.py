@@ -1,0 +1,81 @@
+"""`--drive-sim bench2drive`: the same suite, driven by (a stand-in for) the official evaluator."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fake_bench2drive import make
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.execution import ExecutionOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.assembly import outside_settings
+
+SUITE = """
+import pytest
+from pytest_drive_robust import requirements
+
+
+@pytest.mark.parametrize("requirement", requirements("DS under 200 ms latency >= 10\\nRD under 200 ms latency <= 0.50"))
+def test_requirement(drive, requirement):
+    drive.check(requirement)
+"""
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=120)
+
+
+def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
+    tmp_path: Path, process_mark: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, carla, agent = make(tmp_path)
+    monkeypatch.setenv("CARLA_ROOT", str(carla))
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "suite" / "test_suite.py").write_text(SUITE)
+    (tmp_path / "suite" / "pytest.ini").write_text("[pytest]\ndrive_verdict = point\n")
+    chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+ok")
+    first = run(tmp_path / "suite", *chosen, "--drive-json", "run.json")
+    assert first.returncode == 0, first.stdout + first.stderr
+    document = json.loads((tmp_path / "suite" / "run.json").read_text())
+    assert len(document["episodes"]) == 6  # three routes, clean and late
+    assert {item["verdict"] for item in document["requirements"]} == {"pass"}
+    started = sorted((tmp_path / "suite" / ".drive-robust" / "bench2drive").rglob("*.json"))
+    times = {path: os.stat(path).st_mtime_ns for path in started}
+    assert times
+    assert run(tmp_path / "suite", *chosen).returncode == 0
+    assert {path: os.stat(path).st_mtime_ns for path in times} == times  # nothing was driven again
+
+
+class Config:
+    """The part of pytest's configuration that is asked."""
+
+    def __init__(self, **given: object) -> None:
+        self._given = given
+
+    def getoption(self, name: str, default: object = None) -> object:
+        return self._given.get(name, default)
+
+    def getini(self, name: str) -> str:
+        return ""
+
+
+@pytest.mark.parametrize(
+    ("execution", "given", "message"),
+    [
+        (ExecutionOptions(), {}, "needs --drive-b2d-root=FOLDER"),
+        (ExecutionOptions(b2d_root="b2d"), {"dist": "load"}, "leave -n out"),
+        (ExecutionOptions(results="clean=x.json"), {}, "leave --drive-sim bench2drive out"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    execution: ExecutionOptions, given: dict[str, object], message: str
+) -> None:
+    with pytest.raises(UsageError, match=message):
+        outside_settings(Config(**given), RunOptions(simulator="bench2drive"), execution)  # type: ignore[arg-type]

@@ -1,0 +1,165 @@
+"""Official evaluators are started and read, and their results become episodes (here: a stand-in for them)."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_bench2drive import ROUTES
+
+from pytest_drive_robust.bench2drive.results.results_file import read_results
+from pytest_drive_robust.bench2drive.results.statuses import STATUSES
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.errors import PerturbationError, UnknownNameError, UsageError
+from pytest_drive_robust.perturbations import Perturbation, Setting
+from pytest_drive_robust.runner.plan import EpisodeRequest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="CARLA's evaluator is watched through /proc")
+
+
+def test_a_run_scores_every_route_and_the_second_run_drives_none(
+    official_run: Callable[..., Any], tmp_path: Path
+) -> None:
+    code, told = official_run("ok", "--setting", "GPS noise 5 m and 100 ms latency", "--seed", "4", "--slots", "2")
+    assert code == 0, told
+    assert {record.route for record in read_results(tmp_path / "out/results").records} == set(ROUTES)
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").glob("*.json")}
+    code, told = official_run("ok", "--setting", "GPS noise 5 m and 100 ms latency", "--seed", "4")
+    assert code == 0
+    assert told.count("already there") == len(ROUTES)
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").glob("*.json")} == before
+
+
+def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
+    official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBUSTNESS_ENABLE", "1")
+    monkeypatch.setenv("GPS_NOISE_STD", "99")
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:202"
+    setting = "GPS noise 5 m and 100 ms latency"
+    code, told = official_run("ok", "--setting", setting, "--seed", "4", "--routes", route, "--gpu", "3")
+    assert code == 0, told
+    drive = json.loads((tmp_path / "out/results/drive-202.json").read_text())
+    assert [throttle for throttle, _ in drive["applied"]] == [0.0, 0.0, *((tick + 1) / 100 for tick in range(28))]
+    clean = [[0.001 * np.random.RandomState(frame).rand(), 0.002, 3.0] for frame in range(50, 80)]
+    off_m = (np.array([seen[0] for seen in drive["seen"]]) - clean)[:, :2] * 111_195
+    assert 3.0 < off_m.std() < 7.0
+    assert drive["tm_seed"] == 4
+    assert drive["env"]["CUDA_VISIBLE_DEVICES"] == "3"
+    assert drive["env"]["SCENARIO_RUNNER_ROOT"] == str(tmp_path / "b2d/scenario_runner")
+    (line,) = (tmp_path / "out/injected/202.jsonl").read_text().splitlines()
+    assert json.loads(line)["schedule"] == [["gps-noise", "gps", 0, 29], ["inference-latency", "control", 0, 29]]
+
+
+def test_a_folder_of_another_setting_is_refused(official_run: Callable[..., Any], tmp_path: Path) -> None:
+    assert official_run("ok", "--routes", f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101")[0] == 0
+    code, told = official_run("ok", "--setting", "occlusion 0.5", "--seed", "2")
+    assert code == 4
+    assert "another setting and seed" in told
+
+
+def test_every_official_status_is_an_outcome_and_harness_errors_are_no_scores(
+    official_executor: Callable[..., Any],
+) -> None:
+    made, task = official_executor(tries=1, slots=4)
+    futures = {status: made.submit(task(f"status:{status}")) for status in STATUSES}
+    for status, future in futures.items():
+        result = future.result(60)
+        assert (result.outcome, result.end) == STATUSES[status]
+        if result.outcome is Outcome.INFRA_ERROR:
+            assert result.ticks == 0
+            assert status in result.end_detail
+        else:
+            assert result.route_completion_pct == (100 if status in ("Completed", "Perfect") else 40)
+            assert (result.ticks, result.episode.route_id) == (30, ROUTES[0])
+
+
+def test_an_evaluator_that_cannot_start_is_the_users_to_put_right(
+    official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
+) -> None:
+    made, task = official_executor()
+    with pytest.raises(UsageError, match=r"a_module_that_is_not_there.*doctor"):
+        made.submit(task("no-module")).result(60)
+
+
+def test_tasks_that_the_evaluator_cannot_have_are_refused(official_executor: Callable[..., Any]) -> None:
+    class Fog(Perturbation):
+        phrase = "fog"
+
+    made, task = official_executor()
+    good = task("ok")
+    other = made.routes[1]
+    wrong = [
+        (
+            EpisodeRequest(Episode("expert", ROUTES[0], "clean", 0), good.route, Setting.CLEAN),
+            UsageError,
+            "leaderboard:",
+        ),
+        (
+            EpisodeRequest(Episode("leaderboard:no.py", ROUTES[0], "clean", 0), good.route, Setting.CLEAN),
+            UsageError,
+            "no agent file",
+        ),
+        (task("ok", Setting.of(Fog())), PerturbationError, "fog"),
+        (
+            EpisodeRequest(good.episode, type(other)("9", "Town12", (), other.scenario), Setting.CLEAN),
+            UnknownNameError,
+            "'9'",
+        ),
+        (
+            EpisodeRequest(good.episode, type(other)("202", "Town01", (), other.scenario), Setting.CLEAN),
+            UsageError,
+            "Town01",
+        ),
+    ]
+    made.check([good])
+    for item, error, text in wrong:
+        with pytest.raises(error, match=text):
+            made.check([item])
+        assert isinstance(made.submit(item).exception(30), UsageError)
+
+
+def test_an_agent_that_was_edited_is_driven_again(official_executor: Callable[..., Any], tmp_path: Path) -> None:
+    made, task = official_executor()
+    made.submit(task("ok")).result(60)
+    with (tmp_path / "own_agent.py").open("a") as file:
+        file.write("# another agent\n")
+    made.submit(task("ok")).result(60)
+    assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 2
+
+
+def test_a_finished_episode_is_not_driven_again(
+    official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
+) -> None:
+    made, task = official_executor()
+    first = made.submit(task("ok")).result(60)
+    again = made.submit(task("ok")).result(60)
+    made.close()
+    assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 1
+    assert (again.outcome, again.route_completion_pct, again.schedule) == (first.outcome, 100.0, first.schedule)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--setting", "fog 3"], "fog 3"),
+        (["--routes", "nowhere.xml"], "nowhere.xml"),
+        (["--slots", "0"], "--slots is 0"),
+        (["--root", "/nowhere"], "no Bench2Drive checkout"),
+        (["--carla-root", "/nowhere"], "no CarlaUE4.sh"),
+        (["--agent", "nothing.py"], "no agent file"),
+    ],
+)
+def test_misuse_is_said_and_nothing_is_started(
+    arguments: list[str], text: str, official_run: Callable[..., Any], tmp_path: Path
+) -> None:
+    code, told = official_run("ok", *arguments)
+    assert code == 4
+    assert text in told
+    assert not (tmp_path / "out/logs").exists()

@@ -1,0 +1,270 @@
+"""`drive-robust replay` from the command line to the file that it writes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.store.episodes import write_episode
+from pytest_drive_robust.testing import FakeSimulator
+
+REPOSITORY = Path(__file__).parents[2]
+FAKE = "pytest_drive_robust.testing:FakeSimulator"
+AGENTS = """
+from pytest_drive_robust import CameraSpec, Control, PlannedPath
+
+class Good:
+    def sensors(self): return [CameraSpec("front")]
+    def reset(self, route, seed): pass
+    def act(self, observation): return Control(throttle=1.0, steer=max(-1.0, min(1.0, -0.1 * observation.gps.y_m)))
+    def plan(self): return PlannedPath(path=((0.0, 0.0), (20.0, 0.0)))
+
+class Secretive(Good):
+    def plan(self): raise RuntimeError("not telling")
+"""
+ROUTE = resolve_routes("full")[0]
+GOOD = ("replay", ROUTE.id, "--agent", "film_agents:Good", "--sim", FAKE, "--tick-cap", "40")
+LATE = ("--setting", "200 ms latency")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "film_agents.py").write_text(AGENTS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "film_agents", raising=False)
+    return tmp_path
+
+
+def files(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()} - {"film_agents.py", "__pycache__"}
+
+
+def test_it_films_both_episodes_from_outside(folder: Path) -> None:
+    av = pytest.importorskip("av")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest_drive_robust.cli",
+            *GOOD[:4],
+            *LATE,
+            "--tick-cap",
+            "30",
+            "--out",
+            "film.mp4",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join((str(REPOSITORY), str(folder)))},
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert f"under 200 ms latency, seed 0 ({ROUTE.scenario.type})" in done.stdout
+    assert "film.mp4: " in done.stdout
+    assert files(folder) == {"film.mp4"}
+    with av.open(str(folder / "film.mp4")) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) > 31
+    assert frames[0].shape == (720, 1280, 3)
+    assert abs(frames[0].astype(int) - frames[-1]).max() > 100
+
+
+def test_the_file_is_named_after_route_and_setting(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("av")
+    assert main([*GOOD, *LATE]) == 0
+    assert files(folder) == {f"replay-{ROUTE.id}-200-ms-latency.mp4"}
+    assert f"replay-{ROUTE.id}-200-ms-latency.mp4: " in capsys.readouterr().out
+
+
+def test_without_an_encoder_a_strip_of_pictures_takes_its_place(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import cv2
+
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert main([*GOOD, *LATE, "--out", "film.mp4"]) == 0
+    captured = capsys.readouterr()
+    assert "no H.264 encoder is installed, so the telling moments go to film.png" in captured.err
+    assert "pip install 'pytest-drive-robust[video]'" in captured.err
+    assert files(folder) == {"film.png"}
+    picture = cv2.imread("film.png")
+    assert picture is not None
+    assert picture.shape == (1440, 2560, 3)  # start, divergence, end
+
+
+def test_nothing_is_written_when_nobody_wants_a_film(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*GOOD, *LATE, "--no-video"]) == 0
+    assert files(folder) == set()
+    assert "first divergence at " in capsys.readouterr().out
+
+
+def test_a_clean_replay_is_one_episode_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*GOOD, "--out", "alone.png"]) == 0
+    assert capsys.readouterr().out.count("under clean") == 1
+    assert files(folder) == {"alone.png"}
+
+
+def test_an_agent_that_cannot_tell_its_plan_is_filmed_without(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [part.replace("Good", "Secretive") for part in GOOD]
+    assert main([*arguments, "--out", "film.png"]) == 0
+    assert "no plan is shown: plan raised RuntimeError: not telling" in capsys.readouterr().out
+
+
+def stored(folder: Path, sentence: str) -> Path:
+    """The episode that GOOD drives under a setting, as a run stores it."""
+    sys.path.insert(0, str(folder))
+    from film_agents import Good  # type: ignore[import-not-found]
+
+    setting = Setting.parse(sentence)
+    result = drive_episode(
+        FakeSimulator(SimulatorOptions(tick_cap=40)),
+        Good(),
+        route=ROUTE,
+        setting=setting,
+        seed=0,
+        agent_name="film_agents:Good",
+    )
+    (folder / "run" / "episodes").mkdir(parents=True, exist_ok=True)
+    path = folder / "run" / "episodes" / f"{EpisodeRequest(result.episode, ROUTE, setting).key}.episode"
+    write_episode(path, result)
+    return path
+
+
+def test_it_says_that_both_are_as_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stored(folder, "clean"), stored(folder, "200 ms latency")
+    assert main([*GOOD, *LATE, "--no-video", "--run", "run"]) == 0
+    shown = capsys.readouterr().out
+    assert "clean: as in the folder run, bit for bit" in shown
+    assert "200 ms latency: as in the folder run, bit for bit" in shown
+
+
+def test_it_exits_with_1_when_the_agent_drives_otherwise_than_stored(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.episodes import read_episode
+
+    path = stored(folder, "200 ms latency")
+    result = read_episode(path)
+    rows = result.trace.rows.copy()
+    rows[9:, 0] += 0.25
+    write_episode(path, replace(result, trace=replace(result.trace, rows=rows)))
+    assert main([*GOOD, *LATE, "--no-video", "--run", "run"]) == 1
+    shown = capsys.readouterr().out
+    assert "clean: not in the folder run" in shown
+    assert "200 ms latency: DIFFERS from the folder run from 0.50 s on" in shown
+
+
+def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.episodes import read_episode
+
+    path = stored(folder, "200 ms latency")
+    result = read_episode(path)
+    episode = {**asdict(result.episode), "trace_digest": result.trace.digest}
+    runs = folder / ".drive-robust" / "runs"
+    runs.mkdir(parents=True)
+    for name, digest in (("before", episode["trace_digest"]), ("later", "of another drive")):
+        document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [{**episode, "trace_digest": digest}]}
+        (runs / f"{name}.json").write_text(json.dumps(document))
+        os.utime(runs / f"{name}.json", (len(name), len(name)))  # `before` is the newest
+    assert main([*GOOD, *LATE, "--no-video", "--run", "before"]) == 0
+    assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
+    assert main([*GOOD, *LATE, "--no-video", "--run", "later"]) == 1
+    assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
+    assert main([*GOOD, *LATE, "--no-video"]) == 0
+    assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
+
+
+def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from pytest_drive_robust.runner.cache_key.identity import route_digest
+    from pytest_drive_robust.store.episodes import read_episode
+
+    result = read_episode(stored(folder, "200 ms latency"))
+    episode = {**asdict(result.episode), "trace_digest": "of another drive"}
+    for digest, told in ((route_digest(ROUTE), "DIFFERS from the run"), ("another", "not in the run")):
+        fingerprint = {"agents": {}, "routes": {ROUTE.id: digest}}
+        document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [episode], "fingerprint": fingerprint}
+        (folder / "run.json").write_text(json.dumps(document))
+        main([*GOOD, *LATE, "--no-video", "--run", "run.json"])
+        assert f"200 ms latency: {told}" in capsys.readouterr().out
+
+
+def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.folder import FolderStore
+
+    result = read_episode(stored(folder, "clean"))
+    earlier = replace(result, trace=replace(result.trace, rows=result.trace.rows + 1.0))
+    store = FolderStore(folder / "store")
+    store.put("aa01", earlier)
+    assert main([*GOOD, "--no-video", "--run", "store"]) == 1
+    store.put("aa02", result)
+    store.put("aa03", earlier)
+    assert main([*GOOD, "--no-video", "--run", "store"]) == 0
+    shown = capsys.readouterr().out
+    assert "clean: DIFFERS from the folder store" in shown
+    assert "clean: as in the folder store, bit for bit" in shown
+
+
+def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = stored(folder, "200 ms latency")
+    assert main(["replay", str(path), "--sim", FAKE, "--tick-cap", "40", "--no-video"]) == 0
+    shown = capsys.readouterr().out
+    assert f"film_agents:Good on {ROUTE.id} under 200 ms latency, seed 0" in shown
+    assert "200 ms latency: as in the stored episode, bit for bit" in shown
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({1: "10l"}, "no route named '10l'. Did you mean"),
+        ({3: "film_agents:Goood"}, "Good"),
+        ({3: "clasical"}, "Did you mean 'classical'"),
+        ({"--setting": "200 ms latncy"}, "latency"),
+        ({"--setting": "20 ms latency"}, "20"),
+        ({"--out": "film.avi"}, "--out is 'film.avi', expected the name of a .mp4 or .png file"),
+        ({"--out": "nowhere/film.mp4"}, "there is no folder 'nowhere'"),
+        ({"--run": "nowhere/"}, "no such file or folder"),
+        ({"--run": "befor"}, "no stored run named 'befor'"),
+        ({"--tick-cap": "0"}, "expected at least 1"),
+        ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_bad_input_exits_with_4_and_writes_nothing(
+    changed: dict[int | str, str], told: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = list(GOOD)
+    for place, value in changed.items():
+        if isinstance(place, int):
+            arguments[place] = value
+        else:
+            arguments += [place, value]
+    assert main(arguments) == 4
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.startswith("drive-robust: ")
+    assert files(folder) == set()
+
+
+def test_an_agent_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", ROUTE.id]) == 4
+    assert "--agent is missing" in capsys.readouterr().err

@@ -1,0 +1,271 @@
+"""Names, origins, and what happens when somebody else's entry is broken."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
+
+Install = Callable[..., None]
+
+AGENT = """
+class Agent:
+    def sensors(self): return []
+    def reset(self, route, seed): pass
+    def act(self, observation): return None
+"""
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Put a distribution with one module and one entry point on the path."""
+
+    def put(distribution: str, version: str, *, group: str, entry: str, source: str) -> None:
+        folder = tmp_path / distribution
+        info = folder / f"{distribution}-{version}.dist-info"
+        info.mkdir(parents=True)
+        module = f"{distribution.replace('-', '_')}_module"
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: {version}\n")
+        (info / "entry_points.txt").write_text(f"[pytest_drive_robust.{group}]\n{entry} = {module}:Entry\n")
+        (folder / f"{module}.py").write_text(source)
+        monkeypatch.syspath_prepend(str(folder))
+
+    return put
+
+
+@dataclass
+class NoisyWheel(Perturbation):
+    gain: float = 0.5
+    phrase = "noisy wheel {gain}"
+
+
+def test_an_entry_point_is_listed_with_its_distribution_without_being_imported(install: Install) -> None:
+    install("listed-agents", "1.2", group="agents", entry="careful", source="raise RuntimeError('imported')")
+    assert ("careful", "listed-agents 1.2") in Registry().names("agents")
+    assert "listed_agents_module" not in sys.modules
+
+
+def test_an_entry_point_is_loaded_by_name_and_every_call_makes_a_new_agent(install: Install) -> None:
+    install("good-agents", "1.0", group="agents", entry="good", source=AGENT + "Entry = Agent")
+    registry = Registry()
+    one, other = registry.agent("good"), registry.agent("good")
+    assert type(one).__module__ == "good_agents_module"
+    assert one is not other
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import no_such_library_anywhere",
+        "raise SystemExit(3)",
+        "import pytest\npytest.skip('x', allow_module_level=True)",
+    ],
+)
+def test_a_broken_entry_point_is_named_with_its_distribution_and_stops_nothing_else(
+    install: Install, source: str
+) -> None:
+    install("broken-agents", "0.9", group="agents", entry="broken", source=source)
+    install("fine-agents", "1.0", group="agents", entry="fine", source=AGENT + "Entry = Agent")
+    registry = Registry()
+    with pytest.raises(PluginError, match=r"'broken'.*broken-agents 0\.9"):
+        registry.agent("broken")
+    assert registry.agent("fine").sensors() == []
+
+
+def test_a_broken_perturbation_is_left_out_of_all_and_told_as_a_problem(install: Install) -> None:
+    install("broken-noise", "2.1", group="perturbations", entry="hum", source="1 / 0")
+    registry = Registry()
+    classes = registry.perturbations()
+    assert "hum" not in classes
+    assert "gps-noise" in classes
+    (problem,) = registry.problems()
+    assert "broken-noise 2.1" in str(problem)
+    assert "ZeroDivisionError" in str(problem)
+
+
+def test_an_entry_that_is_no_perturbation_is_a_plugin_error(install: Install) -> None:
+    install("odd-noise", "1.0", group="perturbations", entry="odd", source="class Entry: pass")
+    with pytest.raises(PluginError, match=r"odd-noise 1\.0 is no perturbation"):
+        Registry().perturbation("odd")
+
+
+def test_a_name_of_two_distributions_is_an_error_that_names_both_when_it_is_asked_for(install: Install) -> None:
+    install("first-agents", "1.0", group="agents", entry="same", source=AGENT + "Entry = Agent")
+    install("second-agents", "2.0", group="agents", entry="same", source=AGENT + "Entry = Agent")
+    registry = Registry()
+    assert [name for name, _ in registry.names("agents")].count("same") == 1
+    with pytest.raises(PluginError, match=r"first-agents 1\.0 and second-agents 2\.0|second.* and first"):
+        registry.agent("same")
+
+
+def test_a_registered_name_wins_over_an_entry_point(install: Install) -> None:
+    install("plain-agents", "1.0", group="agents", entry="mine", source=AGENT + "Entry = Agent")
+    registry = Registry()
+    registry.register_agent("mine", _scripted)
+    assert isinstance(registry.agent("mine"), ScriptedAgent)
+
+
+def test_a_name_registered_by_two_definitions_is_an_error_that_names_both() -> None:
+    registry = Registry()
+    registry.register_agent("mine", _scripted)
+    with pytest.raises(UsageError, match=r"registered twice: by .*_scripted and by .*_other_scripted"):
+        registry.register_agent("mine", _other_scripted)
+
+
+def test_the_same_definition_may_register_again_as_when_a_conftest_is_imported_twice() -> None:
+    registry = Registry()
+    registry.register_perturbation(NoisyWheel)
+    registry.register_perturbation(NoisyWheel)
+    assert registry.perturbation("noisy-wheel") is NoisyWheel
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_one_and_how_to_register() -> None:
+    registry = Registry()
+    registry.register_agent("expert-driver", _scripted)
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'expert-driver'\?.*module:Factory"):
+        registry.agent("expert-drivr")
+    with pytest.raises(UnknownNameError, match="Did you mean 'gps-noise'"):
+        registry.perturbation("gps-nose")
+    with pytest.raises(UnknownNameError, match="Did you mean 'agents'"):
+        registry.names("agent")
+
+
+def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
+    class NoAct:
+        def sensors(self) -> list[object]:
+            return []
+
+        def reset(self, route: object, seed: int) -> None: ...
+
+    registry = Registry()
+    registry.register_agent("half", NoAct)  # type: ignore[arg-type]
+    with pytest.raises(PluginError, match=r"lacks act: a NoAct"):
+        registry.agent("half")
+
+
+def test_an_agent_whose_factory_raises_is_named() -> None:
+    def without_weights() -> ScriptedAgent:
+        raise FileNotFoundError("weights.pt")
+
+    registry = Registry()
+    registry.register_agent("learned", without_weights)
+    with pytest.raises(PluginError, match=r"'learned' from .* could not be made: FileNotFoundError: weights\.pt"):
+        registry.agent("learned")
+
+
+def test_a_factory_that_gives_a_class_is_told_about_the_brackets() -> None:
+    registry = Registry()
+    registry.register_agent("class", lambda: ScriptedAgent)  # type: ignore[arg-type, return-value]
+    with pytest.raises(PluginError, match="gave the class ScriptedAgent"):
+        registry.agent("class")
+
+
+def test_a_reference_loads_an_agent_out_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "agent_beside_me.py").write_text(AGENT)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert type(Registry().agent("agent_beside_me:Agent")).__name__ == "Agent"
+
+
+def test_a_wrong_reference_says_what_is_wrong_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "agent_near_me.py").write_text(AGENT)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    registry = Registry()
+    with pytest.raises(UnknownNameError, match="Did you mean 'Agent'"):
+        registry.agent("agent_near_me:Agnt")
+    with pytest.raises(PluginError, match=r"No module named 'agent_far_away'.*current folder"):
+        registry.agent("agent_far_away:Agent")
+    with pytest.raises(UnknownNameError, match=r"'folder\.my_agent:Agent'"):
+        registry.agent("folder/my_agent.py:Agent")
+
+
+def test_a_simulator_is_made_with_the_options_and_may_be_a_reference() -> None:
+    registry = Registry()
+    registry.register_simulator("fake", FakeSimulator)
+    for name in ("fake", "pytest_drive_robust.testing:FakeSimulator"):
+        simulator = registry.simulator(name, SimulatorOptions(tick_cap=7))
+        assert isinstance(simulator, FakeSimulator)
+        assert simulator.options.tick_cap == 7
+
+
+def test_what_is_no_simulator_is_refused_by_its_missing_members() -> None:
+    registry = Registry()
+    registry.register_simulator("agent", lambda options: _scripted())  # type: ignore[arg-type, return-value]
+    with pytest.raises(PluginError, match=r"lacks close, done, dt_s, .*step"):
+        registry.simulator("agent")
+
+
+def test_a_metric_is_registered_and_found() -> None:
+    registry = Registry()
+    registry.register_metric("episodes", len)
+    assert registry.metric("episodes")([]) == 0
+    assert dict(registry.names("metrics"))["DS"] == "built in"
+    assert "episodes" in dict(registry.names("metrics"))
+
+
+def test_a_built_in_metric_keeps_its_meaning() -> None:
+    with pytest.raises(UsageError, match="'DS' is a built-in metric"):
+        Registry().register_metric("DS", len)
+
+
+def test_a_required_name_is_loaded_but_nothing_is_made_of_it(install: Install) -> None:
+    install("unread-agents", "1.0", group="agents", entry="unread", source="raise RuntimeError('imported')")
+    registry = Registry()
+    registry.register_agent("unmade", lambda: 1 / 0)  # type: ignore[arg-type, return-value]
+    registry.require("agents", "unmade")
+    with pytest.raises(PluginError, match=r"unread-agents 1\.0 does not load"):
+        registry.require("agents", "unread")
+    with pytest.raises(UnknownNameError, match="Did you mean 'unread'"):
+        registry.require("agents", "unreed")
+    with pytest.raises(UnknownNameError, match="no metric named 'some_module:function'"):
+        registry.require("metrics", "some_module:function")
+
+
+@pytest.mark.parametrize("name", ["", "a:b", " padded"])
+def test_a_name_that_could_never_be_typed_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="cannot name one of our agents"):
+        Registry().register_agent(name, _scripted)
+
+
+def test_an_object_in_place_of_a_factory_is_refused() -> None:
+    with pytest.raises(UsageError, match="expected a class or a function"):
+        Registry().register_agent("object", _scripted())  # type: ignore[arg-type]
+
+
+def test_a_registered_agent_is_listed_with_the_file_of_its_definition() -> None:
+    registry = Registry()
+    registry.register_agent("partial", functools.partial(_scripted))
+    ((_, origin),) = [row for row in registry.names("agents") if row[0] == "partial"]
+    assert origin.endswith("test_registry.py:_scripted")
+
+
+def test_the_builtins_are_there() -> None:
+    registry = Registry()
+    assert ("embedded", "built in") in registry.names("simulators")
+    assert ("burst-frame-drop", "built in") in registry.names("perturbations")
+    assert registry.perturbations()["inference-latency"].__name__ == "InferenceLatency"
+    assert registry.problems() == ()
+
+
+def test_the_registry_of_the_process_is_one() -> None:
+    assert default_registry() is default_registry()
+
+
+def _scripted() -> ScriptedAgent:
+    return ScriptedAgent([Control()])
+
+
+def _other_scripted() -> ScriptedAgent:
+    return ScriptedAgent([Control(brake=1.0)])
