@@ -38,7 +38,7 @@ def age(path: Path, days: float) -> None:
     os.utime(path, (then_s, then_s))
 
 
-def main(store, *words):
+def run_cli(store, *words):
     return main(["store", *words, "--store", str(store.folder)])
 
 
@@ -169,7 +169,7 @@ def test_a_clock_of_the_future_makes_nothing_old(store):
 def test_the_command_tells_what_is_there(store, capsys):
     (store.folder / "aside").mkdir()
     (store.folder / "aside" / "x.episode").write_bytes(b"")
-    assert main(store, "stats") == 0
+    assert run_cli(store, "stats") == 0
     told = capsys.readouterr().out
     assert "4 episodes" in told
     assert "1 ended in a way that no other run takes over" in told
@@ -182,22 +182,22 @@ def test_the_command_tells_what_is_there(store, capsys):
 
 
 def test_the_command_verifies_and_sets_aside(store, capsys):
-    assert main(store, "verify") == 0
+    assert run_cli(store, "verify") == 0
     path = Shelf(store.folder).path("aa01")
     path.write_bytes(path.read_bytes()[:-1])
-    assert main(store, "verify") == 1
+    assert run_cli(store, "verify") == 1
     told = capsys.readouterr().out
     assert f"{path}: its checksum does not fit" in told
     assert "4 episodes, 1 damaged" in told
-    assert main(store, "verify", "--fix") == 0
+    assert run_cli(store, "verify", "--fix") == 0
     assert not path.exists()
-    assert main(store, "verify") == 0
+    assert run_cli(store, "verify") == 0
 
 
 def test_the_command_sweeps_what_it_is_told_to(store, capsys):
-    assert main(store, "gc", "--agent", "other", "--dry-run") == 0
+    assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
     assert "would remove 1 episodes, 0 damaged records and 0 leftovers" in capsys.readouterr().out
-    assert main(store, "gc", "--agent", "other") == 0
+    assert run_cli(store, "gc", "--agent", "other") == 0
     assert "removed 1 episodes" in capsys.readouterr().out
     assert statistics(store.folder).records == 3
 
