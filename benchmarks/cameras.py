@@ -16,7 +16,7 @@ from rich.table import Table
 
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, Frame, LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
@@ -50,7 +50,7 @@ WEATHERS: dict[str, Weather] = {
 }
 
 
-def scene() -> tuple[LaneMap, np.ndarray, list[Frame]]:
+def scene() -> tuple[LaneMap, np.ndarray, list[WorldState]]:
     """A map, the route's points, and frames on the way to its junction with `ACTORS` actors within 70 m."""
     route = next(route for route in named_routes(ALL_ROUTES) if route.scenario.type == "SignalizedJunctionLeftTurn")
     simulator = EmbeddedSimulator()
@@ -61,7 +61,7 @@ def scene() -> tuple[LaneMap, np.ndarray, list[Frame]]:
     for tick in range(FRAMES):
         x, y, yaw, _ = truth.route[tick]
         ego = EgoState(float(x), float(y), float(yaw), 8.0, 0.0, 0.0, 0.0, first.ego.length_m, first.ego.width_m)
-        frames.append(Frame(tick, ego, _crowd(centres, truth.route), first.lights))
+        frames.append(WorldState(tick, ego, _crowd(centres, truth.route), first.lights))
     return truth.lane_map, truth.route[:, :2], frames
 
 
@@ -78,7 +78,7 @@ def _crowd(centres: np.ndarray, route: np.ndarray) -> np.ndarray:
     return np.array(rows, np.float64)
 
 
-def frame_ms(rig: CameraRig, frames: Sequence[Frame]) -> float:
+def frame_ms(rig: CameraRig, frames: Sequence[WorldState]) -> float:
     """Milliseconds of process time for one frame of the whole rig."""
     start = time.process_time()
     for frame in frames:

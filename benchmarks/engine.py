@@ -34,7 +34,7 @@ from pytest_drive_robust import Setting, requirement
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.processes import ProcessExecutor
 from pytest_drive_robust.engine.recipe import Recipe
@@ -204,7 +204,7 @@ def judged(folder: Path, scope: Scope) -> tuple[float, float]:
     executor = InlineExecutor(default_registry(), simulator="embedded", options=OPTIONS, ticked=lambda: None)
     campaign = Campaign(FolderStore(folder), executor, Silence(), metrics="bench2drive")
     start = time.process_time()
-    judgement = campaign.judge(ASKED, scope, Ruling(kind="point"), nodeid="")
+    judgement = campaign.judge(ASKED, scope, VerdictRule(kind="point"), nodeid="")
     decided = time.process_time()
     clean = judgement.verdict.clean
     assert clean is not None

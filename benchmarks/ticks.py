@@ -19,7 +19,7 @@ from rich.table import Table
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Setting
 from pytest_drive_robust.domain.camera_rigs import rig
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -125,7 +125,7 @@ def vehicles_on(route: Route) -> float:
     frame = simulator.reset(route, seed=0, cameras=())
     counts = []
     for _ in range(COUNTED_TICKS):
-        counts.append(1 + int(np.sum(frame.actors[:, Frame.KIND] <= ActorKind.BICYCLE)))
+        counts.append(1 + int(np.sum(frame.actors[:, WorldState.KIND] <= ActorKind.BICYCLE)))
         frame = simulator.step(CONTROL)
     return statistics.mean(counts)
 

@@ -14,7 +14,7 @@ import numpy as np
 from drive_robust_agents._planning.control import Floats, pedals, speed_profile, steer_along
 from drive_robust_agents._planning.places import nearest_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
-from pytest_drive_robust.domain.truth import ActorKind, Frame, GroundTruth
+from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, WorldState
 
 __all__ = ["Reactive"]
 
@@ -59,8 +59,10 @@ class Reactive:
 def _leader(truth: GroundTruth) -> tuple[float, float]:
     """(bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, infinity without one."""
     frame, ego = truth.frame, truth.frame.ego
-    rows = frame.actors[frame.actors[:, Frame.KIND] != ActorKind.DIRT]
-    boxes = np.ascontiguousarray(rows[:, [Frame.X, Frame.Y, Frame.YAW, Frame.SPEED, Frame.LENGTH, Frame.WIDTH]])
+    rows = frame.actors[frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
+    boxes = np.ascontiguousarray(
+        rows[:, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]]
+    )
     pose = (ego.x_m, ego.y_m, ego.length_m, ego.width_m + 2.0 * _CORRIDOR_MARGIN_M)
     return nearest_ahead(truth.route, truth.progress, pose, boxes)
 

@@ -16,13 +16,13 @@ __all__ = [
     "ActorKind",
     "ActorState",
     "EgoState",
-    "Frame",
     "GroundTruth",
     "Lane",
     "LaneKind",
     "LaneMap",
     "LightState",
     "StopLine",
+    "WorldState",
 ]
 
 
@@ -153,7 +153,7 @@ class EgoState:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class WorldState:
     """The dynamic world at the end of a tick.
 
     `actors` is (k, 10) float64, one row for each actor that exists now, columns (named by the constants):
@@ -186,7 +186,7 @@ class GroundTruth:
     ego has reached.
     """
 
-    frame: Frame
+    frame: WorldState
     lane_map: LaneMap
     route: Floats
     progress: int

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import CameraSpec, Observation
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import GlobalPlan
-    from pytest_drive_robust.domain.truth import Frame
+    from pytest_drive_robust.domain.truth import WorldState
     from pytest_drive_robust.engine.order import Order
     from pytest_drive_robust.engine.recipe import Recipe
     from pytest_drive_robust.registry.registry import Registry
@@ -123,7 +123,7 @@ class Crew:
         """What the first row of a batch was told is the control of an episode that is driven alone."""
         self._asked = answers[0] if isinstance(answers, Sequence) and answers else None
 
-    def _ticked(self, tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+    def _ticked(self, tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
         if self._alone:
             self.board.add(tick, self._asked, applied, frame.ego)
         self._asked = None

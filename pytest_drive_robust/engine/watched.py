@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.agent import Agent, consumed_signals, is_privile
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.board import Board
 from pytest_drive_robust.runner.episode.rescore import Rig
 
@@ -66,7 +66,7 @@ class WatchedAgent:
         self._check_channel()
         return control
 
-    def ticked(self, tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+    def ticked(self, tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
         """A tick was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
         self._board.add(tick, self._asked, applied, frame.ego)
         self._asked = None

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError, nearest
 from pytest_drive_robust.options.run import check_seeds
 
@@ -33,8 +33,8 @@ class MarkerOptions:
     verdict: str | None = None
     margin: float | None = None
 
-    def ruling(self, usual: Ruling) -> Ruling:
-        """The run's ruling with what these marks change. Raises `UsageError`."""
+    def verdict_rule(self, usual: VerdictRule) -> VerdictRule:
+        """The run's verdict_rule with what these marks change. Raises `UsageError`."""
         kind = usual.kind if self.verdict is None else self.verdict
         return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
 
@@ -63,7 +63,7 @@ class MarkerOptions:
                 raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
         agent, routes, verdict = (_text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict"))
         options = cls(agent, routes, _seeds(mark.kwargs.get("seeds")), verdict, mark.kwargs.get("margin"))
-        options.ruling(Ruling())  # refuses what it cannot use
+        options.verdict_rule(VerdictRule())  # refuses what it cannot use
         return options
 
 

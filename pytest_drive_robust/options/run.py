@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.table import (
     CORRECTIONS,
@@ -51,7 +51,7 @@ class RunOptions:
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
     `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry
-    resolves. `ruling` says how verdicts come about, `inconclusive` what one that shows nothing does to its test,
+    resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does to its test,
     `correction` whether fails must stand among all requirements of the run. `store` is the folder of finished
     episodes or `"off"`; with `fresh` what other runs left there is not used.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
@@ -65,7 +65,7 @@ class RunOptions:
     metrics: str = "bench2drive"
     stuck_stop_s: float | None = None
     json_path: Path | None = None
-    ruling: Ruling = field(default_factory=Ruling)
+    verdict_rule: VerdictRule = field(default_factory=VerdictRule)
     inconclusive: str = "warn"
     csv_path: Path | None = None
     correction: str = "none"
@@ -87,7 +87,7 @@ class RunOptions:
             stuck_stop_s=positive_seconds("--drive-stuck-stop", text) if (text := given["drive_stuck_stop"]) else None,
             json_path=_writable_file("--drive-json", given["drive_json"]),
             csv_path=_writable_file("--drive-csv", given["drive_csv"]),
-            ruling=Ruling(
+            verdict_rule=VerdictRule(
                 given["drive_verdict"],
                 margin=_share("--drive-margin", given["drive_margin"]),
                 alpha=_share("--drive-alpha", given["drive_alpha"]),
@@ -108,9 +108,9 @@ class RunOptions:
             "simulator": self.simulator,
             "metrics": self.metrics,
             "stuck_stop_s": self.stuck_stop_s,
-            "verdict": self.ruling.kind,
-            "margin": self.ruling.margin,
-            "alpha": self.ruling.alpha,
+            "verdict": self.verdict_rule.kind,
+            "margin": self.verdict_rule.margin,
+            "alpha": self.verdict_rule.alpha,
             "correction": self.correction,
             "plugins": list(self.plugins),
         }

@@ -31,7 +31,7 @@ class Fifo:
 
 
 class Hold:
-    """A computer with one task at a time: busy until its command is due, which then holds until the next one is."""
+    """A computer with one request at a time: busy until its command is due, which then holds until the next one is."""
 
     __slots__ = ("_current", "_due", "_pending")
 

@@ -15,7 +15,7 @@ from pytest_drive_robust.report.numbers import interval_text, legible
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.domain.ruling import Ruling
+    from pytest_drive_robust.domain.verdict_rule import VerdictRule
     from pytest_drive_robust.options.marker import MarkerOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.perturbations.base import Perturbation
@@ -103,10 +103,10 @@ class Drive:
     Episodes are driven when they are first asked for; every test of the run shares them.
     """
 
-    def __init__(self, driver: Driver, scope: Scope, ruling: Ruling, item: pytest.Item) -> None:
+    def __init__(self, driver: Driver, scope: Scope, verdict_rule: VerdictRule, item: pytest.Item) -> None:
         self._driver = driver
         self._scope = scope
-        self._ruling = ruling
+        self._ruling = verdict_rule
         self._item = item
 
     @property
@@ -138,8 +138,10 @@ class Drive:
         if not isinstance(requirement, Requirement):
             raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
         with self._errors_of(str(requirement)):
-            ruling = MarkerOptions(verdict=verdict, margin=margin).ruling(self._ruling).for_routes(len(self.routes))
-            judgement = self._driver.campaign.judge(requirement, self._scope, ruling, nodeid=self._item.nodeid)
+            verdict_rule = (
+                MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._ruling).for_routes(len(self.routes))
+            )
+            judgement = self._driver.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
         self._record(judgement)
         if judgement.verdict.decision == "inconclusive":
             self._leave_open(judgement)
@@ -205,7 +207,7 @@ class Drive:
                 requirement,
                 self._driver.campaign,
                 scope=self._scope,
-                ruling=self._ruling,
+                verdict_rule=self._ruling,
                 dt_s=self._driver.scopes.dt_s,
             )
 
@@ -285,8 +287,8 @@ def drive(request: pytest.FixtureRequest) -> Drive:
     from dataclasses import replace
 
     driver = _driver(request)
-    ruling = replace(_marker(request).ruling(driver.settings.ruling), family=driver.family)
-    return Drive(driver, _scope(driver, request), ruling, request.node)
+    verdict_rule = replace(_marker(request).verdict_rule(driver.settings.verdict_rule), family=driver.family)
+    return Drive(driver, _scope(driver, request), verdict_rule, request.node)
 
 
 @pytest.fixture

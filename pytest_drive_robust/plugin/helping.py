@@ -65,7 +65,7 @@ class HelpingPlugin:
         questions = _Questions(self._folder, self._scopes)
         try:
             while not self._stop.exists() and self._others_are_busy():
-                self._campaign.assist(questions.tasks())
+                self._campaign.assist(questions.requests())
         except UsageError:  # the worker that asked says so in its test
             return
 
@@ -89,17 +89,19 @@ class _Questions:
         self._scopes = scopes
         self._open: list[tuple[Asked, list[EpisodeRequest]]] = []
 
-    def tasks(self) -> Iterator[EpisodeRequest]:
+    def requests(self) -> Iterator[EpisodeRequest]:
         """In the order in which they are read, one test after the other. Raises `UsageError`."""
         from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
 
         for event in self._journals.read():
             if isinstance(event, Asked):  # clean episodes are asked for alone first, then named by what needs them
-                self._open = [(asked, tasks) for asked, tasks in self._open if asked.keys != event.clean_keys]
+                self._open = [(asked, requests) for asked, requests in self._open if asked.keys != event.clean_keys]
                 self._open.append((event, self._in_order(event)))
             elif isinstance(event, (Used, Spared)):
                 done = frozenset(event.keys)
-                self._open = [(asked, [task for task in left if task.key not in done]) for asked, left in self._open]
+                self._open = [
+                    (asked, [request for request in left if request.key not in done]) for asked, left in self._open
+                ]
             elif isinstance(event, Judged):
                 over = (event.agent, event.routes_spec, event.setting, event.seeds)
                 self._open = [
@@ -108,7 +110,7 @@ class _Questions:
                     if (asked.agent, asked.routes_spec, asked.setting, asked.seeds) != over
                 ]
         self._open = [(asked, left) for asked, left in self._open if left]
-        return (task for _, left in self._open for task in left)
+        return (request for _, left in self._open for request in left)
 
     def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
         from pytest_drive_robust.options.marker import MarkerOptions
@@ -117,4 +119,6 @@ class _Questions:
         scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
         need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))
         wanted = frozenset((*asked.keys, *asked.clean_keys))
-        return [task for route in routes_in_order(scope, need) for task in route.tasks if task.key in wanted]
+        return [
+            request for route in routes_in_order(scope, need) for request in route.requests if request.key in wanted
+        ]

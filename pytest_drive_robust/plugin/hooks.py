@@ -347,11 +347,11 @@ def _help_others(config: pytest.Config, folder: Path) -> None:
 
 def _plan(driver: Driver, session: pytest.Session) -> None:
     """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
+    from pytest_drive_robust.verdict.forms import by_evidence
     from pytest_drive_robust.verdict.model import Requirement
-    from pytest_drive_robust.verdict.ruling import by_evidence
 
     _check(session.config, "", driver.scopes.check)
-    tasks: dict[str, Any] = {}
+    requests: dict[str, Any] = {}
     advice = session.config.stash[_ADVICE]
     scopes: dict[tuple[str, str], Scope] = {}
     judged = 0
@@ -366,29 +366,29 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
         for requirement in wanted:
             driver.scopes.check_setting(requirement.setting)
             advice.update(dict.fromkeys(_advice(driver, item, requirement, len(scope.routes))))
-        tasks.update(scope.plan(wanted))
-        ruling = _marker_of(item).ruling(driver.settings.ruling).for_routes(len(scope.routes))
-        judged += by_evidence(wanted, ruling)
+        requests.update(scope.plan(wanted))
+        verdict_rule = _marker_of(item).verdict_rule(driver.settings.verdict_rule).for_routes(len(scope.routes))
+        judged += by_evidence(wanted, verdict_rule)
 
     for item in _driving(session.items):
         _check(session.config, item.nodeid, partial(add, item))
     if driver.settings.correction != "none":
         session.config.stash[DRIVER] = driver._replace(family=max(1, judged))
-    driver.campaign.planned(tasks, ahead=not distributed.is_worker(session.config))
-    _check(session.config, "", lambda: driver.scopes.check_tasks(tasks.values()))
+    driver.campaign.planned(requests, ahead=not distributed.is_worker(session.config))
+    _check(session.config, "", lambda: driver.scopes.check_requests(requests.values()))
     planning: PlanPlugin | None = session.config.pluginmanager.get_plugin(_PLANNING)
     if planning is not None:
-        planning.see(tasks)
+        planning.see(requests)
     distributed.send_advice(session.config, driver.campaign.tell, tuple(advice))
     _check(session.config, "", lambda: driver.campaign.identified(map(driver.scopes.identify, scopes.values())))
 
 
 def _advice(driver: Driver, item: pytest.Item, requirement: Requirement, routes: int) -> list[str]:
     """What the routes of a test cannot show. Raises `UsageError` where they can show next to nothing."""
-    from pytest_drive_robust.verdict.ruling import advice_on
+    from pytest_drive_robust.verdict.forms import advice_on
 
-    ruling = _marker_of(item).ruling(driver.settings.ruling).for_routes(routes)
-    advice = advice_on(requirement, ruling, routes)
+    verdict_rule = _marker_of(item).verdict_rule(driver.settings.verdict_rule).for_routes(routes)
+    advice = advice_on(requirement, verdict_rule, routes)
     if advice.level == "refuse":
         raise errors.UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
     return [advice.text] if advice.text else []

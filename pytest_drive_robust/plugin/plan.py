@@ -29,11 +29,11 @@ class PlanPlugin:
         self._config = config
         self._store = store
         self._slots = slots
-        self._tasks: dict[str, EpisodeRequest] = {}
+        self._requests: dict[str, EpisodeRequest] = {}
 
-    def see(self, tasks: Mapping[str, EpisodeRequest]) -> None:
+    def see(self, requests: Mapping[str, EpisodeRequest]) -> None:
         """The episodes of the selected tests, in their order."""
-        self._tasks.update(tasks)
+        self._requests.update(requests)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> bool:
@@ -42,7 +42,7 @@ class PlanPlugin:
 
         reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
-            text = plan_text(self._tasks.values(), self._store.get, slots=self._slots, colour=reporter.hasmarkup)
+            text = plan_text(self._requests.values(), self._store.get, slots=self._slots, colour=reporter.hasmarkup)
             reporter.section("drive-robust plan")
             reporter.write_line(text)
         return True

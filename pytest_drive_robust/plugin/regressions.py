@@ -36,7 +36,7 @@ class Epilogue:
         self._choices = choices
         self._waivers = waivers
         self._references = References(choices.home, choices.baselines)
-        kind = parse_kind(settings.ruling.kind, source="--drive-verdict")
+        kind = parse_kind(settings.verdict_rule.kind, source="--drive-verdict")
         self._terms = Terms(choices.allowances, kind, choices.policy)
         self._before = self._load(settings.simulator) if choices.compare else None
         self._comparison: Comparison | None = None

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import cast
 
-from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
+from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS, VerdictRule
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.rises import Quartet
@@ -42,7 +42,7 @@ def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> Verdi
         return "evidence"
     if kind == "auto" and not changed:
         return "list"
-    return cast("VerdictKind", Ruling(kind).for_routes(routes).kind)
+    return cast("VerdictKind", VerdictRule(kind).for_routes(routes).kind)
 
 
 def judge_drop(

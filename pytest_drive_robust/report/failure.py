@@ -65,7 +65,7 @@ def _headline(verdict: Verdict) -> list[str]:
     metric = requirement.metric
     value = value_text(metric, str(requirement.setting), verdict.value)
     limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
-    alpha = verdict.ruling.alpha if verdict.ruling.kind == "evidence" else 0.025
+    alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
     interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)
     routes = _count(verdict.routes, "route")
     if verdict.routes < verdict.planned:
@@ -77,7 +77,7 @@ def _headline(verdict: Verdict) -> list[str]:
 
 def _promise(verdict: Verdict) -> list[str]:
     """What the verdict says and how often it may be wrong; nothing for a plain comparison."""
-    metric, kind = verdict.requirement.metric, verdict.ruling.kind
+    metric, kind = verdict.requirement.metric, verdict.verdict_rule.kind
     if verdict.reason:
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:
@@ -89,19 +89,23 @@ def _promise(verdict: Verdict) -> list[str]:
     lenient = limit + verdict.margin if above else limit - verdict.margin
     broken = f"{metric} {'>' if above else '<'} {shown(metric, limit)}"
     held = f"{metric} {'<' if above else '>'} {shown(metric, lenient)}"
-    ruling = verdict.ruling
-    if verdict.decision == "inconclusive" and ruling.family > 1 and (verdict.p_value or 1.0) <= ruling.alpha:
+    verdict_rule = verdict.verdict_rule
+    if (
+        verdict.decision == "inconclusive"
+        and verdict_rule.family > 1
+        and (verdict.p_value or 1.0) <= verdict_rule.alpha
+    ):
         return [
-            f"  open: {broken} is shown on its own (p = {verdict.p_value:.2g}) but not among {ruling.family} "
+            f"  open: {broken} is shown on its own (p = {verdict.p_value:.2g}) but not among {verdict_rule.family} "
             "requirements yet",
             "  Holm's procedure decides when all of them are judged: see the end of the run",
         ]
     if verdict.decision == "inconclusive":
         return [f"  open: neither {broken} nor {held} is shown by {_count(verdict.routes, 'route')}"]
     claim = broken if verdict.decision == "fail" else held
-    line = f"  shown: {claim} on routes like these, wrong at most {ruling.alpha:.0%} of the time"
-    if verdict.decision == "fail" and ruling.family > 1:
-        rarely = f"any wrong fail among {ruling.family}: at most {ruling.alpha:.0%}"
+    line = f"  shown: {claim} on routes like these, wrong at most {verdict_rule.alpha:.0%} of the time"
+    if verdict.decision == "fail" and verdict_rule.family > 1:
+        rarely = f"any wrong fail among {verdict_rule.family}: at most {verdict_rule.alpha:.0%}"
         line = f"  shown: {claim} on routes like these; {rarely}"
     return [line]
 

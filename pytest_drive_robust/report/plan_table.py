@@ -17,7 +17,7 @@ _WIDTH = 100
 
 
 def plan_text(
-    tasks: Iterable[EpisodeRequest], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool
+    requests: Iterable[EpisodeRequest], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool
 ) -> str:
     """A row for each agent and setting, and the wall time that is left when `slots` episodes are driven at a time.
 
@@ -29,10 +29,10 @@ def plan_text(
 
     counts: dict[tuple[str, str], list[int]] = {}
     walls: list[float] = []
-    for task in tasks:
-        count = counts.setdefault((task.episode.agent, task.episode.setting), [0, 0])
+    for request in requests:
+        count = counts.setdefault((request.episode.agent, request.episode.setting), [0, 0])
         count[0] += 1
-        stored = find(task.key)
+        stored = find(request.key)
         if stored is not None:
             count[1] += 1
             walls.append(stored.wall_s)

@@ -124,7 +124,7 @@ def _corrected(judged: list[Judged], settings: RunOptions) -> tuple[list[Judged]
     verdicts, p_values = [judged[place].verdict for place, _ in known], [p_value for _, p_value in known]
     family = max(item.family for item in judged)
     late = {}
-    for found in late_fails(verdicts, p_values, family=family, alpha=settings.ruling.alpha):
+    for found in late_fails(verdicts, p_values, family=family, alpha=settings.verdict_rule.alpha):
         place, p_value = known[found]
         message = f"open in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
         late[place] = replace(judged[place], verdict="fail", message=message)

@@ -118,7 +118,7 @@ def _several(run: RunResult) -> list[str]:
         return []
     from pytest_drive_robust.stats.several import any_wrong
 
-    alpha, count = run.settings.ruling.alpha, len(shared)
+    alpha, count = run.settings.verdict_rule.alpha, len(shared)
     others = len(run.judged) - count
     lines = [
         f"{count} verdicts from evidence: when all pass, 'all hold' is wrong at most {alpha:.0%} of the time, "

@@ -25,11 +25,11 @@ from pytest_drive_robust.store.events import (
 )
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.ruling import Ruling
+    from pytest_drive_robust.domain.verdict_rule import VerdictRule
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
-    from pytest_drive_robust.runner.reading import Drive, RouteTasks
+    from pytest_drive_robust.runner.reading import Drive, RouteRequests
     from pytest_drive_robust.store.base import EpisodeStore
     from pytest_drive_robust.verdict.evaluate import Verdict
     from pytest_drive_robust.verdict.model import Requirement
@@ -93,14 +93,14 @@ class Campaign:
         self._longest_s: dict[tuple[str, str], float] = {}
         self._scheduler = Scheduler(store, executor, self, budget_s=budget_s)
 
-    def planned(self, tasks: Mapping[str, EpisodeRequest], *, ahead: bool = True) -> None:
+    def planned(self, requests: Mapping[str, EpisodeRequest], *, ahead: bool = True) -> None:
         """What the selected tests are known to need, so that the observer can say how much is left.
 
         `ahead`: idle slots may begin with it, in this order.
         """
-        self._observer(Planned(tuple(tasks)))
+        self._observer(Planned(tuple(requests)))
         if ahead:
-            self._scheduler.plan(tasks.values())
+            self._scheduler.plan(requests.values())
 
     def identified(self, facts: Iterable[Identified]) -> None:
         """Tell the record what agents and routes are made of."""
@@ -111,63 +111,74 @@ class Campaign:
         """Every episode of `scope` under `setting`, routes within seeds."""
         return self._results(scope, scope.need(setting, clean=False))[1]
 
-    def judge(self, requirement: Requirement, scope: Scope, ruling: Ruling, *, nodeid: str) -> Judgement:
+    def judge(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule, *, nodeid: str) -> Judgement:
         """Drive what is missing and judge, for the record of the run.
 
         Raises `ComparisonError` when there is no number to judge and `UsageError` when the agent or the simulator
         cannot be made; the record says so too.
         """
         try:
-            judgement = self.decide(requirement, scope, ruling)
+            judgement = self.decide(requirement, scope, verdict_rule)
         except DriveRobustError as error:
             self._observer(_judged(requirement, scope, nodeid, verdict=None, message=str(error)))
             raise
         self._observer(_judged(requirement, scope, nodeid, verdict=judgement.verdict))
         return judgement
 
-    def decide(self, requirement: Requirement, scope: Scope, ruling: Ruling) -> Judgement:
-        """Read route by route until the ruling decides; all of them where it compares values. No verdict recorded."""
+    def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule) -> Judgement:
+        """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
         from pytest_drive_robust.runner.reading import read_until_decided, routes_in_order
         from pytest_drive_robust.verdict.evaluate import judge
-        from pytest_drive_robust.verdict.ruling import reads_routes
+        from pytest_drive_robust.verdict.forms import reads_routes
 
-        if not reads_routes(requirement, ruling):
-            return self.measure(requirement, scope, ruling)
+        if not reads_routes(requirement, verdict_rule):
+            return self.measure(requirement, scope, verdict_rule)
         need = scope.need(requirement.setting, clean=requirement.needs_clean)
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
         asked: list[EpisodeRequest] = []
         with self._driving(), self._kept_in_view(asked):
             reader = self._reader(routes, asked)
-            decision, count = read_until_decided(requirement, ruling, routes, reader, mode=self._metrics)
-            read, rest = routes[:count], tuple(task for route in routes[count:] for task in route.tasks)
+            decision, count = read_until_decided(requirement, verdict_rule, routes, reader, mode=self._metrics)
+            read, rest = routes[:count], tuple(request for route in routes[count:] for request in route.requests)
             if self._whole:
                 self._ensure(rest)
-                self._observer(Used(tuple(task.key for task in rest)))
+                self._observer(Used(tuple(request.key for request in rest)))
             elif rest:
                 self._scheduler.spare(rest)
-                self._observer(Spared(tuple(task.key for task in rest)))
-        clean = self._use(tuple(task for route in read for task in route.clean))
-        perturbed = self._use(tuple(task for route in read for task in route.perturbed))
+                self._observer(Spared(tuple(request.key for request in rest)))
+        clean = self._use(tuple(request for route in read for request in route.clean))
+        perturbed = self._use(tuple(request for route in read for request in route.perturbed))
         verdict = judge(
-            requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics, ruling=ruling,
-            decision=decision, planned=len(routes),
-        )  # fmt: skip
+            requirement,
+            agent=scope.agent,
+            clean=clean,
+            perturbed=perturbed,
+            mode=self._metrics,
+            verdict_rule=verdict_rule,
+            decision=decision,
+            planned=len(routes),
+        )
         return _judgement(verdict, (*clean, *perturbed))
 
-    def measure(self, requirement: Requirement, scope: Scope, ruling: Ruling | None = None) -> Judgement:
+    def measure(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None = None) -> Judgement:
         """The value over all episodes, compared with the limit: for a caller who only wants the value."""
         from pytest_drive_robust.verdict.evaluate import judge
 
         clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
         verdict = judge(
-            requirement, agent=scope.agent, clean=clean, perturbed=perturbed, mode=self._metrics, ruling=ruling
+            requirement,
+            agent=scope.agent,
+            clean=clean,
+            perturbed=perturbed,
+            mode=self._metrics,
+            verdict_rule=verdict_rule,
         )
         return _judgement(verdict, (*clean, *perturbed))
 
-    def assist(self, tasks: Iterable[EpisodeRequest]) -> None:
-        """Drive some of `tasks` for others who ask for them; see `Scheduler.assist`."""
-        self._scheduler.assist(tasks)
+    def assist(self, requests: Iterable[EpisodeRequest]) -> None:
+        """Drive some of `requests` for others who ask for them; see `Scheduler.assist`."""
+        self._scheduler.assist(requests)
 
     def tell(self, event: Event) -> None:
         """Put something into the record of the run that no episode tells."""
@@ -180,16 +191,16 @@ class Campaign:
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
         """The clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
-        with self._driving(), self._kept_in_view(need.tasks):
-            self._ensure(sorted(need.tasks, key=self._expected_s, reverse=True))  # all are needed: no long one last
+        with self._driving(), self._kept_in_view(need.requests):
+            self._ensure(sorted(need.requests, key=self._expected_s, reverse=True))  # all are needed: no long one last
         return self._use(need.clean), self._use(need.perturbed)
 
-    def _expected_s(self, task: EpisodeRequest) -> float:
+    def _expected_s(self, request: EpisodeRequest) -> float:
         """Wall seconds of the longest drive so far of the same agent on the same route, be it in an earlier run."""
-        return self._longest_s.get((task.episode.agent, task.route.id), 0.0)
+        return self._longest_s.get((request.episode.agent, request.route.id), 0.0)
 
-    def _saw(self, task: EpisodeRequest, wall_s: float) -> None:
-        place = task.episode.agent, task.route.id
+    def _saw(self, request: EpisodeRequest, wall_s: float) -> None:
+        place = request.episode.agent, request.route.id
         self._longest_s[place] = max(wall_s, self._longest_s.get(place, 0.0))
 
     def _tell_asked(self, scope: Scope, need: Need) -> None:
@@ -197,48 +208,50 @@ class Campaign:
             self._observer(asked)
 
     @contextmanager
-    def _kept_in_view(self, tasks: Sequence[EpisodeRequest]) -> Iterator[None]:
-        """When no verdict comes of it, those of `tasks` that are finished belong to the run all the same: an error or
-        an interrupt is to be read beside what led to it."""
+    def _kept_in_view(self, requests: Sequence[EpisodeRequest]) -> Iterator[None]:
+        """When no verdict comes of it, those of `requests` that are finished belong to the run all the same: an
+        error or an interrupt is to be read beside what led to it."""
         try:
             yield
         except BaseException:
-            self._observer(Used(tuple(dict.fromkeys(task.key for task in tasks if self._store.get(task.key)))))
+            self._observer(
+                Used(tuple(dict.fromkeys(request.key for request in requests if self._store.get(request.key))))
+            )
             raise
 
-    def _reader(self, routes: Sequence[RouteTasks], asked: list[EpisodeRequest]) -> Drive:
+    def _reader(self, routes: Sequence[RouteRequests], asked: list[EpisodeRequest]) -> Drive:
         """What gives the results of one route after the other, while free slots drive the routes behind it.
 
-        `asked` gets every task that was asked for.
+        `asked` gets every request that was asked for.
         """
-        order = [task for route in routes for task in route.tasks]
-        place = {task.key: number for number, task in enumerate(order)}
+        order = [request for route in routes for request in route.requests]
+        place = {request.key: number for number, request in enumerate(order)}
 
-        def read(tasks: tuple[EpisodeRequest, ...]) -> Results:
-            if tasks:
-                asked.extend(tasks)
-                behind = range(place[tasks[-1].key] + 1, len(order))
-                self._ensure(tasks, (order[number] for number in behind))
-            return self._finished(tasks)
+        def read(requests: tuple[EpisodeRequest, ...]) -> Results:
+            if requests:
+                asked.extend(requests)
+                behind = range(place[requests[-1].key] + 1, len(order))
+                self._ensure(requests, (order[number] for number in behind))
+            return self._finished(requests)
 
         return read
 
-    def _ensure(self, tasks: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
-        unique = tuple({task.key: task for task in tasks}.values())
+    def _ensure(self, requests: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
+        unique = tuple({request.key: request for request in requests}.values())
         self._scheduler.ensure(unique, ahead)
 
-    def _use(self, tasks: tuple[EpisodeRequest, ...]) -> Results:
-        """The results of these tasks, which the run now rests on."""
-        if tasks:
-            self._observer(Used(tuple(task.key for task in tasks)))
-        return self._finished(tasks)
+    def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
+        """The results of these requests, which the run now rests on."""
+        if requests:
+            self._observer(Used(tuple(request.key for request in requests)))
+        return self._finished(requests)
 
-    def _finished(self, tasks: tuple[EpisodeRequest, ...]) -> Results:
-        results = {task.key: self._store.get(task.key) for task in tasks}
-        lost = [task.episode for task in tasks if results[task.key] is None]
+    def _finished(self, requests: tuple[EpisodeRequest, ...]) -> Results:
+        results = {request.key: self._store.get(request.key) for request in requests}
+        lost = [request.episode for request in requests if results[request.key] is None]
         if lost:
             raise DriveRobustError(f"{len(lost)} episodes were driven but are not in the store, first {lost[0]}.")
-        return tuple(result for task in tasks if (result := results[task.key]) is not None)
+        return tuple(result for request in requests if (result := results[request.key]) is not None)
 
     @contextmanager
     def _driving(self) -> Iterator[None]:
@@ -252,21 +265,21 @@ class Campaign:
                     self._told.add(problem)
                     self._observer(Troubled(problem))
 
-    def started(self, task: EpisodeRequest) -> None:
+    def started(self, request: EpisodeRequest) -> None:
         """An episode begins (see `runner.scheduler.Listener`)."""
-        self._observer(Started(task.key, task.episode.agent, task.episode.setting, task.route.label))
+        self._observer(Started(request.key, request.episode.agent, request.episode.setting, request.route.label))
 
-    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
+    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
         """An episode is in the store (see `runner.scheduler.Listener`)."""
-        self._saw(task, result.wall_s)
-        self._observer(Finished(task.key, result.wall_s))
+        self._saw(request, result.wall_s)
+        self._observer(Finished(request.key, result.wall_s))
 
-    def reused(self, task: EpisodeRequest) -> None:
+    def reused(self, request: EpisodeRequest) -> None:
         """An episode was in the store already (see `runner.scheduler.Listener`)."""
-        stored = self._store.get(task.key)
+        stored = self._store.get(request.key)
         if stored is not None:
-            self._saw(task, stored.wall_s)
-        self._observer(Reused(task.key))
+            self._saw(request, stored.wall_s)
+        self._observer(Reused(request.key))
 
     def ticked(self) -> None:
         """An episode is still under way (see `runner.scheduler.Listener`)."""
@@ -275,11 +288,11 @@ class Campaign:
 
 def _asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
     """What the record is told: the setting, and its clean twins as a setting of their own."""
-    clean_keys = tuple(task.key for task in need.clean)
-    keys = tuple(task.key for task in need.perturbed)
+    clean_keys = tuple(request.key for request in need.clean)
+    keys = tuple(request.key for request in need.perturbed)
 
-    def asked(tasks: tuple[EpisodeRequest, ...], setting: str, twins: tuple[str, ...]) -> Asked:
-        own = tuple(task.key for task in tasks)
+    def asked(requests: tuple[EpisodeRequest, ...], setting: str, twins: tuple[str, ...]) -> Asked:
+        own = tuple(request.key for request in requests)
         return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, own, twins)
 
     perturbed = asked(need.perturbed, str(need.setting), () if clean_keys == keys else clean_keys)
@@ -308,9 +321,9 @@ def _judged(
         routes=0 if verdict is None else verdict.routes,
         message=message or ("" if verdict is None else verdict.reason),
         planned=0 if verdict is None else verdict.planned,
-        rule="" if verdict is None else verdict.ruling.kind,
+        rule="" if verdict is None else verdict.verdict_rule.kind,
         p_value=None if verdict is None else verdict.p_value,
-        family=1 if verdict is None else verdict.ruling.family,
+        family=1 if verdict is None else verdict.verdict_rule.family,
     )
 
 

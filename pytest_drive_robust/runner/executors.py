@@ -1,4 +1,4 @@
-"""Who turns tasks into finished episodes: the protocol, and the simplest one, which is this process."""
+"""Who turns requests into finished episodes: the protocol, and the simplest one, which is this process."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Executor(Protocol):
         """How many episodes it can drive at this moment."""
         ...
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode. The caller keeps to `slots`."""
         ...
 
@@ -68,17 +68,17 @@ class InlineExecutor:
         self._simulator: Simulator | None = None
         self._agents: dict[str, Agent] = {}
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """The episode, driven to its end before this returns."""
         future: Future[EpisodeResult] = Future()
         for _ in range(1 + DRIVEN_AGAIN):
             try:
-                with borrowed_generators(task.episode):
-                    result = self._drive(task)
+                with borrowed_generators(request.episode):
+                    result = self._drive(request)
             except UsageError as error:
                 future.set_exception(error)
                 return future
-            self._forget_broken(task, result)
+            self._forget_broken(request, result)
             if result.outcome is not Outcome.INFRA_ERROR:
                 break
         future.set_result(result)
@@ -91,11 +91,11 @@ class InlineExecutor:
             self._simulator.close()
             self._simulator = None
 
-    def _drive(self, task: EpisodeRequest) -> EpisodeResult:
+    def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         from pytest_drive_robust.runner.episode.loop import drive_episode
         from pytest_drive_robust.runner.episode.machine import with_machine
 
-        episode = task.episode
+        episode = request.episode
         if self._simulator is None:
             self._simulator = self._registry.simulator(self._simulator_name, self._options)
         if episode.agent not in self._agents:
@@ -104,17 +104,17 @@ class InlineExecutor:
         result = drive_episode(
             self._simulator,
             agent,
-            route=task.route,
-            setting=task.setting,
+            route=request.route,
+            setting=request.setting,
             seed=episode.seed,
             agent_name=episode.agent,
             on_tick=lambda *_: self._ticked(),
         )
         return with_machine(result, agent)
 
-    def _forget_broken(self, task: EpisodeRequest, result: EpisodeResult) -> None:
+    def _forget_broken(self, request: EpisodeRequest, result: EpisodeResult) -> None:
         """What raised in the middle of an episode may be in any state: the next episode gets a new one."""
         if result.outcome is Outcome.AGENT_ERROR:
-            self._agents.pop(task.episode.agent, None)
+            self._agents.pop(request.episode.agent, None)
         if result.outcome is Outcome.INFRA_ERROR:
             self.close()

@@ -61,21 +61,21 @@ class Scope:
         The twins are driven under `setting.baseline`, which has the warm-up of `setting`: a baseline that may drive
         off earlier would make the setting look worse than it is.
         """
-        perturbed = self._tasks(setting)
+        perturbed = self._requests(setting)
         if setting.is_clean:
             return Need(setting, perturbed if clean else (), perturbed)
-        return Need(setting, self._tasks(setting.baseline) if clean else (), perturbed)
+        return Need(setting, self._requests(setting.baseline) if clean else (), perturbed)
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
         """Every episode that judging `requirements` takes, by key, each once, in the order of need."""
         return {
-            task.key: task
+            request.key: request
             for requirement in requirements
-            for task in self.need(requirement.setting, clean=requirement.needs_clean).tasks
+            for request in self.need(requirement.setting, clean=requirement.needs_clean).requests
         }
 
-    def _tasks(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
-        """One task for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
+    def _requests(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
+        """One request for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
         sentence = str(setting)
         return tuple(
             EpisodeRequest(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
@@ -93,9 +93,9 @@ class Need:
     perturbed: tuple[EpisodeRequest, ...]
 
     @property
-    def tasks(self) -> tuple[EpisodeRequest, ...]:
+    def requests(self) -> tuple[EpisodeRequest, ...]:
         """All of them, the clean ones first, each once."""
-        return tuple({task.key: task for task in (*self.clean, *self.perturbed)}.values())
+        return tuple({request.key: request for request in (*self.clean, *self.perturbed)}.values())
 
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}

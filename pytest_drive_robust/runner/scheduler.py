@@ -26,15 +26,15 @@ _POLL_S = 0.05
 class Listener(Protocol):
     """Who wants to know what is being driven."""
 
-    def started(self, task: EpisodeRequest) -> None:
+    def started(self, request: EpisodeRequest) -> None:
         """An episode begins."""
         ...
 
-    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
+    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
         """An episode ended and is in the store."""
         ...
 
-    def reused(self, task: EpisodeRequest) -> None:
+    def reused(self, request: EpisodeRequest) -> None:
         """An episode was needed that this process need not drive: it is in the store already."""
         ...
 
@@ -47,7 +47,7 @@ class Listener(Protocol):
 class _Drive:
     """An episode under way, and our claim on it."""
 
-    task: EpisodeRequest
+    request: EpisodeRequest
     claim: Claim
 
 
@@ -83,53 +83,57 @@ class Scheduler:
         self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
 
-    def plan(self, tasks: Iterable[EpisodeRequest]) -> None:
+    def plan(self, requests: Iterable[EpisodeRequest]) -> None:
         """What will be asked for one day, in this order. Driven when nothing nearer is left for a slot."""
-        self._later.update((task.key, task) for task in tasks)
+        self._later.update((request.key, request) for request in requests)
 
-    def spare(self, tasks: Iterable[EpisodeRequest]) -> None:
+    def spare(self, requests: Iterable[EpisodeRequest]) -> None:
         """Nobody has to drive these for the plan's sake."""
-        for task in tasks:
-            self._later.pop(task.key, None)
+        for request in requests:
+            self._later.pop(request.key, None)
 
-    def ensure(self, tasks: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
-        """Return when every one of `tasks` is in the store. Meanwhile free slots begin with `ahead`, in its order.
+    def ensure(self, requests: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
+        """Return when every one of `requests` is in the store. Meanwhile free slots begin with `ahead`, in its order.
 
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
         one is missing and nothing new may begin.
         """
         self._begin_budget()
         nearer = iter(ahead)
-        missing = [task for task in tasks if not self._is_finished(task)]
+        missing = [request for request in requests if not self._is_finished(request)]
         while True:
             self._collect()
-            missing = [task for task in missing if task.key not in self._seen and not self._came_from_elsewhere(task)]
-            for task in missing:
-                if task.key in self._broken:
-                    raise self._broken.pop(task.key)
+            missing = [
+                request
+                for request in missing
+                if request.key not in self._seen and not self._came_from_elsewhere(request)
+            ]
+            for request in missing:
+                if request.key in self._broken:
+                    raise self._broken.pop(request.key)
             if not missing:
                 return
             if not self._spent:
                 nearer = self._fill(missing, nearer)
-            elif self._under_way.isdisjoint(task.key for task in missing):
+            elif self._under_way.isdisjoint(request.key for request in missing):
                 raise BudgetSpentError(
-                    f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(tasks)} "
+                    f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(requests)} "
                     f"episodes are missing, first {missing[0].episode}. Finished episodes are kept: run again to go on."
                 )
             self._wait()
 
-    def assist(self, tasks: Iterable[EpisodeRequest]) -> None:
-        """Let free slots begin with `tasks`, which nobody here asks for, in their order; return soon.
+    def assist(self, requests: Iterable[EpisodeRequest]) -> None:
+        """Let free slots begin with `requests`, which nobody here asks for, in their order; return soon.
 
         To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
         """
         self._begin_budget()
         self._collect()
-        for task in () if self._spent else tasks:
+        for request in () if self._spent else requests:
             if self._busy:
                 break
-            if task.key not in self._under_way and self._store.get(task.key) is None:
-                self._begin(task)
+            if request.key not in self._under_way and self._store.get(request.key) is None:
+                self._begin(request)
         self._wait()
 
     def close(self) -> None:
@@ -153,39 +157,39 @@ class Scheduler:
     def _spent(self) -> bool:
         return self._ends_s is not None and self._clock() >= self._ends_s
 
-    def _is_finished(self, task: EpisodeRequest) -> bool:
-        if task.key in self._seen:
+    def _is_finished(self, request: EpisodeRequest) -> bool:
+        if request.key in self._seen:
             return True
-        if task.key in self._under_way or self._store.get(task.key) is None:
+        if request.key in self._under_way or self._store.get(request.key) is None:
             return False
-        self._seen.add(task.key)
-        self._later.pop(task.key, None)
-        self._listener.reused(task)
+        self._seen.add(request.key)
+        self._later.pop(request.key, None)
+        self._listener.reused(request)
         return True
 
-    def _came_from_elsewhere(self, task: EpisodeRequest) -> bool:
+    def _came_from_elsewhere(self, request: EpisodeRequest) -> bool:
         """Whether an episode that another process was driving is finished. Others need no look at the disk."""
-        return task.key in self._elsewhere and self._is_finished(task)
+        return request.key in self._elsewhere and self._is_finished(request)
 
     def _fill(self, missing: Sequence[EpisodeRequest], nearer: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:
         """Begin episodes until no slot is free or nothing is left. Returns what is left of `nearer`."""
         passed: list[EpisodeRequest] = []  # somebody else drives them now: looked at again when he may be gone
-        for task in missing:
+        for request in missing:
             if self._busy:
                 return nearer
-            self._begin(task)
+            self._begin(request)
         while not self._busy and (nearest := next(nearer, None)) is not None:
             if not self._begin(nearest):
                 passed.append(nearest)
-        for task in () if self._busy else tuple(self._later.values()):
+        for request in () if self._busy else tuple(self._later.values()):
             if self._busy:
                 break
-            self._begin(task)
+            self._begin(request)
         return chain(passed, nearer)
 
-    def _begin(self, task: EpisodeRequest) -> bool:
+    def _begin(self, request: EpisodeRequest) -> bool:
         """Begin this episode where a slot is free and nobody has it. False when another process drives it."""
-        key = task.key
+        key = request.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:
             return True
         claim = self._store.claim(key)
@@ -199,21 +203,21 @@ class Scheduler:
             return True
         self._later.pop(key, None)
         self._under_way.add(key)
-        self._listener.started(task)
+        self._listener.started(request)
         try:
-            future = self._executor.submit(task)
+            future = self._executor.submit(request)
         except BaseException:
             self._under_way.discard(key)
             claim.release()
             raise
-        self._drives[future] = _Drive(task, claim)
+        self._drives[future] = _Drive(request, claim)
         return True
 
     def _collect(self) -> None:
         """Store what has come to an end."""
         for future in [future for future in self._drives if future.done()]:
             drive = self._drives.pop(future)
-            key = drive.task.key
+            key = drive.request.key
             self._under_way.discard(key)
             try:
                 error = None if future.cancelled() else future.exception()
@@ -225,7 +229,7 @@ class Scheduler:
             finally:
                 drive.claim.release()
             if key in self._seen:
-                self._listener.finished(drive.task, future.result())
+                self._listener.finished(drive.request, future.result())
 
     def _wait(self) -> None:
         """Until something ended, but not long."""

@@ -87,7 +87,7 @@ class Scopes:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
         setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
 
-    def check_tasks(self, tasks: Iterable[EpisodeRequest]) -> None:
+    def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""
 
     @property
@@ -125,8 +125,8 @@ class Scopes:
         check = getattr(self._simulator, "check_route", None)
         if check is None:
             return None
-        tasks = scope.need(Setting.CLEAN, clean=False).perturbed
-        driven = {task.route.id for task in tasks if self._is_stored(task.key)}
+        requests = scope.need(Setting.CLEAN, clean=False).perturbed
+        driven = {request.route.id for request in requests if self._is_stored(request.key)}
         unsure = [route for route in scope.routes if route.id not in driven]
         problems = [problem for route in unsure if (problem := _problem(check, route)) is not None]
         if not problems:

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.truth import Frame, GroundTruth
+    from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 
 __all__ = ["Score", "Simulator", "SimulatorOptions"]
 
@@ -62,7 +62,7 @@ class Simulator(Protocol):
     version: str
     dt_s: float
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
         ...
 
@@ -78,7 +78,7 @@ class Simulator(Protocol):
         """The state of the world of this moment, for scoring, drawing and privileged agents."""
         ...
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         """Advance by one tick. Raises `SimulationError`."""
         ...
 

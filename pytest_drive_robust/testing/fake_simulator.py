@@ -22,7 +22,7 @@ from pytest_drive_robust.domain.route import (
     TriggerPoint,
     Waypoint,
 )
-from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth, Lane, LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import EgoState, GroundTruth, Lane, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class FakeSimulator:
     version: str = field(default="1", init=False)
     dt_s: float = field(default=0.05, init=False)
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """The ego stands at the origin; the length is the distance between the first and the last waypoint."""
         self._tick = 0
         self._maybe_raise("reset")
@@ -110,7 +110,7 @@ class FakeSimulator:
         rows = np.column_stack([x_m, zeros, zeros, np.full_like(x_m, _SPEED_LIMIT_MPS)])
         return GroundTruth(self._frame(), _lane_map(x_m), rows, min(int(self.progress_m), len(x_m) - 1))
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         """Throttle accelerates by up to 3 m/s2, brake slows by up to 8, rolling costs 0.05 per m/s; never backwards."""
         self._maybe_raise("step")
         ego, dt = self._ego, self.dt_s
@@ -171,13 +171,13 @@ class FakeSimulator:
     def close(self) -> None:
         """Nothing to free."""
 
-    def _frame(self) -> Frame:
-        return Frame(self._tick, self._ego, self._actors, np.zeros(0, dtype=np.int64))
+    def _frame(self) -> WorldState:
+        return WorldState(self._tick, self._ego, self._actors, np.zeros(0, dtype=np.int64))
 
     def _draw(self, camera: CameraSpec) -> None:
         pixels = self._buffers[camera.name]
         pixels[..., 0] = int(self._ego.x_m * 4.0) % 256
-        pixels[..., 1] = min(int(abs(self._actors[0, Frame.X] - self._ego.x_m) * 4.0), 255)
+        pixels[..., 1] = min(int(abs(self._actors[0, WorldState.X] - self._ego.x_m) * 4.0), 255)
         pixels[..., 2] = np.arange(camera.height_px, dtype=np.int64)[:, None] % 256
         self._captured[camera.name] = self._tick
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.averages import values_by_route
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
@@ -17,9 +17,9 @@ from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.verdict.divergence import first_divergence_s
+from pytest_drive_robust.verdict.forms import margin_of, rule_of
 from pytest_drive_robust.verdict.known import known_metric
 from pytest_drive_robust.verdict.model import Requirement
-from pytest_drive_robust.verdict.ruling import margin_of, rule_of
 from pytest_drive_robust.verdict.touched import require_touched
 from pytest_drive_robust.verdict.worst import WorstRoute, worst_routes
 
@@ -30,10 +30,10 @@ __all__ = ["Verdict", "WorstRoute", "first_divergence_s", "judge", "measure"]
 class Verdict:
     """Whether `agent` meets `requirement`, and why.
 
-    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by the rule of `ruling`; `margin` is its margin in the unit
-    of the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the
+    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by `verdict_rule`; `margin` is its margin in the unit of
+    the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the
     `routes` of `planned` that were driven; `low..high` is its interval over routes like these (95 %, or alpha a side
-    of the ruling where evidence was read and may have stopped early), infinite where one route or an unsure clean
+    of the verdict_rule where evidence was read and may have stopped early), infinite where one route or an unsure clean
     score says nothing. `p_value` is that against "it holds", where evidence was read. `clean` is None when no clean
     episode was given. `worst` are at most three routes, for people.
     """
@@ -41,7 +41,7 @@ class Verdict:
     requirement: Requirement
     agent: str
     decision: str
-    ruling: Ruling
+    verdict_rule: VerdictRule
     margin: float
     reason: str
     planned: int
@@ -68,14 +68,14 @@ def judge(
     clean: Sequence[EpisodeResult],
     perturbed: Sequence[EpisodeResult],
     mode: str = "bench2drive",
-    ruling: Ruling | None = None,
+    verdict_rule: VerdictRule | None = None,
     decision: str | None = None,
     planned: int | None = None,
 ) -> Verdict:
     """The verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
 
-    `decision` is what `ruling` decided while it read the routes (`runner.reading`); without one the value is compared
-    with the limit, as the rule `"point"` does. `planned` is how many routes there were to read.
+    `decision` is what `verdict_rule` decided while it read the routes (`runner.reading`); without one the value is
+    compared with the limit, as the rule `"point"` does. `planned` is how many routes there were to read.
 
     `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones. For a
     relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
@@ -92,20 +92,22 @@ def judge(
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     routes = len({result.episode.route_id for result in perturbed})
     p_value = None
-    if decision is None or ruling is None:
-        ruling = replace(ruling or Ruling(), kind="point")  # nothing was read route by route, so nothing is promised
+    if decision is None or verdict_rule is None:
+        verdict_rule = replace(
+            verdict_rule or VerdictRule(), kind="point"
+        )  # nothing was read route by route, so nothing is promised
         decision = "pass" if requirement.is_met_by(value) else "fail"
-    elif ruling.kind == "evidence":
+    elif verdict_rule.kind == "evidence":
         ended = planned is None or routes >= planned
-        low, high = _honest(metric, clean, perturbed, mode, ruling, ended=ended)
-        p_value = _p_value(requirement, clean, perturbed, mode, ruling, ended=ended)
-    reason = _clean_floor(metric, clean, ruling)
+        low, high = _honest(metric, clean, perturbed, mode, verdict_rule, ended=ended)
+        p_value = _p_value(requirement, clean, perturbed, mode, verdict_rule, ended=ended)
+    reason = _clean_floor(metric, clean, verdict_rule)
     return Verdict(
         requirement=requirement,
         agent=agent,
         decision="inconclusive" if reason and decision == "pass" else decision,
-        ruling=ruling,
-        margin=margin_of(requirement, ruling) if ruling.kind == "evidence" else 0.0,
+        verdict_rule=verdict_rule,
+        margin=margin_of(requirement, verdict_rule) if verdict_rule.kind == "evidence" else 0.0,
         reason=reason,
         planned=routes if planned is None else planned,
         value=value,
@@ -125,7 +127,7 @@ def _honest(
     clean: Sequence[EpisodeResult],
     perturbed: Sequence[EpisodeResult],
     mode: str,
-    ruling: Ruling,
+    verdict_rule: VerdictRule,
     *,
     ended: bool,
 ) -> tuple[float, float]:
@@ -133,11 +135,11 @@ def _honest(
     from pytest_drive_robust.stats.sequential_intervals import evidence_interval, mean_evidence_interval
 
     if metric.needs_clean:
-        return evidence_interval(*paired_driving_scores(clean, perturbed), ruling.alpha, ended=ended)
+        return evidence_interval(*paired_driving_scores(clean, perturbed), verdict_rule.alpha, ended=ended)
     of_episode = metric.of_episode
     assert of_episode is not None  # a user's function is never read route by route
     values = list(values_by_route(perturbed, lambda result: of_episode(result, mode)).values())
-    return mean_evidence_interval(values, ruling.alpha, low=metric.low, high=metric.high, ended=ended)
+    return mean_evidence_interval(values, verdict_rule.alpha, low=metric.low, high=metric.high, ended=ended)
 
 
 def _p_value(
@@ -145,14 +147,14 @@ def _p_value(
     clean: Sequence[EpisodeResult],
     perturbed: Sequence[EpisodeResult],
     mode: str,
-    ruling: Ruling,
+    verdict_rule: VerdictRule,
     *,
     ended: bool,
 ) -> float:
     """Of the episodes in the order in which they were read."""
     from pytest_drive_robust.stats.several import fail_p_value
 
-    metric, rule = known_metric(requirement.metric), rule_of(requirement, ruling)
+    metric, rule = known_metric(requirement.metric), rule_of(requirement, verdict_rule)
     if metric.needs_clean:
         references, scores = paired_driving_scores(clean, perturbed)
         return fail_p_value(rule, scores, references, ended=ended)
@@ -162,15 +164,17 @@ def _p_value(
     return fail_p_value(rule, list(values.values()), ended=ended)
 
 
-def _clean_floor(metric: Metric, clean: Sequence[EpisodeResult], ruling: Ruling) -> str:
+def _clean_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
     """Why an RD says nothing: an agent that hardly drives has little to lose."""
-    if not metric.needs_clean or ruling.kind == "point":
+    if not metric.needs_clean or verdict_rule.kind == "point":
         return ""
     scores, _ = paired_driving_scores(clean, clean)
     mean = math.fsum(scores) / len(scores)
-    if mean >= ruling.clean_floor:
+    if mean >= verdict_rule.clean_floor:
         return ""
-    return f"the clean driving score is {mean:.1f}, below the floor of {ruling.clean_floor:g}: RD says nothing yet"
+    return (
+        f"the clean driving score is {mean:.1f}, below the floor of {verdict_rule.clean_floor:g}: RD says nothing yet"
+    )
 
 
 def measure(

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.report.run_result import RunResult
@@ -35,14 +35,14 @@ class ParkedCarWorld(FakeSimulator):
     A camera pixel shows the distance to it in quarter metres.
     """
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         frame = super().reset(route, seed=seed, cameras=cameras)
         self._parked_m = random.Random(f"parked {route.id} {seed}").uniform(12.0, 15.0)
-        self._actors[0, Frame.X] = self._parked_m
+        self._actors[0, WorldState.X] = self._parked_m
         self._passed_mps = 0.0
         return frame
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         before_m = self._ego.x_m
         frame = super().step(control)
         if before_m < self._parked_m <= self._ego.x_m:

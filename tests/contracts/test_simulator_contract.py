@@ -9,7 +9,7 @@ import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
@@ -87,7 +87,7 @@ def test_truth_in_the_observation_is_found() -> None:
 
 def test_frames_that_do_not_count_are_found() -> None:
     class Frozen(FakeSimulator):
-        def step(self, control: Control) -> Frame:
+        def step(self, control: Control) -> WorldState:
             return replace(super().step(control), tick=0)
 
     assert failed(check_simulator(Frozen)) == ["truth"]
@@ -97,7 +97,7 @@ def test_a_world_that_is_different_every_time_is_found() -> None:
     source = itertools.count()
 
     class Windy(FakeSimulator):
-        def step(self, control: Control) -> Frame:
+        def step(self, control: Control) -> WorldState:
             return super().step(replace(control, throttle=(next(source) % 101) / 101.0))
 
     assert {"determinism", "isolation"} <= set(failed(check_simulator(Windy)))
@@ -126,7 +126,7 @@ def test_the_parked_car_of_the_fake_is_drawn_by_the_seed(seed: int) -> None:
     from pytest_drive_robust.testing import fake_route
 
     def place(seed: int) -> float:
-        return float(FakeSimulator().reset(fake_route(), seed=seed, cameras=[]).actors[0, Frame.X])
+        return float(FakeSimulator().reset(fake_route(), seed=seed, cameras=[]).actors[0, WorldState.X])
 
     assert place(seed) == place(seed)
     assert place(seed) != place(seed + 1)

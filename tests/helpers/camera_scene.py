@@ -12,12 +12,12 @@ from pytest_drive_robust.domain.truth import (
     ActorKind,
     ActorState,
     EgoState,
-    Frame,
     Lane,
     LaneKind,
     LaneMap,
     LightState,
     StopLine,
+    WorldState,
 )
 
 SIZES = {
@@ -57,10 +57,10 @@ def frame(
     yaw: float = 0.0,
     tick: int = 0,
     lights: tuple[LightState, ...] = (LightState.RED, LightState.GREEN, LightState.STOP_SIGN),
-) -> Frame:
+) -> WorldState:
     ego = EgoState(x, y, yaw, 0.0, 0.0, 0.0, 0.0, 4.6, 1.9)
     rows = np.array(actors, np.float64).reshape(len(actors), 10)
-    return Frame(tick, ego, rows, np.array(lights, np.int64))
+    return WorldState(tick, ego, rows, np.array(lights, np.int64))
 
 
 def _points(start: tuple[float, float], end: tuple[float, float]) -> NDArray[np.float64]:
@@ -135,7 +135,7 @@ def town(*, buildings: bool = True) -> LaneMap:
     return LaneMap("hand-made", lanes, stop_lines, crosswalks, houses if buildings else np.zeros((0, 6)))
 
 
-def busy_frame(tick: int = 0) -> Frame:
+def busy_frame(tick: int = 0) -> WorldState:
     """One of every actor ahead of the ego."""
     kind, state = ActorKind, ActorState
     return frame(
@@ -157,9 +157,9 @@ def busy_frame(tick: int = 0) -> Frame:
     )
 
 
-def without(shown: Frame, number: int) -> Frame:
+def without(shown: WorldState, number: int) -> WorldState:
     """The frame without the actor of that id."""
-    return replace(shown, actors=shown.actors[shown.actors[:, Frame.ID] != number])
+    return replace(shown, actors=shown.actors[shown.actors[:, WorldState.ID] != number])
 
 
 def around() -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest
@@ -55,14 +55,14 @@ def gone_within(pid: int, seconds: float) -> bool:
 
 
 class DiesInStep(FakeSimulator):
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         if self._tick == 20:
             os._exit(9)
         return super().step(control)
 
 
 class HangsInStep(FakeSimulator):
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         if self._tick == 20:
             time.sleep(600.0)
         return super().step(control)
@@ -74,7 +74,7 @@ class LeavesInPlan(FakeSimulator):
 
 
 class RaisesInStep(FakeSimulator):
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         if self._tick == 20:
             _count()
             raise OSError("lost the server")
@@ -84,7 +84,7 @@ class RaisesInStep(FakeSimulator):
 class DiesTwice(FakeSimulator):
     """Two processes die, the third one drives."""
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         if _count() <= 2:
             os.abort()
         return super().reset(route, seed=seed, cameras=cameras)

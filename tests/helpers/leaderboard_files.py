@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Observation, Speed
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, GroundTruth, Lane, LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, Lane, LaneKind, LaneMap, WorldState
 
 AGENT = """
 import carla
@@ -72,7 +72,7 @@ def straight_lane(index=0, *, y_m=0.0, length_m=100.0, successors=(), start_m=0.
 def truth_with(*actors, lanes=(), tick=0, speed_mps=6.0):
     """The ego at the origin, heading east, and boxes: (kind, x, y, yaw, speed, length, width, height) each."""
     rows = [(k, kind, x, y, yaw, speed, *size, 0) for k, (kind, x, y, yaw, speed, *size) in enumerate(actors)]
-    frame = Frame(
+    frame = WorldState(
         tick,
         EgoState(0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0, 4.9, 1.84),
         np.array(rows, dtype=float).reshape(-1, 10),

@@ -10,13 +10,13 @@ from pytest_drive_robust import Compass, Gps, Imu, Observation, Speed
 from pytest_drive_robust.domain.truth import (
     ActorKind,
     EgoState,
-    Frame,
     GroundTruth,
     Lane,
     LaneKind,
     LaneMap,
     LightState,
     StopLine,
+    WorldState,
 )
 
 LANE_M, LENGTH_M, LIMIT_MPS = 3.5, 200, 12.0
@@ -26,7 +26,7 @@ SIZES = {ActorKind.CAR: (4.6, 1.9), ActorKind.BICYCLE: (1.8, 0.6), ActorKind.PED
 def actor(
     x_m: float, right_m: float, *, speed_mps: float = 0.0, yaw_rad: float = 0.0, kind: ActorKind = ActorKind.CAR
 ) -> list[float]:
-    """A row of `Frame.actors`; ids are given by `street`."""
+    """A row of `WorldState.actors`; ids are given by `street`."""
     length, width = SIZES[kind]
     return [0.0, float(kind), x_m, right_m, yaw_rad, speed_mps, length, width, 1.5, 0.0]
 
@@ -56,7 +56,7 @@ def street(
         ),
     )  # fmt: skip
     rows = np.array(actors, dtype=float).reshape(-1, 10)
-    rows[:, Frame.ID] = np.arange(len(rows))
+    rows[:, WorldState.ID] = np.arange(len(rows))
     stops, lights = (), np.zeros(0, dtype=np.int64)
     if light is not None:
         at, state = light
@@ -65,7 +65,7 @@ def street(
     ego = EgoState(x_m, right_m, 0.0, speed_mps, 0.0, 0.0, 0.0, 4.892, 1.837)
     route = np.column_stack([mine, np.full(len(s), LIMIT_MPS)])
     lane_map = LaneMap("a straight street", lanes, stops, np.zeros((0, 4, 2)), np.zeros((0, 6)))
-    return GroundTruth(Frame(0, ego, rows, lights), lane_map, route, int(x_m))
+    return GroundTruth(WorldState(0, ego, rows, lights), lane_map, route, int(x_m))
 
 
 def observation(truth: GroundTruth | None, tick: int = 0) -> Observation:

@@ -103,11 +103,11 @@ from pytest_drive_robust import requirements
 
 @pytest.mark.drive_robust(verdict="list")
 def test_marked(drive):
-    assert drive.check(WANTED).ruling.kind == "list"
+    assert drive.check(WANTED).verdict_rule.kind == "list"
 
 def test_single(drive):
-    assert drive.check(WANTED, verdict="list", margin=0.2).ruling.margin == 0.2
-    assert drive.check(WANTED).ruling.kind == "point"
+    assert drive.check(WANTED, verdict="list", margin=0.2).verdict_rule.margin == 0.2
+    assert drive.check(WANTED).verdict_rule.kind == "point"
 '''
     )
     pytester.runpytest_subprocess("--drive-robust").assert_outcomes(passed=2)

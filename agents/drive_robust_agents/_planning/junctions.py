@@ -11,7 +11,7 @@ from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.places import crossed_boxes
 from drive_robust_agents._planning.scene import Scene
 from drive_robust_agents._planning.traffic import Traffic
-from pytest_drive_robust.domain.truth import Frame, LightState
+from pytest_drive_robust.domain.truth import LightState, WorldState
 
 __all__ = ["Junctions"]
 
@@ -30,7 +30,7 @@ class Junctions:
     def __init__(self) -> None:
         self._stopped_at: set[int] = set()
 
-    def stop_row(self, scene: Scene, frame: Frame, row: float) -> float:
+    def stop_row(self, scene: Scene, frame: WorldState, row: float) -> float:
         """The row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
         nearest, v = math.inf, frame.ego.speed_mps
         for index, at in scene.stops:

@@ -11,7 +11,7 @@ from drive_robust_agents._planning.lateral import blend
 from drive_robust_agents._planning.places import project_all
 from drive_robust_agents._planning.scene import Change, Scene
 from drive_robust_agents._planning.traffic import Traffic
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LaneKind
+from pytest_drive_robust.domain.truth import ActorKind, LaneKind, WorldState
 
 __all__ = ["LaneChanges", "Siren"]
 
@@ -101,7 +101,7 @@ class Siren:
         """Is the ego out of the way now?"""
         return self._aside is not None
 
-    def shifts(self, scene: Scene, traffic: Traffic, frame: Frame, row: float) -> list[Floats]:
+    def shifts(self, scene: Scene, traffic: Traffic, frame: WorldState, row: float) -> list[Floats]:
         """Profiles to be added to the lane's own, best first, that free the lane; none while nobody wants past."""
         if self.active:
             return []
@@ -115,7 +115,7 @@ class Siren:
         """Hold this profile until the siren has passed."""
         self._aside = profile
 
-    def profile(self, scene: Scene, traffic: Traffic, frame: Frame, row: float) -> Floats | None:
+    def profile(self, scene: Scene, traffic: Traffic, frame: WorldState, row: float) -> Floats | None:
         """What is added to the lane's own profile now, or None."""
         if self._aside is None:
             return None
@@ -125,7 +125,7 @@ class Siren:
         return self._aside
 
     @staticmethod
-    def _metres_ahead(traffic: Traffic, frame: Frame) -> float | None:
+    def _metres_ahead(traffic: Traffic, frame: WorldState) -> float | None:
         ego = frame.ego
         for box in traffic.boxes[traffic.kinds == ActorKind.EMERGENCY]:
             if math.cos(box[2] - ego.yaw_rad) > 0.7 and box[3] > 1.0:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 
 __all__ = ["HORIZON_S", "Traffic"]
 
@@ -16,7 +16,7 @@ Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0
 _DT_S = 0.05
-_BOX = [Frame.X, Frame.Y, Frame.YAW, Frame.SPEED, Frame.LENGTH, Frame.WIDTH]
+_BOX = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
 
@@ -38,14 +38,17 @@ class Traffic:
         self.sizes: Floats = np.zeros((0, 2))
         self.forecast: Floats = np.zeros((0, 2, 4))
 
-    def update(self, frame: Frame, graph: LaneGraph) -> None:
+    def update(self, frame: WorldState, graph: LaneGraph) -> None:
         """See the actors of a new tick."""
         rows = frame.actors
-        near = np.abs(rows[:, Frame.X] - frame.ego.x_m) + np.abs(rows[:, Frame.Y] - frame.ego.y_m) < 1.4 * _RANGE_M
-        rows = rows[near & (rows[:, Frame.KIND] != ActorKind.DIRT)]
-        self.kinds = rows[:, Frame.KIND].astype(np.int64)
-        self.ids = rows[:, Frame.ID].astype(np.int64)
-        speed = rows[:, Frame.SPEED]
+        near = (
+            np.abs(rows[:, WorldState.X] - frame.ego.x_m) + np.abs(rows[:, WorldState.Y] - frame.ego.y_m)
+            < 1.4 * _RANGE_M
+        )
+        rows = rows[near & (rows[:, WorldState.KIND] != ActorKind.DIRT)]
+        self.kinds = rows[:, WorldState.KIND].astype(np.int64)
+        self.ids = rows[:, WorldState.ID].astype(np.int64)
+        speed = rows[:, WorldState.SPEED]
         self._remember(speed)
         self.boxes = np.empty((len(rows), 7))
         self.boxes[:, :6] = rows[:, _BOX]

@@ -13,7 +13,7 @@ from drive_robust_agents.training.labels import Here
 from drive_robust_agents.training.poses import Room
 from pytest_drive_robust import CameraSpec, Compass, Control, Gps, Imu, Observation, Speed
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
@@ -36,7 +36,7 @@ class Course:
     room: Room
     night: bool
     told: Gps | None = None
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[WorldState] = field(default_factory=list)
     controls: list[Control] = field(default_factory=list)
 
     @classmethod

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._planning.places import project_all
 from drive_robust_agents.training.labels import LOOK_M, Here, body_ahead
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 
 __all__ = ["FACTS", "NO_LIGHT", "fact_labels"]
 
@@ -44,7 +44,7 @@ def fact_labels(here: Here) -> NDArray[np.float32]:
     """(16,) float32: the numbers of `FACTS`."""
     truth, intent, ego = here.truth, here.intent, here.ego
     scene, row = intent.scene, intent.row
-    actors, kinds = truth.frame.actors, truth.frame.actors[:, Frame.KIND]
+    actors, kinds = truth.frame.actors, truth.frame.actors[:, WorldState.KIND]
     light, light_m = _light(here)
     lead_m, lead_mps = body_ahead(here, actors[kinds <= ActorKind.EMERGENCY])
     still = (kinds > ActorKind.PEDESTRIAN) & (kinds != ActorKind.BUILDING) & (kinds != ActorKind.DIRT)
@@ -85,13 +85,13 @@ def _light(here: Here) -> tuple[float, float]:
 
 def _walker_m(here: Here) -> float:
     frame, intent, ego = here.truth.frame, here.intent, here.ego
-    kinds = frame.actors[:, Frame.KIND]
+    kinds = frame.actors[:, WorldState.KIND]
     walkers = frame.actors[(kinds == ActorKind.PEDESTRIAN) | (kinds == ActorKind.BICYCLE)]
     if len(walkers) == 0:
         return LOOK_M
-    places = np.ascontiguousarray(walkers[:, [Frame.X, Frame.Y, Frame.YAW]])
+    places = np.ascontiguousarray(walkers[:, [WorldState.X, WorldState.Y, WorldState.YAW]])
     at = project_all(intent.line, int(intent.row) - 10, int(intent.row + _WALKER_LOOK_M) + 10, places)
-    ahead = at[:, 0] - intent.row - 0.5 * (ego.length_m + walkers[:, Frame.LENGTH])
+    ahead = at[:, 0] - intent.row - 0.5 * (ego.length_m + walkers[:, WorldState.LENGTH])
     near = (np.abs(at[:, 1]) < _WALKER_BESIDE_M) & (at[:, 0] > intent.row) & (ahead < _WALKER_LOOK_M)
     return float(np.maximum(ahead[near], 0.0).min(initial=LOOK_M))
 
@@ -104,9 +104,11 @@ def _junction_m(here: Here) -> float:
     return LOOK_M
 
 
-def _siren(frame: Frame, x: float, y: float, yaw: float) -> bool:
-    rows = frame.actors[(frame.actors[:, Frame.KIND] == ActorKind.EMERGENCY) & (frame.actors[:, Frame.SPEED] > 1.0)]
-    dx, dy = rows[:, Frame.X] - x, rows[:, Frame.Y] - y
+def _siren(frame: WorldState, x: float, y: float, yaw: float) -> bool:
+    rows = frame.actors[
+        (frame.actors[:, WorldState.KIND] == ActorKind.EMERGENCY) & (frame.actors[:, WorldState.SPEED] > 1.0)
+    ]
+    dx, dy = rows[:, WorldState.X] - x, rows[:, WorldState.Y] - y
     ahead = dx * math.cos(yaw) + dy * math.sin(yaw)
-    same_way = np.cos(rows[:, Frame.YAW] - yaw) > 0.7
+    same_way = np.cos(rows[:, WorldState.YAW] - yaw) > 0.7
     return bool(np.any(same_way & (ahead < -3.0) & (np.hypot(dx, dy) < _SIREN_M)))

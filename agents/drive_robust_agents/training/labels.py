@@ -18,7 +18,7 @@ from drive_robust_agents._planning.intent import Intent
 from drive_robust_agents._planning.places import nearest_ahead, project
 from drive_robust_agents._wrappers.route_planner import Target
 from pytest_drive_robust import Control
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, GroundTruth
+from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, WorldState
 
 __all__ = [
     "BRANCH_TICKS", "FUTURE_TICKS", "LOOK_M", "Here", "Row", "body_ahead", "gap_ahead", "motion_labels",
@@ -37,7 +37,7 @@ PATH_POINTS = 24
 LOOK_M = 100.0
 """What is farther ahead than this is not there."""
 _DT_S = 0.05
-_BODY = [Frame.X, Frame.Y, Frame.YAW, Frame.SPEED, Frame.LENGTH, Frame.WIDTH]
+_BODY = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def way_labels(here: Here) -> dict[str, NDArray[Any]]:
     }
 
 
-def motion_labels(frames: Sequence[Frame], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
+def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
     """`future`, `future_ok` and `controls` of a drive that begins with the moment.
 
     `frames` holds one frame a tick; `controls` holds what the expert answered to each but perhaps the last. A drive
@@ -119,7 +119,7 @@ def gap_ahead(here: Here) -> tuple[float, float]:
     own speed.
     """
     intent, ego = here.intent, here.ego
-    solid = here.truth.frame.actors[here.truth.frame.actors[:, Frame.KIND] != ActorKind.DIRT]
+    solid = here.truth.frame.actors[here.truth.frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
     found_m, found_mps = body_ahead(here, solid)
     wait_m = intent.stop_row - intent.row - 0.5 * ego.length_m
     if wait_m < found_m:
@@ -128,7 +128,7 @@ def gap_ahead(here: Here) -> tuple[float, float]:
 
 
 def body_ahead(here: Here, actors: Floats) -> tuple[float, float]:
-    """(metres bumper to bumper, speed along the way) of the first of these rows of `Frame.actors` in the corridor."""
+    """(metres bumper to bumper, speed along the way) of the first of these actors in the corridor."""
     ego, intent = here.ego, here.intent
     bodies = np.ascontiguousarray(actors[:, _BODY])
     found = nearest_ahead(intent.line, int(intent.row), (ego.x_m, ego.y_m, ego.length_m, ego.width_m), bodies)

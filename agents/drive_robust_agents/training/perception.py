@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents.training.labels import Here, to_ego
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, LaneKind, LaneMap, LightState
+from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, LightState, WorldState
 
 __all__ = ["BOXES", "LANES", "MapLines", "box_labels"]
 
@@ -29,36 +29,42 @@ _BEND_M_PER_RAD = 15.0
 _ROUTE_ROWS = (30, 110)
 
 
-def box_labels(frames: Sequence[Frame], seen: Collection[int]) -> dict[str, NDArray[Any]]:
+def box_labels(frames: Sequence[WorldState], seen: Collection[int]) -> dict[str, NDArray[Any]]:
     """`boxes` (24, 9) and `box_future` (24, 6, 2) of the actors in `seen`, nearest first, in the ego frame of now."""
     ego, actors = frames[0].ego, frames[0].actors
-    places = to_ego(ego, actors[:, [Frame.X, Frame.Y]])
+    places = to_ego(ego, actors[:, [WorldState.X, WorldState.Y]])
     inside = (places[:, 0] < _AHEAD_M) & (places[:, 0] > -_BEHIND_M) & (np.abs(places[:, 1]) < _ASIDE_M)
-    inside &= np.isin(actors[:, Frame.ID].astype(int), list(seen)) & (actors[:, Frame.KIND] != ActorKind.DIRT)
+    inside &= np.isin(actors[:, WorldState.ID].astype(int), list(seen)) & (actors[:, WorldState.KIND] != ActorKind.DIRT)
     order = np.argsort(np.hypot(*places.T), kind="stable")
     chosen = order[inside[order]][:BOXES]
     boxes, future = np.zeros((BOXES, 9), np.float32), np.full((BOXES, len(BOX_TICKS), 2), np.nan, np.float32)
     for k, row in enumerate(actors[chosen]):
-        turn = row[Frame.YAW] - ego.yaw_rad
+        turn = row[WorldState.YAW] - ego.yaw_rad
         boxes[k] = (
-            *places[chosen[k]], np.sin(turn), np.cos(turn), row[Frame.LENGTH], row[Frame.WIDTH], row[Frame.SPEED],
-            row[Frame.KIND], 1.0,
-        )  # fmt: skip
-        future[k] = _track(frames, int(row[Frame.ID]), ego)
+            *places[chosen[k]],
+            np.sin(turn),
+            np.cos(turn),
+            row[WorldState.LENGTH],
+            row[WorldState.WIDTH],
+            row[WorldState.SPEED],
+            row[WorldState.KIND],
+            1.0,
+        )
+        future[k] = _track(frames, int(row[WorldState.ID]), ego)
     return {"boxes": boxes, "box_future": future}
 
 
-def _track(frames: Sequence[Frame], number: int, ego: EgoState) -> Floats:
+def _track(frames: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
     """(6, 2): the places of one actor after 0.5 ... 3 s; NaN once it is gone."""
     found = np.full((len(BOX_TICKS), 2), np.nan)
     last: Floats | None = None
     for k, tick in enumerate((0, *BOX_TICKS)):
         if tick >= len(frames):
             break
-        rows = frames[tick].actors[frames[tick].actors[:, Frame.ID] == number]
+        rows = frames[tick].actors[frames[tick].actors[:, WorldState.ID] == number]
         if len(rows) == 0:
             break
-        place = rows[0, [Frame.X, Frame.Y]]
+        place = rows[0, [WorldState.X, WorldState.Y]]
         if last is not None and float(np.hypot(*(place - last))) > _FASTEST_M:
             break
         last = place

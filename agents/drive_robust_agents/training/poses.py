@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, WorldState
 
 __all__ = ["Pose", "Room", "draw_pose"]
 
@@ -63,13 +63,13 @@ class Room:
         self._reach = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0 + _KERB_M) for lane in lanes])
         self._buildings = lane_map.buildings[:, :5]
 
-    def is_free(self, frame: Frame, pose: Pose) -> bool:
+    def is_free(self, frame: WorldState, pose: Pose) -> bool:
         """Are all corners of the ego on the road, and does it keep a hand's breadth from all that is solid?"""
         length, width = frame.ego.length_m, frame.ego.width_m
         if not self._on_road(_corners(pose.x_m, pose.y_m, pose.yaw_rad, length, width)):
             return False
-        solid = frame.actors[frame.actors[:, Frame.KIND] != ActorKind.DIRT]
-        columns = [Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH]
+        solid = frame.actors[frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
+        columns = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]
         boxes = np.concatenate([solid[:, columns], self._buildings])
         near = np.abs(boxes[:, :2] - (pose.x_m, pose.y_m)).max(axis=1) < _NEAR_M + boxes[:, 3:].max(axis=1)
         mine = np.array([pose.x_m, pose.y_m, pose.yaw_rad, length + 2.0 * _ELBOW_M, width + 2.0 * _ELBOW_M])

@@ -20,7 +20,7 @@ from drive_robust_agents.training.poses import Pose, draw_pose
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 
 __all__ = [
     "DAGGER", "KEEP_TICKS", "ON_WAY", "SHIFTED", "START", "Sample", "branch", "drive_expert", "is_kept",
@@ -41,7 +41,7 @@ class Sample:
     """A moment, and the drive that begins with it: `frames` one a tick, `controls` the answers to them."""
 
     here: Here
-    frames: Sequence[Frame]
+    frames: Sequence[WorldState]
     controls: Sequence[Control]
     source: int
     tick: int
@@ -52,7 +52,7 @@ def is_kept(speed_mps: float, rng: np.random.Generator) -> bool:
     return speed_mps >= _STANDING_MPS or bool(rng.random() < _STANDING_SHARE)
 
 
-def branch(course: Course, expert: Expert) -> tuple[Here, list[Frame], list[Control]] | None:
+def branch(course: Course, expert: Expert) -> tuple[Here, list[WorldState], list[Control]] | None:
     """Let `expert` (a fork) drive on for 3 s from the world as it is: the moment, a frame a tick, the controls.
 
     It ends early where the episode does. None where somebody gets hurt or a rule is broken: nothing to learn from.

@@ -15,7 +15,7 @@ from drive_robust_agents.training.rigs import Outfit
 from drive_robust_agents.training.rollouts import Sample
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import Frame, LaneMap
+from pytest_drive_robust.domain.truth import LaneMap, WorldState
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 
 __all__ = ["Eyes", "rows"]
@@ -35,12 +35,12 @@ class Eyes:
     ) -> None:
         self._rig = CameraRig(lane_map, route.weather, cameras, around=way[:, :2])
 
-    def look(self, frame: Frame) -> dict[str, NDArray[Any]]:
+    def look(self, frame: WorldState) -> dict[str, NDArray[Any]]:
         """`cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
         return {f"cam_{name}": pixels.copy() for name, pixels in self._rig.render(frame).items()}
 
-    def seen(self, frame: Frame) -> set[int]:
-        """The numbers (`Frame.ID`) of the actors that some camera shows."""
+    def seen(self, frame: WorldState) -> set[int]:
+        """The numbers (`WorldState.ID`) of the actors that some camera shows."""
         found: set[int] = set()
         for passes in self._rig.render_passes(frame, ("instance",)).values():
             numbers = passes["instance"].astype(np.int64).ravel()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.truth import ActorKind, Frame, GroundTruth
+from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, WorldState
 
 __all__ = ["Boxes", "boxes_near", "first_hits", "sensor_pose"]
 
@@ -30,10 +30,10 @@ def sensor_pose(truth: GroundTruth, *, x_m: float, y_m: float, yaw_deg: float) -
 def boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) -> Boxes:
     """Every actor and building of which a part may be within reach of a point."""
     actors = truth.frame.actors
-    actors = actors[~np.isin(actors[:, Frame.KIND], _FLAT)]
-    columns = [Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT]
-    along = np.stack([np.cos(actors[:, Frame.YAW]), np.sin(actors[:, Frame.YAW])], axis=1)
-    moving = along * actors[:, Frame.SPEED, None]
+    actors = actors[~np.isin(actors[:, WorldState.KIND], _FLAT)]
+    columns = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT]
+    along = np.stack([np.cos(actors[:, WorldState.YAW]), np.sin(actors[:, WorldState.YAW])], axis=1)
+    moving = along * actors[:, WorldState.SPEED, None]
     buildings = np.asarray(truth.lane_map.buildings).reshape(-1, 6)
     boxes = np.concatenate([actors[:, columns], buildings])
     velocities = np.concatenate([moving, np.zeros((len(buildings), 2))])

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
 from pytest_drive_robust.bench2drive.agents.stand_ins.finder import is_stand_in
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
@@ -180,14 +180,14 @@ class SeenWorld:
         return 0.0 if self._truth is None else float(self._truth.route[self._truth.progress, 3])
 
     def _actor(self, row: list[float]) -> Actor:
-        kind = ActorKind(int(row[Frame.KIND]))
+        kind = ActorKind(int(row[WorldState.KIND]))
         return Actor(
-            int(row[Frame.ID]) + 1,
+            int(row[WorldState.ID]) + 1,
             _KINDS.get(kind, f"vehicle.{kind.name.lower()}"),
             {"role_name": "scenario"},
-            place=(row[Frame.X], row[Frame.Y], row[Frame.YAW]),
-            speed_mps=row[Frame.SPEED],
-            size_m=(row[Frame.LENGTH], row[Frame.WIDTH], row[Frame.HEIGHT]),
+            place=(row[WorldState.X], row[WorldState.Y], row[WorldState.YAW]),
+            speed_mps=row[WorldState.SPEED],
+            size_m=(row[WorldState.LENGTH], row[WorldState.WIDTH], row[WorldState.HEIGHT]),
             world=self,
         )
 

@@ -1,4 +1,4 @@
-"""The executor behind `--drive-sim bench2drive`: tasks are driven by the official evaluator."""
+"""The executor behind `--drive-sim bench2drive`: requests are driven by the official evaluator."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def read_agent(name: str) -> tuple[Path, str]:
 class Bench2DriveExecutor:
     """Drives `slots` episodes at a time (see `runner.executors.Executor`), each in an evaluator and server of its own.
 
-    `routes` is the route file in the evaluator's schema that all tasks are of. What evaluators write goes below
+    `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
     `folder`, and episodes that are finished there are not driven again. The GPUs are used in turn, one for each slot.
     """
 
@@ -82,16 +82,16 @@ class Bench2DriveExecutor:
 
         return load_routes(self._routes)
 
-    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
-        """Raise `UsageError` for a task whose agent, route or setting the evaluator cannot have."""
-        for task in tasks:
-            read_agent(task.episode.agent)
-            self._require_route(task.route)
-            setting_as_json(task.setting, seed=task.episode.seed)
+    def check(self, requests: Iterable[EpisodeRequest]) -> None:
+        """Raise `UsageError` for a request whose agent, route or setting the evaluator cannot have."""
+        for request in requests:
+            read_agent(request.episode.agent)
+            self._require_route(request.route)
+            setting_as_json(request.setting, seed=request.episode.seed)
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode as soon as a slot is free."""
-        return self._pool.submit(self._drive, task)
+        return self._pool.submit(self._drive, request)
 
     def close(self, *, cancel: bool = False) -> None:
         """With `cancel`, evaluators and servers are killed at once; without, they come to their end first."""
@@ -99,33 +99,33 @@ class Bench2DriveExecutor:
             self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=cancel)
 
-    def _drive(self, task: EpisodeRequest) -> EpisodeResult:
+    def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         from pytest_drive_robust.engine.nursery import Stopped
 
-        self.check((task,))
-        agent, config = read_agent(task.episode.agent)
+        self.check((request,))
+        agent, config = read_agent(request.episode.agent)
         slot = self._free.get()
         try:
             job = Job(
                 checkout=self._checkout,
                 agent=agent,
                 config=config,
-                setting=task.setting,
-                seed=task.episode.seed,
+                setting=request.setting,
+                seed=request.episode.seed,
                 routes=self._routes,
                 gpu=self._gpus[slot % len(self._gpus)],
             )
             job = replace(job, **self._options)  # type: ignore[arg-type]
-            places = Places(self._folder / _name_of(task, job))
-            driven = drive_route(job, task.route.id, places, slot=slot, stop=self._stop)
+            places = Places(self._folder / _name_of(request, job))
+            driven = drive_route(job, request.route.id, places, slot=slot, stop=self._stop)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
             raise Stopped
         return episode_result(
             driven,
-            task.episode,
-            scenario=task.route.scenario.type,
+            request.episode,
+            scenario=request.route.scenario.type,
             saved=places.results,
             versions=self._versions,
         )
@@ -154,8 +154,8 @@ class Bench2DriveExecutor:
             )
 
 
-def _name_of(task: EpisodeRequest, job: Job) -> str:
+def _name_of(request: EpisodeRequest, job: Job) -> str:
     """A folder for everything that decides the results: what is in it is of the same kind."""
-    parts = (*job.identity.values(), task.identity)
+    parts = (*job.identity.values(), request.identity)
     digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
-    return f"{job.agent.stem}-seed{task.episode.seed}-{digest}"
+    return f"{job.agent.stem}-seed{request.episode.seed}-{digest}"

@@ -24,14 +24,14 @@ _TICK_S = 0.05
 
 
 class Supply(Protocol):
-    """An executor that has routes of its own, and knows which tasks it cannot answer."""
+    """An executor that has routes of its own, and knows which requests it cannot answer."""
 
     @property
     def routes(self) -> tuple[Route, ...]:
         """All its routes."""
         ...
 
-    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
+    def check(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that cannot be answered."""
         ...
 
@@ -84,9 +84,9 @@ class OutsideScopes(Scopes):
         """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""
         setting.start(route_id="", seed=0, dt_s=_TICK_S, cameras=())
 
-    def check_tasks(self, tasks: Iterable[EpisodeRequest]) -> None:
+    def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that the supply cannot answer."""
-        self._supply.check(tasks)
+        self._supply.check(requests)
 
     def _named(self, names: Sequence[str]) -> tuple[Route, ...]:
         by_id = {route.id: route for route in self._supply.routes}

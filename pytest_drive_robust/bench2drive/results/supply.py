@@ -125,7 +125,7 @@ class ResultsSource:
 
 
 class ResultsExecutor:
-    """Answers tasks from results, as an executor that drives would (one at a time, at once)."""
+    """Answers requests from results, as an executor that drives would (one at a time, at once)."""
 
     slots = 1
 
@@ -151,18 +151,18 @@ class ResultsExecutor:
         """The sentences of the settings that there are results of."""
         return tuple(self._sources)
 
-    def check(self, tasks: Iterable[EpisodeRequest]) -> None:
-        """Raise one `UsageError` that names everything that `tasks` need and the results do not hold."""
+    def check(self, requests: Iterable[EpisodeRequest]) -> None:
+        """Raise one `UsageError` that names everything that `requests` need and the results do not hold."""
         wanted: dict[str, list[EpisodeRequest]] = {}
-        for task in tasks:
-            wanted.setdefault(task.episode.setting, []).append(task)
+        for request in requests:
+            wanted.setdefault(request.episode.setting, []).append(request)
         problems = []
         for setting, of_setting in wanted.items():
             if setting not in self._sources:
                 problems.append(str(self._unknown(setting)))
                 continue
             source = self._sources[setting]
-            found = [text for task in of_setting if (text := source.problem(task.episode, task.route))]
+            found = [text for request in of_setting if (text := source.problem(request.episode, request.route))]
             if found:
                 more = f"; and {len(found) - _MOST_SHOWN} more" if len(found) > _MOST_SHOWN else ""
                 problems.append(
@@ -173,14 +173,14 @@ class ResultsExecutor:
             advice = "Drive what is missing, or judge the routes that are there: --drive-routes FILE.xml:id,id"
             raise UsageError("\n  ".join(["--drive-results cannot answer:", *problems, advice]))
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """The finished episode, or a `UsageError` as the future's exception. Never blocks."""
         future: Future[EpisodeResult] = Future()
         future.set_running_or_notify_cancel()
         try:
-            if task.episode.setting not in self._sources:
-                raise self._unknown(task.episode.setting)
-            future.set_result(self._sources[task.episode.setting].episode(task.episode, task.route))
+            if request.episode.setting not in self._sources:
+                raise self._unknown(request.episode.setting)
+            future.set_result(self._sources[request.episode.setting].episode(request.episode, request.route))
         except UsageError as error:
             future.set_exception(error)
         return future

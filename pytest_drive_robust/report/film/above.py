@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState, WorldState
 from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Box
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
 from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, unpack
@@ -179,9 +179,9 @@ def _vehicle(canvas: Pixels, turn: Floats, place: Floats, colour: Colour) -> Non
 
 
 def _actor(canvas: Pixels, turn: Floats, actor: Floats, px_per_m: float) -> None:
-    kind, state = ActorKind(int(actor[Frame.KIND])), ActorState(int(actor[Frame.STATE]))
+    kind, state = ActorKind(int(actor[WorldState.KIND])), ActorState(int(actor[WorldState.STATE]))
     colour = _COLOURS.get(kind, _VEHICLE)
-    place = actor[[Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH]]
+    place = actor[[WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]]
     if kind is ActorKind.PEDESTRIAN:
         middle, radius = _point(turn, (float(place[0]), float(place[1]))), round(0.7 * px_per_m) << _BITS
         cv2.circle(canvas, middle, radius, colour, -1, cv2.LINE_AA, _BITS)

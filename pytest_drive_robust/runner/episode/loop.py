@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import Injection
     from pytest_drive_robust.domain.route import GlobalPlan, Route
-    from pytest_drive_robust.domain.truth import Frame, GroundTruth
+    from pytest_drive_robust.domain.truth import GroundTruth, WorldState
     from pytest_drive_robust.perturbations.running import RunningStack
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.simulators.base import Score, Simulator
 
-    OnTick = Callable[[int, Frame, Observation, Control], object]
+    OnTick = Callable[[int, WorldState, Observation, Control], object]
 
 __all__ = ["Drive", "Watch", "drive_episode", "private_truth"]
 
@@ -116,10 +116,10 @@ class Drive:
         self.recorder = Recorder()
         self.witness = Witness()
         self.crash: AgentError | SimulationError | None = None
-        self.moment: tuple[int, Frame, Observation, Control] | None = None
+        self.moment: tuple[int, WorldState, Observation, Control] | None = None
         self.stack: RunningStack | None = None
         self._watch = watch
-        self._frame: Frame | None = None
+        self._frame: WorldState | None = None
         self._seen: Observation | None = None
         self._done = False
 

@@ -44,12 +44,14 @@ class Recording:
         return Recording(self.plan, self.seed, self.observations[::-1])
 
 
-def record(world: Simulator, agent: Agent, task: EpisodeRequest, *, count: int = 8, every: int = 8) -> Recording | None:
-    """Drive the beginning of `task` by the agent's own `act` and keep every so many-th observation, up to `count`.
+def record(
+    world: Simulator, agent: Agent, request: EpisodeRequest, *, count: int = 8, every: int = 8
+) -> Recording | None:
+    """Drive the beginning of `request` by the agent's own `act` and keep every so many-th observation, up to `count`.
 
     None when the world, the agent or a perturbation broke before anything was seen.
     """
-    drive = Drive(world, agent, task.route, task.setting, task.episode.seed)
+    drive = Drive(world, agent, request.route, request.setting, request.episode.seed)
     drive.attempt(drive.start)
     kept: list[Observation] = []
 

@@ -61,14 +61,14 @@ class InlineLockstepExecutor:
         """As many as share a batch; one while an episode that was driven alone has not been collected."""
         return 1 if self._drove_one else self._width
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """The episode of an agent without `act_batch` is driven at once, others by `work`."""
-        if not factory_offers_lockstep(task.episode.agent, self._registry):
+        if not factory_offers_lockstep(request.episode.agent, self._registry):
             self._drove_one = True
-            return self._one_by_one.submit(task)
+            return self._one_by_one.submit(request)
         future: Future[EpisodeResult] = Future()
-        self._futures[task.key] = task, future
-        self._waiting.append(task)
+        self._futures[request.key] = request, future
+        self._waiting.append(request)
         return future
 
     def work(self) -> None:
@@ -84,7 +84,7 @@ class InlineLockstepExecutor:
             return
         try:
             with self._seeded():
-                task, result = next(self._driving)
+                request, result = next(self._driving)
         except StopIteration:
             self._driving = None
         except UsageError as error:
@@ -94,8 +94,8 @@ class InlineLockstepExecutor:
             self._driving = None
             raise
         else:
-            future = self._futures.pop(task.key)[1]
-            future.set_result(self._final(task, result))
+            future = self._futures.pop(request.key)[1]
+            future.set_result(self._final(request, result))
 
     def close(self, *, cancel: bool = False) -> None:
         """Close the simulators and drop the agents; without `cancel`, what was submitted is driven first."""
@@ -115,13 +115,13 @@ class InlineLockstepExecutor:
         self._waiting.remove(first)  # the agent breaks in it at once: it is asked about the next one
         return self._lockstep.drive([first])
 
-    def _final(self, task: EpisodeRequest, result: EpisodeResult) -> EpisodeResult:
+    def _final(self, request: EpisodeRequest, result: EpisodeResult) -> EpisodeResult:
         """The result, of another try where the world broke."""
         assert self._lockstep is not None
         for _ in range(DRIVEN_AGAIN):
             if result.outcome is Outcome.INFRA_ERROR:
                 with self._seeded():
-                    ((_, result),) = self._lockstep.drive([task])
+                    ((_, result),) = self._lockstep.drive([request])
         return with_machine(result, self._sample)
 
     def _make_agent(self) -> Agent:
@@ -136,7 +136,7 @@ class InlineLockstepExecutor:
         assert self._agent is not None
         return borrowed_generators(Episode(self._agent, "", "", 0))
 
-    def _may_share(self, agent: str, task: EpisodeRequest) -> bool:
+    def _may_share(self, agent: str, request: EpisodeRequest) -> bool:
         """False when the episode has nothing to ask about. Raises `UsageError` for an agent that is refused."""
         if agent in self._passed:
             return True
@@ -145,7 +145,7 @@ class InlineLockstepExecutor:
         world = self._make_world()
         try:
             with self._seeded():
-                vetting = vet(world, self._make_agent, task, width=self._width)
+                vetting = vet(world, self._make_agent, request, width=self._width)
         finally:
             world.close()
         if vetting.problem is not None:
@@ -157,11 +157,11 @@ class InlineLockstepExecutor:
 
     def _fail(self, agent: str | None, error: UsageError) -> None:
         """Nothing of this agent can be driven."""
-        for key, (task, future) in tuple(self._futures.items()):
-            if task.episode.agent == agent:
+        for key, (request, future) in tuple(self._futures.items()):
+            if request.episode.agent == agent:
                 del self._futures[key]
                 future.set_exception(error)
-        self._waiting[:] = [task for task in self._waiting if task.episode.agent != agent]
+        self._waiting[:] = [request for request in self._waiting if request.episode.agent != agent]
 
     def _stop(self) -> None:
         if self._driving is not None:
@@ -173,17 +173,17 @@ class InlineLockstepExecutor:
 
 
 class _Waiting:
-    """The tasks of one agent, taken from a list that grows: there may be none now and another one later."""
+    """The requests of one agent, taken from a list that grows: there may be none now and another one later."""
 
-    def __init__(self, agent: str, tasks: list[EpisodeRequest]) -> None:
+    def __init__(self, agent: str, requests: list[EpisodeRequest]) -> None:
         self._agent = agent
-        self._tasks = tasks
+        self._requests = requests
 
     def __iter__(self) -> Iterator[EpisodeRequest]:
         return self
 
     def __next__(self) -> EpisodeRequest:
-        for number, task in enumerate(self._tasks):
-            if task.episode.agent == self._agent:
-                return self._tasks.pop(number)
+        for number, request in enumerate(self._requests):
+            if request.episode.agent == self._agent:
+                return self._requests.pop(number)
         raise StopIteration

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.truth import Frame
+    from pytest_drive_robust.domain.truth import WorldState
     from pytest_drive_robust.runner.episode.loop import OnTick, Watch
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
@@ -38,17 +38,17 @@ WIDTH = 8
 def drive_together(
     make_world: Callable[[], Simulator],
     make_agent: Callable[[], Agent],
-    tasks: Sequence[EpisodeRequest],
+    requests: Sequence[EpisodeRequest],
     *,
     width: int = WIDTH,
 ) -> list[EpisodeResult]:
-    """Drive `tasks`, `width` at a time, and give their results in the order of `tasks`. See `Lockstep`."""
+    """Drive `requests`, `width` at a time, and give their results in the order of `requests`. See `Lockstep`."""
     lockstep = Lockstep(make_world, make_agent, width=width)
     try:
-        results = {id(task): result for task, result in lockstep.drive(tasks)}
+        results = {id(request): result for request, result in lockstep.drive(requests)}
     finally:
         lockstep.close()
-    return [results[id(task)] for task in tasks]
+    return [results[id(request)] for request in requests]
 
 
 class Lockstep:
@@ -60,7 +60,7 @@ class Lockstep:
 
     A result says `lockstep=8` in `versions`, and its `wall_s` is the episode's share of the time that all took.
     A setting that measures the time of inference is driven alone by the agent's own `act`, as a batch has no time per
-    row. Raises `ValueError` for a width that is no positive multiple of four, and for tasks of two agents.
+    row. Raises `ValueError` for a width that is no positive multiple of four, and for requests of two agents.
     """
 
     def __init__(
@@ -86,22 +86,22 @@ class Lockstep:
         self._free_worlds: list[Simulator] = []
         self._free_agents: list[Agent] = []
 
-    def drive(self, tasks: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
-        """Every task with its result as soon as it ends. `tasks` is read when a place is free, and not before.
+    def drive(self, requests: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
+        """Every request with its result as soon as it ends. `requests` is read when a place is free, and not before.
 
         Never raises for what agent, world or perturbations do: see `drive_episode` for how that ends. When a whole
         batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
         """
-        waiting = iter(tasks)
+        waiting = iter(requests)
         live: list[Row] = []
         batch = self._batch()
         try:
             while True:
-                while len(live) < self.width and (task := next(waiting, None)) is not None:
-                    if measures_inference(task.setting):
-                        yield task, self._drive_measured(task)
+                while len(live) < self.width and (request := next(waiting, None)) is not None:
+                    if measures_inference(request.setting):
+                        yield request, self._drive_measured(request)
                     else:
-                        live.append(self._begin(task))
+                        live.append(self._begin(request))
                 if not live:
                     return
                 broken = self._round(live, batch)
@@ -110,7 +110,7 @@ class Lockstep:
                 self._free_worlds += [episode.drive.simulator for episode in broken]
                 yield from [self._end(episode) for episode in ended]
                 for episode in broken:
-                    yield self._drive_alone(episode.task)
+                    yield self._drive_alone(episode.request)
         finally:  # also when the caller wants no more of them
             self._free_agents += batch.dismiss()
             self._free_worlds += [episode.drive.simulator for episode in live]
@@ -122,13 +122,13 @@ class Lockstep:
         for kept in (self._worlds, self._free_worlds, self._free_agents):
             kept.clear()
 
-    def _begin(self, task: EpisodeRequest) -> Row:
-        self._check_agent(task)
+    def _begin(self, request: EpisodeRequest) -> Row:
+        self._check_agent(request)
         started_s = time.perf_counter()
         world, agent = self._take_world(), self._take_agent()
-        drive = Drive(world, agent, task.route, task.setting, task.episode.seed, watch=self._watch)
+        drive = Drive(world, agent, request.route, request.setting, request.episode.seed, watch=self._watch)
         drive.attempt(drive.start)
-        return Row(task, drive, time.perf_counter() - started_s)
+        return Row(request, drive, time.perf_counter() - started_s)
 
     def _round(self, live: Sequence[Row], batch: Batch, *, alone: bool = False) -> list[Row]:
         """One tick of every episode. Gives back those whose batch broke, nobody knows by whose fault."""
@@ -160,24 +160,24 @@ class Lockstep:
                     self._on_tick(*moment)
 
     def _end(self, episode: Row) -> tuple[EpisodeRequest, EpisodeResult]:
-        result = episode.drive.result(episode.task.episode)
+        result = episode.drive.result(episode.request.episode)
         self._give_back(episode.drive.simulator, episode.drive.agent, result.outcome)
         versions = {**result.versions, "lockstep": str(self.width)}
-        return episode.task, replace(result, wall_s=episode.share_s, versions=versions)
+        return episode.request, replace(result, wall_s=episode.share_s, versions=versions)
 
-    def _drive_alone(self, task: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
+    def _drive_alone(self, request: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
         """From its start to its end in a batch whose other rows are twins of the episode."""
-        batch, episode = self._batch(), self._begin(task)
+        batch, episode = self._batch(), self._begin(request)
         while not episode.drive.over:
             self._round([episode], batch, alone=True)
         self._free_agents += batch.dismiss()
         return self._end(episode)
 
-    def _drive_measured(self, task: EpisodeRequest) -> EpisodeResult:
-        self._check_agent(task)
-        world, agent, episode = self._take_world(), self._take_agent(), task.episode
+    def _drive_measured(self, request: EpisodeRequest) -> EpisodeResult:
+        self._check_agent(request)
+        world, agent, episode = self._take_world(), self._take_agent(), request.episode
 
-        def on_tick(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+        def on_tick(tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
             if self._ticked is not None:
                 self._ticked()
             if self._on_tick is not None:
@@ -186,8 +186,8 @@ class Lockstep:
         result = drive_episode(
             world,
             agent,
-            route=task.route,
-            setting=task.setting,
+            route=request.route,
+            setting=request.setting,
             seed=episode.seed,
             agent_name=episode.agent,
             on_tick=on_tick,
@@ -199,10 +199,10 @@ class Lockstep:
     def _batch(self) -> Batch:
         return Batch(self.width, self._take_agent, self._watch)
 
-    def _check_agent(self, task: EpisodeRequest) -> None:
-        if self.agent_name not in (None, task.episode.agent):
-            raise ValueError(f"{task.episode} cannot share a batch with episodes of {self.agent_name}")
-        self.agent_name = task.episode.agent
+    def _check_agent(self, request: EpisodeRequest) -> None:
+        if self.agent_name not in (None, request.episode.agent):
+            raise ValueError(f"{request.episode} cannot share a batch with episodes of {self.agent_name}")
+        self.agent_name = request.episode.agent
 
     def _take_agent(self) -> Agent:
         return self._free_agents.pop() if self._free_agents else self._make_agent()

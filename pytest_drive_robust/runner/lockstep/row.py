@@ -19,9 +19,9 @@ __all__ = ["Row", "measures_inference"]
 
 @dataclass(eq=False, slots=True)
 class Row:
-    """A task under way, and the seconds of wall time that it took so far."""
+    """A request under way, and the seconds of wall time that it took so far."""
 
-    task: EpisodeRequest
+    request: EpisodeRequest
     drive: Drive
     share_s: float
 

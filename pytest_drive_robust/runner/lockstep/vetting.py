@@ -47,9 +47,9 @@ def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
     return callable(getattr(made, "act_batch", None))
 
 
-def vet(world: Simulator, make_agent: Callable[[], Agent], task: EpisodeRequest, *, width: int) -> Vetting:
-    """Drive the beginning of `task` by `act`, then ask `act_batch` about it in batches of several widths."""
-    recording = record(world, make_agent(), task)
+def vet(world: Simulator, make_agent: Callable[[], Agent], request: EpisodeRequest, *, width: int) -> Vetting:
+    """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths."""
+    recording = record(world, make_agent(), request)
     if recording is None:
         return Vetting(recorded=False)
     widths = sorted({ROWS, WIDTH, 2 * WIDTH, width})

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.outcome import End
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import GlobalPlan, Route
-    from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth
+    from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
     from pytest_drive_robust.perturbations.setting import Setting
     from pytest_drive_robust.simulators.base import Score, Simulator
 
@@ -52,7 +52,7 @@ def record_episode(
     file = PictureFile()
     moments: list[Moment] = []
 
-    def keep(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+    def keep(tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
         images = observation.cameras or world.view
         moments.append(
             Moment(
@@ -103,12 +103,12 @@ class _WatchedSimulator:
     def __init__(self, inner: Simulator) -> None:
         self._inner = inner
         self.name, self.version, self.dt_s = inner.name, inner.version, inner.dt_s
-        self.frame: Frame | None = None
+        self.frame: WorldState | None = None
         self.start: GroundTruth | None = None
         self.view: Mapping[str, Image] = {}
         self.has_view = False
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         self.has_view = not cameras
         self.frame = self._inner.reset(route, seed=seed, cameras=cameras or (_VIEW,))
         self.start = self._inner.truth()
@@ -135,7 +135,7 @@ class _WatchedSimulator:
     def truth(self) -> GroundTruth:
         return self._inner.truth()
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         self.frame = self._inner.step(control)
         return self.frame
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Image, Pixels
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.truth import Frame, LaneMap
+    from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
 __all__ = ["Moment", "Picture", "PictureFile", "Tape", "main_camera"]
 
@@ -50,7 +50,7 @@ class Moment:
     last moment of a tape is the end: nothing is asked or applied any more.
     """
 
-    frame: Frame
+    frame: WorldState
     pictures: tuple[Picture, ...] = ()
     real: Picture | None = None
     gps: tuple[float, float] | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.store.events import Searched
 from pytest_drive_robust.verdict.bracket import Answer, Bracket, Probe, SearchRule, bisect, contradictions
@@ -45,13 +45,13 @@ def largest(
     known = known_metric(metric)
     compares = comparison or (">=" if known.higher_is_better else "<=")
     rule: SearchRule = "evidence" if _reads_evidence(scope, metric) else "point"
-    ruling = Ruling(rule, margin=_NO_MARGIN, alpha=ALPHA)
+    verdict_rule = VerdictRule(rule, margin=_NO_MARGIN, alpha=ALPHA)
 
     def requirement(level: float) -> Requirement:
         return Requirement(metric, Setting.of(ladder.at(level)), compares, limit)
 
     def ask(level: float) -> Probe:
-        return _probe(level, campaign.decide(requirement(level), scope, ruling).verdict)
+        return _probe(level, campaign.decide(requirement(level), scope, verdict_rule).verdict)
 
     probes = bisect(ladder, ask)
     warnings = contradictions(ladder, known, probes)

@@ -17,7 +17,7 @@ from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.domain.truth import Frame, LaneMap
+    from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
     Floats = NDArray[np.float64]
     Pixels = NDArray[np.uint8]
@@ -46,7 +46,7 @@ _SUBPIXEL_BITS = 4
 
 def draw_bev(
     lane_map: LaneMap,
-    frame: Frame,
+    frame: WorldState,
     route: NDArray[np.float64],
     *,
     size_px: int = 512,
@@ -116,7 +116,7 @@ def _vehicle(picture: Pixels, region: Region, place: Floats, colour: Colour) -> 
     cv2.fillConvexPoly(picture, wedge, _OUTLINE, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _actor(picture: Pixels, region: Region, actor: Floats, frame: Frame) -> None:
+def _actor(picture: Pixels, region: Region, actor: Floats, frame: WorldState) -> None:
     kind, state = ActorKind(int(actor[frame.KIND])), ActorState(int(actor[frame.STATE]))
     colour = _FIXED_COLOURS.get(kind, _whole(paint_of(int(actor[frame.ID]))))
     place = actor[[frame.X, frame.Y, frame.YAW, frame.LENGTH, frame.WIDTH]]

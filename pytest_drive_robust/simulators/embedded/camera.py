@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.observation import CameraSpec
     from pytest_drive_robust.domain.route import Weather
-    from pytest_drive_robust.domain.truth import Frame, LaneMap
+    from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
     Pixels = NDArray[np.uint8]
     Measured = NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.int32]
@@ -104,7 +104,7 @@ class CameraRig:
         clear = np.exp(-self._air.haze_per_m * depths_m).astype(np.float32)
         self._eyes = tuple(_Eye.of(camera, self._air, texture, clear) for camera in cameras)
 
-    def render(self, frame: Frame, due: Collection[str] | None = None) -> dict[str, Pixels]:
+    def render(self, frame: WorldState, due: Collection[str] | None = None) -> dict[str, Pixels]:
         """Pictures of `frame`, (height, width, 3) uint8 RGB by the camera's name: of the cameras `due`, or of all.
 
         The arrays are the rig's own and are drawn over by the next call: copy what must last.
@@ -118,14 +118,14 @@ class CameraRig:
         return pictures
 
     def render_passes(
-        self, frame: Frame, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
+        self, frame: WorldState, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
     ) -> dict[str, dict[str, Measured]]:
         """What the cameras see, measured on the same geometry: by the camera's name, then by the pass.
 
         - `"rgb"` (height, width, 3) uint8: as `render`.
         - `"semantic"` (height, width) uint8: a `SemanticClass` each.
         - `"depth"` (height, width) float32: metres along the optical axis, infinity for the sky.
-        - `"instance"` (height, width) int32: the actor's id (`Frame.ID`), -1 for what is no actor.
+        - `"instance"` (height, width) int32: the actor's id (`WorldState.ID`), -1 for what is no actor.
 
         The arrays are the rig's own and are drawn over by the next call. Raises `UnknownNameError` for another name.
         """
@@ -143,10 +143,10 @@ class CameraRig:
                 found[eye.spec.name] = {name: arrays[name] for name in passes}
         return found
 
-    def _headlamps(self, frame: Frame) -> Headlamps:
+    def _headlamps(self, frame: WorldState) -> Headlamps:
         return Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
 
-    def _scene(self, frame: Frame) -> Scene:
+    def _scene(self, frame: WorldState) -> Scene:
         """The boxes of all that is there."""
         still = len(self._furniture.rows)
         needed = still + len(frame.actors) * _MOST_PARTS
@@ -161,7 +161,7 @@ class CameraRig:
         fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
         return scene
 
-    def _draw(self, eye: _Eye, frame: Frame, scene: Scene, lamps: Headlamps, *, picture: bool = True) -> View:
+    def _draw(self, eye: _Eye, frame: WorldState, scene: Scene, lamps: Headlamps, *, picture: bool = True) -> View:
         eye.canvas = eye.canvas.with_room(len(scene.rows))
         view = View.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
         draw_camera(eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.world import DT_S, World
@@ -33,7 +33,7 @@ class RouteScene:
 
     route: Route
     world: World
-    frame: Frame
+    frame: WorldState
     ridden_m: float
     walks: np.typing.NDArray[np.float64]
 

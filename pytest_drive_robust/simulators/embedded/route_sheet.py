@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region
@@ -94,11 +94,21 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
     for start, end in scene.walks:
         _arrow(picture, region, start, end, _WALK)
     for actor in scene.frame.actors:
-        if actor[Frame.KIND] in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE):
-            _ring(picture, region, actor[[Frame.X, Frame.Y]], _RING_M / region.texel_m, _WALK, 2)
-        if actor[Frame.SPEED] > 0.5 and actor[Frame.KIND] != ActorKind.PEDESTRIAN:
-            reach = actor[Frame.SPEED] * _ARROW_S * np.array((math.cos(actor[Frame.YAW]), math.sin(actor[Frame.YAW])))
-            _arrow(picture, region, actor[[Frame.X, Frame.Y]], actor[[Frame.X, Frame.Y]] + reach, _ARROW)
+        if actor[WorldState.KIND] in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE):
+            _ring(picture, region, actor[[WorldState.X, WorldState.Y]], _RING_M / region.texel_m, _WALK, 2)
+        if actor[WorldState.SPEED] > 0.5 and actor[WorldState.KIND] != ActorKind.PEDESTRIAN:
+            reach = (
+                actor[WorldState.SPEED]
+                * _ARROW_S
+                * np.array((math.cos(actor[WorldState.YAW]), math.sin(actor[WorldState.YAW])))
+            )
+            _arrow(
+                picture,
+                region,
+                actor[[WorldState.X, WorldState.Y]],
+                actor[[WorldState.X, WorldState.Y]] + reach,
+                _ARROW,
+            )
     for row, colour in ((0, _START), (-1, _FINISH)):
         _ring(picture, region, dense.rows[row, :2], 6.0, colour, 3)
     left, right = (np.array(place(dense.rows[:, :3], dense.trigger_m, side)[:2]) for side in (-3.0, 3.0))

@@ -16,7 +16,7 @@ from pytest_drive_robust.simulators.embedded.semantics import KIND_LABELS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.domain.truth import Frame, LaneMap
+    from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
 __all__ = ["SemanticBev"]
 
@@ -58,7 +58,7 @@ class SemanticBev:
         self._stop_lines = np.array(lines, np.float64).reshape(-1, 4)
         self._classes = np.zeros((size_px, size_px), np.uint8)
 
-    def render(self, frame: Frame) -> NDArray[np.uint8]:
+    def render(self, frame: WorldState) -> NDArray[np.uint8]:
         """The view of `frame`, (size_px, size_px) uint8, a `SemanticClass` each; drawn over by the next call."""
         ego = frame.ego
         c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import Frame, LaneMap
+from pytest_drive_robust.domain.truth import LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
 
 __all__ = ["Sensors"]
@@ -34,7 +34,7 @@ class Sensors:
 
             self._rig = CameraRig(lane_map, weather, cameras, around=route[:, :2])
 
-    def observe(self, frame: Frame) -> Observation:
+    def observe(self, frame: WorldState) -> Observation:
         """What the sensors deliver at this moment. Cameras slower than the tick deliver their last image again."""
         tick, ego = frame.tick, frame.ego
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]

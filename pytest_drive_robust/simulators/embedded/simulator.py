@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.domain.truth import Frame, GroundTruth
+from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
@@ -53,7 +53,7 @@ class EmbeddedSimulator:
         self.options = options or SimulatorOptions()
         self._world: World | None = None
         self._sensors: Sensors | None = None
-        self._frame: Frame | None = None
+        self._frame: WorldState | None = None
 
     @property
     def world(self) -> World:
@@ -62,7 +62,7 @@ class EmbeddedSimulator:
             raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
         return self._world
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
         from pytest_drive_robust.simulators.embedded.world import World
 
@@ -102,7 +102,7 @@ class EmbeddedSimulator:
         return self._sensors
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> WorldState:
         """The dynamic world of this moment."""
         if self._frame is None:
             self._frame = self.world.frame()
@@ -112,7 +112,7 @@ class EmbeddedSimulator:
         """The state of the world of this moment."""
         return self.world.truth(self.frame)
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         """Advance by 50 ms."""
         self.world.tick(control)
         self._frame = self.world.frame()
@@ -150,7 +150,7 @@ class EmbeddedSimulator:
         self._rig.restore(snapshot.images)
         self._frame = None
 
-    def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> Frame:
+    def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> WorldState:
         """Put the ego elsewhere in this moment of the episode, for data and experiments that branch from it.
 
         Its wheels stay turned as they are and its engine pulls as it does; with a speed of 0 it is at rest. The IMU

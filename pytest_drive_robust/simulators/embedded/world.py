@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import EgoState, Frame, GroundTruth, LaneKind, LaneMap
+from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
@@ -78,11 +78,11 @@ class World:
         """Note what is only known at the end; once per episode."""
         finish(self._held)
 
-    def frame(self) -> Frame:
+    def frame(self) -> WorldState:
         """The dynamic world of this moment; its arrays belong to the caller."""
         ego = self.state.ego
         count = actor_rows(self._held, self._rows)
-        return Frame(
+        return WorldState(
             tick=int(self.state.clock[0]),
             ego=EgoState(
                 x_m=float(ego[c.EGO_X]),
@@ -99,7 +99,7 @@ class World:
             lights=self.state.lights.copy(),
         )
 
-    def truth(self, frame: Frame) -> GroundTruth:
+    def truth(self, frame: WorldState) -> GroundTruth:
         """`frame` together with the map and the route."""
         return GroundTruth(frame, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
 

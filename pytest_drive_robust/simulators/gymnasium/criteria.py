@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LaneMap
+from pytest_drive_robust.domain.truth import ActorKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import criteria as constants
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
@@ -50,7 +50,7 @@ class Judge:
         """Metres of the route that are behind the ego."""
         return float(self._line.s[self.row])
 
-    def look(self, frame: Frame, *, dt_s: float, options: SimulatorOptions) -> None:
+    def look(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
         """Judge the tick that ended with `frame`."""
         gained = self._pass_rows(frame)
         self._collisions(frame)
@@ -61,7 +61,7 @@ class Judge:
         self._still_s = self._still_s + dt_s if frame.ego.speed_mps < constants.STANDING_MPS else 0.0
         self.end = self._end(frame, dt_s, options)
 
-    def score(self, frame: Frame, *, dt_s: float, options: SimulatorOptions) -> Score:
+    def score(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> Score:
         """The criteria of a finished episode, closed."""
         end = self.end or End.SIMULATION_CRASHED
         infractions = [*self._infractions, *self._at_the_end(frame, end)]
@@ -78,7 +78,7 @@ class Judge:
             junction_passed=self._junction_passed(),
         )
 
-    def _pass_rows(self, frame: Frame) -> float:
+    def _pass_rows(self, frame: WorldState) -> float:
         rows, before = self._line.rows, self.row
         for k in range(before, min(before + constants.ROUTE_WINDOW, len(rows))):
             x, y, yaw = rows[k, :3]
@@ -86,7 +86,7 @@ class Judge:
                 self.row = k
         return float(self._line.s[self.row] - self._line.s[before])
 
-    def _collisions(self, frame: Frame) -> None:
+    def _collisions(self, frame: WorldState) -> None:
         """highway-env's `crashed` stays true for the rest of the episode: one collision each."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
@@ -103,7 +103,7 @@ class Judge:
         lanes = self._road.network.lanes_list()
         return not any(lane.on_lane(ego.position, margin=constants.OUTSIDE_M) for lane in lanes)
 
-    def _is_wrong_way(self, frame: Frame) -> bool:
+    def _is_wrong_way(self, frame: WorldState) -> bool:
         """Against the traffic of the nearest lane. Junctions, where lanes cross, are left out."""
         ego = self._road.ego
         if self._lane_map.lanes[self._index[ego.lane_index]].junction:
@@ -112,11 +112,11 @@ class Judge:
         turn = math.remainder(frame.ego.yaw_rad - float(ego.lane.heading_at(along)), 2.0 * math.pi)
         return abs(turn) >= _WRONG_WAY_RAD
 
-    def _efficiency(self, frame: Frame) -> None:
+    def _efficiency(self, frame: WorldState) -> None:
         """The ego's mean speed against the traffic's, per twentieth of the route."""
-        vehicles = frame.actors[frame.actors[:, Frame.KIND] <= ActorKind.BICYCLE]
+        vehicles = frame.actors[frame.actors[:, WorldState.KIND] <= ActorKind.BICYCLE]
         if len(vehicles):
-            self._speeds.append((frame.ego.speed_mps, float(np.mean(vehicles[:, Frame.SPEED]))))
+            self._speeds.append((frame.ego.speed_mps, float(np.mean(vehicles[:, WorldState.SPEED]))))
         if self.progress_m - self._checkpoint_m > self._line.length_m / constants.CHECKPOINTS:
             self._checkpoint_m = self.progress_m
             self._close_checkpoint()
@@ -126,7 +126,7 @@ class Judge:
         self._ratios.append(round(100.0 * ego / traffic, 2) if traffic > 0.0 else 100.0)
         self._speeds.clear()
 
-    def _end(self, frame: Frame, dt_s: float, options: SimulatorOptions) -> End | None:
+    def _end(self, frame: WorldState, dt_s: float, options: SimulatorOptions) -> End | None:
         ego, last = frame.ego, self._line.rows[-1]
         to_go = math.hypot(ego.x_m - last[0], ego.y_m - last[1])
         done = 100.0 * self.progress_m / self._line.length_m > constants.COMPLETE_PCT
@@ -146,7 +146,7 @@ class Judge:
             return End.STUCK
         return End.TICK_CAP if frame.tick >= options.tick_cap else None
 
-    def _at_the_end(self, frame: Frame, end: End) -> list[Infraction]:
+    def _at_the_end(self, frame: WorldState, end: End) -> list[Infraction]:
         found: list[Infraction] = []
         if end is End.DEVIATED:
             found.append(self._here(InfractionKind.DEVIATION, frame, "left the route by more than 30 m"))
@@ -176,9 +176,9 @@ class Judge:
         flags = [self._lane_map.lanes[self._index[key]].junction for key in self._line.keys]
         return any(flags) and self.row > flags.index(True) + 8
 
-    def _note(self, kind: InfractionKind, frame: Frame, detail: str) -> None:
+    def _note(self, kind: InfractionKind, frame: WorldState, detail: str) -> None:
         self._infractions.append(self._here(kind, frame, detail))
 
     @staticmethod
-    def _here(kind: InfractionKind, frame: Frame, detail: str, *, share_pct: float = 0.0) -> Infraction:
+    def _here(kind: InfractionKind, frame: WorldState, detail: str, *, share_pct: float = 0.0) -> Infraction:
         return Infraction(kind, frame.tick, detail, frame.ego.x_m, frame.ego.y_m, share_pct)

@@ -11,7 +11,7 @@ from highway_env.vehicle.objects import Landmark
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, Frame, LaneMap
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneMap, WorldState
 from pytest_drive_robust.simulators.gymnasium.vehicles import acceleration_and_steering, action_of
 
 __all__ = ["LiveRoad", "kind_of"]
@@ -67,7 +67,7 @@ class LiveRoad:
         self.ended = bool(terminated or truncated)
         self.tick += 1
 
-    def frame(self) -> Frame:
+    def frame(self) -> WorldState:
         """The dynamic world of this moment; its arrays belong to the caller."""
         ego = self.ego
         forward, right, yaw_rate = self._accelerations
@@ -83,7 +83,7 @@ class LiveRoad:
             width_m=float(ego.WIDTH),
         )
         rows = [self._row(body) for body in self.others()]
-        return Frame(self.tick, state, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
+        return WorldState(self.tick, state, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
         """Every vehicle and solid object but the ego."""

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.domain.truth import Frame, GroundTruth, LaneMap
+from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError, UsageError
 from pytest_drive_robust.simulators.base import Score, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
@@ -43,7 +43,7 @@ class _Episode:
     lane_map: LaneMap
     judge: Judge
     sensors: Sensors
-    frame: Frame
+    frame: WorldState
 
 
 class GymnasiumSimulator:
@@ -88,7 +88,7 @@ class GymnasiumSimulator:
         """Raise `RouteError` for a route that is none of this environment's."""
         self._reset_seed(route, 0)
 
-    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> Frame:
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
         number = self._reset_seed(route, seed)
         self._episode = None
@@ -114,7 +114,7 @@ class GymnasiumSimulator:
         episode = self._now
         return GroundTruth(episode.frame, episode.lane_map, episode.line.rows, episode.judge.row)
 
-    def step(self, control: Control) -> Frame:
+    def step(self, control: Control) -> WorldState:
         """Advance by 50 ms."""
         episode = self._now
         with self._classes.inside():

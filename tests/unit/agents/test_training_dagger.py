@@ -16,7 +16,7 @@ from drive_robust_agents.training.dagger import Mixture, agent_of, agent_turns, 
 from drive_robust_agents.training.draws import draws
 from drive_robust_agents.training.rollouts import DAGGER
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 WAY = "ControlLoss"
@@ -90,7 +90,7 @@ def test_under_a_failure_the_agent_is_told_what_is_wrong_and_the_planners_follow
 
 
 def test_late_controls_lead_the_agent_elsewhere_but_not_the_expert() -> None:
-    def drives(beta: float, *settings: str) -> list[Frame]:
+    def drives(beta: float, *settings: str) -> list[WorldState]:
         found = drive_mixture(route_of(WAY), agent=Floored(), mixture=mixture(beta, *settings), data_seed=0, seed=0)
         return [one.frames[0] for one in found]
 

@@ -24,7 +24,7 @@ from drive_robust_agents.training.labels import (
 )
 from drive_robust_agents.training.rollouts import ON_WAY, Sample
 from pytest_drive_robust import Control, GlobalPlan, RoadOption
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, Frame, GroundTruth, LightState
+from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, LightState, WorldState
 
 LIGHT = "VanillaSignalizedTurnEncounterRedLight"
 NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0, RoadOption.STRAIGHT)
@@ -80,10 +80,10 @@ def test_a_drive_that_ends_goes_on_at_its_speed_and_curvature() -> None:
     radius, v = 20.0, 5.0
     rate = v / radius
 
-    def at(tick: int) -> Frame:
+    def at(tick: int) -> WorldState:
         yaw = rate * tick * 0.05
         ego = EgoState(radius * math.sin(yaw), radius * (1.0 - math.cos(yaw)), yaw, v, 0.0, v * rate, rate, 4.9, 1.8)
-        return Frame(tick, ego, np.zeros((0, 10)), np.zeros(0, dtype=np.int64))
+        return WorldState(tick, ego, np.zeros((0, 10)), np.zeros(0, dtype=np.int64))
 
     short = motion_labels([at(tick) for tick in range(8)], [Control(0.1 * k) for k in range(7)])
     whole = motion_labels([at(tick) for tick in range(61)], [Control()] * 60)

@@ -24,7 +24,7 @@ from drive_robust_agents.training.perception import (
 from drive_robust_agents.training.rigs import OUTFITS, outfit
 from drive_robust_agents.training.rollouts import Sample
 from drive_robust_agents.training.rows import Eyes, rows
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 from pytest_drive_robust.errors import UnknownNameError
 
 LIGHT = "VanillaSignalizedTurnEncounterRedLight"
@@ -35,11 +35,11 @@ def samples() -> tuple[Sample, ...]:
     return samples_of(LIGHT)
 
 
-def moved(frame: Frame, *, tick: int, ahead_m: float) -> Frame:
+def moved(frame: WorldState, *, tick: int, ahead_m: float) -> WorldState:
     """The frame later, with everybody farther along x; who is behind 60 m is gone."""
     actors = frame.actors.copy()
-    actors[:, Frame.X] += ahead_m
-    return replace(frame, tick=tick, actors=actors[actors[:, Frame.X] < 60.0])
+    actors[:, WorldState.X] += ahead_m
+    return replace(frame, tick=tick, actors=actors[actors[:, WorldState.X] < 60.0])
 
 
 def test_boxes_are_in_the_ego_frame_nearest_first() -> None:
@@ -76,19 +76,19 @@ def test_boxes_of_a_drive_lie_where_the_actors_are(samples: tuple[Sample, ...]) 
     seen_any = 0
     for sample in samples[::10]:
         frame = sample.frames[0]
-        found = box_labels(sample.frames, set(frame.actors[:, Frame.ID].astype(int)))
+        found = box_labels(sample.frames, set(frame.actors[:, WorldState.ID].astype(int)))
         for box, future in zip(found["boxes"], found["box_future"], strict=True):
             if box[8] == 0.0:
                 continue
-            places = to_ego(frame.ego, frame.actors[:, [Frame.X, Frame.Y]])
+            places = to_ego(frame.ego, frame.actors[:, [WorldState.X, WorldState.Y]])
             k = int(np.argmin(np.hypot(*(places - box[:2]).T)))
             assert places[k] == pytest.approx(box[:2], abs=1e-4)
-            number = frame.actors[k, Frame.ID]
+            number = frame.actors[k, WorldState.ID]
             for step, tick in enumerate((10, 20, 30, 40, 50, 60)):
                 if np.isfinite(future[step, 0]):
                     later = sample.frames[tick].actors
-                    row = later[later[:, Frame.ID] == number][0]
-                    assert to_ego(frame.ego, row[[Frame.X, Frame.Y]]) == pytest.approx(future[step], abs=1e-4)
+                    row = later[later[:, WorldState.ID] == number][0]
+                    assert to_ego(frame.ego, row[[WorldState.X, WorldState.Y]]) == pytest.approx(future[step], abs=1e-4)
                     seen_any += 1
     assert seen_any > 10
 
@@ -107,8 +107,14 @@ def test_who_stands_behind_somebody_else_is_not_seen(samples: tuple[Sample, ...]
     for number, (ahead, width, height, kind) in enumerate(behind):
         right = 0.0 if kind is not ActorKind.CONE else 4.0
         one = row.copy()
-        one[[Frame.ID, Frame.KIND, Frame.YAW, Frame.WIDTH, Frame.HEIGHT]] = number, kind, ego.yaw_rad, width, height
-        one[[Frame.X, Frame.Y]] = ego.x_m + c * ahead - s * right, ego.y_m + s * ahead + c * right
+        one[[WorldState.ID, WorldState.KIND, WorldState.YAW, WorldState.WIDTH, WorldState.HEIGHT]] = (
+            number,
+            kind,
+            ego.yaw_rad,
+            width,
+            height,
+        )
+        one[[WorldState.X, WorldState.Y]] = ego.x_m + c * ahead - s * right, ego.y_m + s * ahead + c * right
         actors.append(one)
     frame = replace(truth.frame, actors=np.array(actors))
     eyes = Eyes(truth.lane_map, route_of(LIGHT), truth.route, outfit("tcp").cameras)

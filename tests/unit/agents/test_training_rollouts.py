@@ -17,12 +17,12 @@ from drive_robust_agents.training.noise import burst_plan, burst_steer
 from drive_robust_agents.training.poses import Pose, Room, draw_pose
 from drive_robust_agents.training.rollouts import ON_WAY, SHIFTED, START, drive_expert, sample_branch
 from pytest_drive_robust import Control, Observation
-from pytest_drive_robust.domain.truth import EgoState, Frame
+from pytest_drive_robust.domain.truth import EgoState, WorldState
 
 WAY = "ControlLoss"
 
 
-def same(one: Frame, other: Frame) -> bool:
+def same(one: WorldState, other: WorldState) -> bool:
     """To the last bit."""
     arrays = np.array_equal(one.actors, other.actors) and np.array_equal(one.lights, other.lights)
     return one.tick == other.tick and one.ego == other.ego and arrays
@@ -153,7 +153,7 @@ def test_a_branch_that_ends_in_a_collision_is_no_sample() -> None:
         control = course.act()
         course.step(control, control)
     body = course.simulator.frame.actors[0]
-    inside = Pose(float(body[Frame.X]) - 3.0, float(body[Frame.Y]), 0.0, 15.0)
+    inside = Pose(float(body[WorldState.X]) - 3.0, float(body[WorldState.Y]), 0.0, 15.0)
     before = course.simulator.frame
     assert sample_branch(course, inside, SHIFTED) is None
     assert same(course.simulator.frame, before)
@@ -202,4 +202,4 @@ def test_there_is_room_on_the_road_but_not_beside_it_nor_in_somebody() -> None:
     assert room.is_free(frame, Pose(x, y, yaw, 0.0))
     assert not room.is_free(frame, Pose(x - 30.0 * math.sin(yaw), y + 30.0 * math.cos(yaw), yaw, 0.0))
     body = frame.actors[0]
-    assert not room.is_free(frame, Pose(body[Frame.X], body[Frame.Y], body[Frame.YAW], 0.0))
+    assert not room.is_free(frame, Pose(body[WorldState.X], body[WorldState.Y], body[WorldState.YAW], 0.0))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.domain.ruling import VERDICT_KINDS, Ruling
+from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS, VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions, check_seeds, parse_seeds
 from pytest_drive_robust.options.table import OPTIONS
@@ -43,9 +43,9 @@ def test_every_option_is_read(tmp_path):
         *map(str, files),
     )
     config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
-    ruling = Ruling("list", 0.2, 0.01)
+    verdict_rule = VerdictRule("list", 0.2, 0.01)
     assert RunOptions.from_pytest_config(config) == RunOptions(
-        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], ruling, "skip", files[1], "holm", "kept"
+        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], verdict_rule, "skip", files[1], "holm", "kept"
     )
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError
 from pytest_drive_robust.perturbations import InferenceLatency
 from pytest_drive_robust.perturbations.ladder import ladder_of
@@ -16,8 +16,8 @@ from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.search.largest_severity import ALPHA, largest
 from pytest_drive_robust.stats.judges import judge_by
 from pytest_drive_robust.testing import fake_route
+from pytest_drive_robust.verdict.forms import rule_of
 from pytest_drive_robust.verdict.model import Requirement
-from pytest_drive_robust.verdict.ruling import rule_of
 
 LATENCY = ladder_of(InferenceLatency, dt_s=0.02)
 
@@ -29,15 +29,17 @@ class Scores:
     noise: float = 15.0
 
     def __post_init__(self) -> None:
-        self.rulings: list[Ruling] = []
+        self.rulings: list[VerdictRule] = []
         self.levels: list[float] = []
 
-    def decide(self, requirement: Requirement, scope: Scope, ruling: Ruling) -> SimpleNamespace:
-        self.rulings.append(ruling)
+    def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule) -> SimpleNamespace:
+        self.rulings.append(verdict_rule)
         ms = float(requirement.setting.perturbations[0].parameters()["ms"])  # type: ignore[arg-type]
         self.levels.append(ms)
         draws = np.random.Generator(np.random.Philox(key=int(ms)))
-        judge = judge_by(ruling.kind, rule_of(requirement, ruling), planned=len(scope.routes), alpha=ruling.alpha)  # type: ignore[arg-type]
+        judge = judge_by(
+            verdict_rule.kind, rule_of(requirement, verdict_rule), planned=len(scope.routes), alpha=verdict_rule.alpha
+        )  # type: ignore[arg-type]
         scores = []
         for _ in scope.routes:
             scores.append(float(np.clip(80.0 * (1.0 - ms / 500.0) + draws.normal(0.0, self.noise), 0.0, 100.0)))
@@ -56,8 +58,8 @@ def test_with_enough_routes_the_bracket_rests_on_evidence_and_stops_early_far_fr
     campaign = Scores()
     found = largest(LATENCY, campaign, scope=scope(220), metric="RD", limit=0.30)  # type: ignore[arg-type]
     assert found.rule == "evidence"
-    assert {(ruling.kind, ruling.alpha) for ruling in campaign.rulings} == {("evidence", ALPHA)}
-    assert all(ruling.margin < 1e-6 for ruling in campaign.rulings)
+    assert {(verdict_rule.kind, verdict_rule.alpha) for verdict_rule in campaign.rulings} == {("evidence", ALPHA)}
+    assert all(verdict_rule.margin < 1e-6 for verdict_rule in campaign.rulings)
     assert found.holds in (120.0, 140.0)
     assert found.breaks in (160.0, 180.0)
     assert all(probe.routes < 80 for probe in found.probes if abs(probe.value - 0.30) > 0.15)
@@ -68,7 +70,7 @@ def test_with_few_routes_values_are_compared() -> None:
     campaign = Scores(noise=0.0)
     found = largest(LATENCY, campaign, scope=scope(8), metric="RD", limit=0.30)  # type: ignore[arg-type]
     assert (found.rule, found.holds, found.breaks) == ("point", 140.0, 160.0)
-    assert {ruling.kind for ruling in campaign.rulings} == {"point"}
+    assert {verdict_rule.kind for verdict_rule in campaign.rulings} == {"point"}
     assert len(campaign.levels) <= 6
 
 

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.rescore import Rig, Wreck, drive_again
@@ -32,7 +32,7 @@ def drive_until_lost(setting: Setting) -> tuple[EpisodeResult, Wreck]:
         asked.append(Control(throttle=min(1.0, 0.5 + observation.tick / 100.0), steer=0.01))
         return asked[-1]
 
-    def keep(tick: int, frame: Frame, observation: Observation, applied: Control) -> None:
+    def keep(tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
         ego = frame.ego
         controls = [value for item in (asked[-1], applied) for value in (item.throttle, item.steer, item.brake)]
         rows.append([*controls, ego.x_m, ego.y_m, ego.speed_mps])

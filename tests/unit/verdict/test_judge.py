@@ -7,7 +7,7 @@ import pytest
 from result_factory import crashed_simulation, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
@@ -147,5 +147,5 @@ def test_a_users_metric_without_a_finite_value_is_an_error(nothing: float | None
 def test_a_value_that_nobody_read_route_by_route_promises_nothing():
     clean = [scored("1", 100.0), scored("2", 100.0)]
     wanted = parse_requirement("DS under clean >= 60")
-    verdict = judge(wanted, agent="driver", clean=[], perturbed=clean, ruling=Ruling())
-    assert (verdict.ruling.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
+    verdict = judge(wanted, agent="driver", clean=[], perturbed=clean, verdict_rule=VerdictRule())
+    assert (verdict.forms.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)

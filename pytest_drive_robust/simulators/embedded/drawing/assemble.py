@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.truth import ActorState, Frame
+from pytest_drive_robust.domain.truth import ActorState, WorldState
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 
 __all__ = ["assemble"]
 
-_ID, _KIND, _X, _Y, _YAW = Frame.ID, Frame.KIND, Frame.X, Frame.Y, Frame.YAW
-_SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = Frame.SPEED, Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT, Frame.STATE
+_ID, _KIND, _X, _Y, _YAW = WorldState.ID, WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
+_SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = (
+    WorldState.SPEED,
+    WorldState.LENGTH,
+    WorldState.WIDTH,
+    WorldState.HEIGHT,
+    WorldState.STATE,
+)
 _BRAKING, _SIREN = int(ActorState.BRAKING), int(ActorState.SIREN)
 _LEFT, _RIGHT = int(ActorState.INDICATOR_LEFT), int(ActorState.INDICATOR_RIGHT)
 _BODY, _BRAKE_LAMP, _HEADLAMP = int(Role.BODY), int(Role.BRAKE_LAMP), int(Role.HEADLAMP)

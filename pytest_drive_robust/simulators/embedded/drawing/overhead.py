@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.sampling import line_classes
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
@@ -22,7 +22,14 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_overhead"]
 
-_KIND, _X, _Y, _YAW, _LENGTH, _WIDTH = Frame.KIND, Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH
+_KIND, _X, _Y, _YAW, _LENGTH, _WIDTH = (
+    WorldState.KIND,
+    WorldState.X,
+    WorldState.Y,
+    WorldState.YAW,
+    WorldState.LENGTH,
+    WorldState.WIDTH,
+)
 _DIRT = int(ActorKind.DIRT)
 _GREEN, _STOP_SIGN = int(LightState.GREEN), int(LightState.STOP_SIGN)
 _BUILDING, _LIGHT, _SIGN = (

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.faces import NEAR_M, bounds, clip, fill, pick
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_faces"]
 
 _SMALLEST_PX = 0.75
-_X, _Y, _LENGTH, _WIDTH, _HEIGHT = Frame.X, Frame.Y, Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT
+_X, _Y, _LENGTH, _WIDTH, _HEIGHT = WorldState.X, WorldState.Y, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
 _SIDES = 4
 _SQUARE_ON = 0.4
 

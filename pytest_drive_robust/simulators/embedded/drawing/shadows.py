@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
 from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_shadows", "row_of"]
 
-_KIND, _X, _Y, _YAW = Frame.KIND, Frame.X, Frame.Y, Frame.YAW
-_LENGTH, _WIDTH, _HEIGHT = Frame.LENGTH, Frame.WIDTH, Frame.HEIGHT
+_KIND, _X, _Y, _YAW = WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
+_LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
 _BUILDING, _DIRT = int(ActorKind.BUILDING), int(ActorKind.DIRT)
 _MARGIN_M = 0.12
 _CAST_HEIGHT = 0.85

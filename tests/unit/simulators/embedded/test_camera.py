@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
@@ -32,19 +32,21 @@ Pixels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 
-def picture(shown: Frame, *, camera: CameraSpec = FRONT, weather: Weather = CLEAR, lane_map: object = None) -> Pixels:
+def picture(
+    shown: WorldState, *, camera: CameraSpec = FRONT, weather: Weather = CLEAR, lane_map: object = None
+) -> Pixels:
     rig = CameraRig(lane_map or OPEN_TOWN, weather, [camera], around=around())  # type: ignore[arg-type]
     return rig.render(shown)[camera.name].copy()
 
 
-def actor_mask(shown: Frame, number: int, *, camera: CameraSpec = FRONT, lane_map: object = None) -> Mask:
+def actor_mask(shown: WorldState, number: int, *, camera: CameraSpec = FRONT, lane_map: object = None) -> Mask:
     """Where the actor of that id is seen."""
     rig = CameraRig(lane_map or OPEN_TOWN, CLEAR, [camera], around=around())  # type: ignore[arg-type]
     found: Mask = rig.render_passes(shown, ("instance",))[camera.name]["instance"] == number
     return found
 
 
-def project(x: float, y: float, z: float, shown: Frame, camera: CameraSpec) -> tuple[float, float]:
+def project(x: float, y: float, z: float, shown: WorldState, camera: CameraSpec) -> tuple[float, float]:
     """Pinhole projection by hand: column and row of a point in the world."""
     ego, yaw = shown.ego, shown.ego.yaw_rad + math.radians(camera.yaw_deg)
     cx = ego.x_m + camera.x_m * math.cos(ego.yaw_rad) - camera.y_m * math.sin(ego.yaw_rad)
@@ -55,7 +57,7 @@ def project(x: float, y: float, z: float, shown: Frame, camera: CameraSpec) -> t
     return camera.width_px / 2.0 + focal * right / forward, camera.height_px / 2.0 + focal * (camera.z_m - z) / forward
 
 
-def corners_of(row: list[float], shown: Frame, camera: CameraSpec) -> list[tuple[float, float]]:
+def corners_of(row: list[float], shown: WorldState, camera: CameraSpec) -> list[tuple[float, float]]:
     """Columns and rows of the eight corners of an actor's box."""
     x, y, yaw, length, width, height = row[2], row[3], row[4], row[6], row[7], row[8]
     return [
@@ -72,7 +74,7 @@ def corners_of(row: list[float], shown: Frame, camera: CameraSpec) -> list[tuple
     ]
 
 
-def box_of(row: list[float], shown: Frame, camera: CameraSpec) -> tuple[float, float, float, float]:
+def box_of(row: list[float], shown: WorldState, camera: CameraSpec) -> tuple[float, float, float, float]:
     """(left, top, right, bottom) of an actor's box in the picture."""
     columns, rows = zip(*corners_of(row, shown, camera), strict=True)
     return min(columns), min(rows), max(columns), max(rows)
@@ -212,8 +214,8 @@ def test_a_camera_that_looks_back_sees_what_is_behind() -> None:
 def test_the_bird_s_eye_view_and_the_camera_agree_on_who_is_there() -> None:
     shown, seen_by_camera = busy_frame(), 0
     for row in shown.actors:
-        kind, rest = ActorKind(int(row[Frame.KIND])), without(shown, int(row[Frame.ID]))
-        dx, dy = row[Frame.X] - shown.ego.x_m, row[Frame.Y] - shown.ego.y_m
+        kind, rest = ActorKind(int(row[WorldState.KIND])), without(shown, int(row[WorldState.ID]))
+        dx, dy = row[WorldState.X] - shown.ego.x_m, row[WorldState.Y] - shown.ego.y_m
         if math.hypot(dx, dy) > 35.0:
             continue
         above = draw_bev(OPEN_TOWN, shown, around()) != draw_bev(OPEN_TOWN, rest, around())

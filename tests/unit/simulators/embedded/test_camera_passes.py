@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.embedded.camera import PASSES, CameraRig
 from pytest_drive_robust.simulators.embedded.semantics import CLASS_OF_KIND, SemanticClass
@@ -29,7 +29,9 @@ TOWN, OPEN_TOWN = town(), town(buildings=False)
 FOCAL_PX = 128.0 / math.tan(math.radians(35.0))
 
 
-def passes(shown: Frame, *names: str, lane_map: object = OPEN_TOWN, camera: CameraSpec = FRONT) -> dict[str, NDArray]:
+def passes(
+    shown: WorldState, *names: str, lane_map: object = OPEN_TOWN, camera: CameraSpec = FRONT
+) -> dict[str, NDArray]:
     rig = CameraRig(lane_map, CLEAR, [camera], around=around())  # type: ignore[arg-type]
     return dict(rig.render_passes(shown, names or PASSES)[camera.name])
 

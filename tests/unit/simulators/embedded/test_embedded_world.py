@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
@@ -136,10 +136,18 @@ def test_nobody_stands_in_the_ego_at_the_start(route: Route) -> None:
         frame = World(route, seed=seed).frame()
         for actor in frame.actors:
             depth, _, _ = overlap(
-                frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, frame.ego.length_m, frame.ego.width_m,
-                actor[Frame.X], actor[Frame.Y], actor[Frame.YAW], actor[Frame.LENGTH], actor[Frame.WIDTH],
-            )  # fmt: skip
-            assert depth == 0.0, ActorKind(int(actor[Frame.KIND]))
+                frame.ego.x_m,
+                frame.ego.y_m,
+                frame.ego.yaw_rad,
+                frame.ego.length_m,
+                frame.ego.width_m,
+                actor[WorldState.X],
+                actor[WorldState.Y],
+                actor[WorldState.YAW],
+                actor[WorldState.LENGTH],
+                actor[WorldState.WIDTH],
+            )
+            assert depth == 0.0, ActorKind(int(actor[WorldState.KIND]))
 
 
 @pytest.mark.parametrize("route", BY_TYPE.values(), ids=lambda route: route.label.replace(" ", "-"))
@@ -149,7 +157,7 @@ def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> 
     for _ in range(600):
         world.tick(FULL_BRAKE)
         cars = world.frame().actors
-        cars = cars[(cars[:, Frame.KIND] <= ActorKind.BICYCLE) & (cars[:, Frame.SPEED] > 0.1)]
+        cars = cars[(cars[:, WorldState.KIND] <= ActorKind.BICYCLE) & (cars[:, WorldState.SPEED] > 0.1)]
         for i in range(len(cars)):
             for j in range(i):
                 a, b = cars[i], cars[j]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scenario_driver import actors_of, away_m, beside_route, collisions, drawn, drive, staged
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
@@ -195,7 +195,9 @@ def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> 
         for _ in range(50):
             for _ in range(8):
                 world.tick(FULL_BRAKE)
-            cars = world.frame().actors[:, [Frame.X, Frame.Y, Frame.YAW, Frame.LENGTH, Frame.WIDTH]]
+            cars = world.frame().actors[
+                :, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]
+            ]
             for i in range(len(cars)):
                 near = np.hypot(cars[:i, 0] - cars[i, 0], cars[:i, 1] - cars[i, 1]) < 8.0
                 assert all(overlap(*cars[i], *other)[0] == 0.0 for other in cars[:i][near])

@@ -10,7 +10,7 @@ from camera_scene import actor, around, busy_frame, frame, town
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pytest_drive_robust.domain.truth import ActorKind, Frame, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.embedded.semantic_bev import SemanticBev
 from pytest_drive_robust.simulators.embedded.semantics import CLASS_OF_KIND, SemanticClass
@@ -18,7 +18,7 @@ from pytest_drive_robust.simulators.embedded.semantics import CLASS_OF_KIND, Sem
 TOWN = town()
 
 
-def view(shown: Frame, **options: float) -> np.ndarray:
+def view(shown: WorldState, **options: float) -> np.ndarray:
     return SemanticBev(TOWN, around=around(), **options).render(shown)  # type: ignore[arg-type]
 
 

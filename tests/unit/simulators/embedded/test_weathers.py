@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import ActorKind, Frame
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
@@ -24,7 +24,7 @@ CAR_AHEAD = actor(ActorKind.CAR, 18.0, 1.75)
 Pixels = NDArray[np.uint8]
 
 
-def shown(weather: Weather, seen: Frame) -> NDArray[np.float64]:
+def shown(weather: Weather, seen: WorldState) -> NDArray[np.float64]:
     rig = CameraRig(TOWN, weather, [FRONT], around=around())
     return rig.render(seen)["front"].astype(np.float64)
 

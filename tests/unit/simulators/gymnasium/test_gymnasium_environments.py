@@ -7,7 +7,7 @@ import pytest
 from highway_env.envs import HighwayEnv
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import Frame
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.gymnasium import compiled_simulator, gymnasium_simulator
@@ -140,7 +140,7 @@ def test_numbers_and_seeds_are_different_traffic():
 
     def traffic(number, seed):
         frame = simulator.reset(simulator.routes()[number], seed=seed, cameras=[])
-        return frame.actors[:, [Frame.X, Frame.Y]].tolist()
+        return frame.actors[:, [WorldState.X, WorldState.Y]].tolist()
 
     drawn = [traffic(0, 0), traffic(1, 0), traffic(0, 1)]
     assert drawn == [traffic(0, 0), traffic(1, 0), traffic(0, 1)]

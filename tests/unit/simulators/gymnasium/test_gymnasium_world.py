@@ -17,7 +17,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.route import RoadOption
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, Frame
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.gymnasium import compiled_simulator, gymnasium_simulator
@@ -145,7 +145,7 @@ def test_an_obstacle_of_the_road_is_layout():
     road.vehicles[:] = [ego]
     barrier.position = ego.position + np.array([12.0, 0.0])
     frame = simulator.step(Control(throttle=0.5))
-    assert frame.actors[:, Frame.KIND].tolist() == [ActorKind.BARRIER]
+    assert frame.actors[:, WorldState.KIND].tolist() == [ActorKind.BARRIER]
     score = follow(simulator, speed_mps=30.0)
     assert [infraction.kind for infraction in score.infractions] == [InfractionKind.COLLISION_LAYOUT]
     simulator.close()
@@ -253,11 +253,11 @@ def test_actors_keep_their_numbers_and_show_their_brakes():
     where, braking = {}, 0
     for _ in range(100):
         for row in frame.actors:
-            number, place = int(row[Frame.ID]), row[[Frame.X, Frame.Y]]
+            number, place = int(row[WorldState.ID]), row[[WorldState.X, WorldState.Y]]
             if number in where:
                 assert np.hypot(*(place - where[number])) < 1.5
             where[number] = place
-            braking += int(row[Frame.STATE]) & ActorState.BRAKING
+            braking += int(row[WorldState.STATE]) & ActorState.BRAKING
         frame = simulator.step(Control(brake=1.0))
     assert braking > 0
     assert len(where) > len(frame.actors) - 1  # some left, others came

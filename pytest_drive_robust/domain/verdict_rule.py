@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["VERDICT_KINDS", "Ruling"]
+__all__ = ["VERDICT_KINDS", "VerdictRule"]
 
 VERDICT_KINDS = ("auto", "evidence", "list", "point")
 _FEWEST_FOR_EVIDENCE = 20
@@ -15,7 +15,7 @@ _TOP_SCORE = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class Ruling:
+class VerdictRule:
     """How verdicts come about.
 
     `kind`: `"evidence"` asks about routes and seeds like these, in three verdicts, wrong at most `alpha` of the time a
@@ -52,7 +52,7 @@ class Ruling:
         """How often a fail by evidence may be wrong."""
         return self.alpha / self.family
 
-    def for_routes(self, count: int) -> Ruling:
+    def for_routes(self, count: int) -> VerdictRule:
         """The same with `"auto"` resolved for so many routes."""
         if self.kind != "auto":
             return self

@@ -1,4 +1,4 @@
-"""A requirement under a ruling, as the linear forms of one route's scores that `stats` reads."""
+"""A requirement under a verdict_rule, as the linear forms of one route's scores that `stats` reads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.domain.ruling import Ruling
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.verdict.known import known_metric
 
 if TYPE_CHECKING:
@@ -19,44 +19,44 @@ __all__ = ["advice_on", "by_evidence", "margin_of", "reads_routes", "rule_of"]
 _SCORE_RANGE = 100.0
 
 
-def reads_routes(requirement: Requirement, ruling: Ruling) -> bool:
+def reads_routes(requirement: Requirement, verdict_rule: VerdictRule) -> bool:
     """Whether the verdict is read route by route; a user's function over all episodes cannot be."""
-    return ruling.kind != "point" and known_metric(requirement.metric).function is None
+    return verdict_rule.kind != "point" and known_metric(requirement.metric).function is None
 
 
-def by_evidence(requirements: Sequence[Requirement], ruling: Ruling) -> int:
+def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) -> int:
     """How many verdicts from evidence a test will give: those of its `requirements`, one when they are not known."""
-    if ruling.kind != "evidence":
+    if verdict_rule.kind != "evidence":
         return 0
-    return sum(reads_routes(requirement, ruling) for requirement in requirements) if requirements else 1
+    return sum(reads_routes(requirement, verdict_rule) for requirement in requirements) if requirements else 1
 
 
-def margin_of(requirement: Requirement, ruling: Ruling) -> float:
+def margin_of(requirement: Requirement, verdict_rule: VerdictRule) -> float:
     """The margin in the unit of the metric."""
-    return ruling.margin * _range_of(requirement)
+    return verdict_rule.margin * _range_of(requirement)
 
 
-def rule_of(requirement: Requirement, ruling: Ruling) -> Rule:
+def rule_of(requirement: Requirement, verdict_rule: VerdictRule) -> Rule:
     """The requirement as linear forms of one route's scores (see `stats.rules`)."""
     from pytest_drive_robust.stats.rules import degradation_rule, mean_rule
 
     metric = known_metric(requirement.metric)
-    margin = margin_of(requirement, ruling)
+    margin = margin_of(requirement, verdict_rule)
     if metric.needs_clean:
         return degradation_rule(requirement.limit, margin, comparison=requirement.comparison)
     return mean_rule(requirement.limit, requirement.comparison, margin=margin, low=metric.low, high=metric.high)
 
 
-def advice_on(requirement: Requirement, ruling: Ruling, routes: int) -> Advice:
+def advice_on(requirement: Requirement, verdict_rule: VerdictRule, routes: int) -> Advice:
     """What so many routes can show of it, by the usual noise; nothing to say where no evidence is asked for."""
     from pytest_drive_robust.stats.planning import USUAL_NOISE, Advice, advise
 
-    if ruling.kind != "evidence" or not reads_routes(requirement, ruling):
+    if verdict_rule.kind != "evidence" or not reads_routes(requirement, verdict_rule):
         return Advice("fine", "", 0.0)
     scale = _range_of(requirement)
     return advise(
-        routes, margin_of(requirement, ruling), USUAL_NOISE * scale, what=requirement.metric, scale=scale,
-        alpha=ruling.alpha,
+        routes, margin_of(requirement, verdict_rule), USUAL_NOISE * scale, what=requirement.metric, scale=scale,
+        alpha=verdict_rule.alpha,
     )  # fmt: skip
 
 
