@@ -130,7 +130,7 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
         task
         for agent in agents
         for setting in settings
-        for task in scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).tasks
+        for task in scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).requests
     ]
     store = FolderStore(given.store, run=uuid.uuid4().hex)
     recipe = Recipe(

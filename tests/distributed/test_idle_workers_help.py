@@ -97,7 +97,7 @@ def asked(sentence: str, *, clean: bool = False) -> tuple[Asked, list[EpisodeReq
     setting = Setting.parse(sentence)
     need = SCOPE.need(setting, clean=clean)
     keys, twins = (tuple(task.key for task in tasks) for tasks in (need.perturbed, need.clean))
-    order = [task for route in routes_in_order(SCOPE, need) for task in route.tasks]
+    order = [task for route in routes_in_order(SCOPE, need) for task in route.requests]
     return Asked(SCOPE.agent, SCOPE.routes_spec, sentence, SCOPE.seeds, keys, twins), order
 
 
@@ -109,7 +109,7 @@ def journal(tmp_path: Path):
     def told(*events: Event) -> list[EpisodeRequest]:
         for event in events:
             writer(event)
-        return list(questions.tasks())
+        return list(questions.requests())
 
     yield told
     writer.close()

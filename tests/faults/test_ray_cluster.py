@@ -104,14 +104,14 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
         "leaves": End.AGENT_CRASHED_HARD,
         "hangs": End.AGENT_TIMED_OUT,
     }
-    good = project.tasks("steady", 3) + project.tasks("steady", 3, "halved throttle")
-    bad = [task for agent in broken for task in project.tasks(agent, 1)]
+    good = project.requests("steady", 3) + project.requests("steady", 3, "halved throttle")
+    bad = [task for agent in broken for task in project.requests(agent, 1)]
     executor = project.ray(cluster.address)
     futures = [executor.submit(task) for task in (*good[:3], *bad, *good[3:])]
     found = {future.result(DEADLINE_S).episode: future.result() for future in futures}
     assert executor.slots == 2
     executor.close()
-    for task in (*good, *project.tasks("raises", 1)):
+    for task in (*good, *project.requests("raises", 1)):
         assert same_bytes(found[task.episode]) == same_bytes(project.inline(task))
     for task in bad:
         result = found[task.episode]
@@ -123,7 +123,7 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
 
 def test_an_agent_gets_the_gpu_that_it_asks_for(cluster, project):
     executor = project.ray(cluster.address)
-    result = executor.submit(project.tasks("withgpu", 1)[0]).result(DEADLINE_S)
+    result = executor.submit(project.requests("withgpu", 1)[0]).result(DEADLINE_S)
     assert executor.slots == 1
     executor.close()
     assert result.ticks == 60
@@ -133,7 +133,7 @@ def test_an_agent_gets_the_gpu_that_it_asks_for(cluster, project):
 def test_what_no_node_has_is_told_at_once(cluster, project):
     executor = project.ray(cluster.address)
     with pytest.raises(UsageError, match=r"num_cpus=1, num_gpus=8, and no node of the cluster has that"):
-        executor.submit(project.tasks("withmanygpus", 1)[0]).result(DEADLINE_S)
+        executor.submit(project.requests("withmanygpus", 1)[0]).result(DEADLINE_S)
     executor.close()
 
 
@@ -141,14 +141,14 @@ def test_weights_that_did_not_travel_are_refused(cluster, project):
     (project.folder / ".rayignore").write_text("weights.bin\n")
     executor = project.ray(cluster.address)
     with pytest.raises(UsageError, match=r"weights.*cannot be read"):
-        executor.submit(project.tasks("weighted", 1)[0]).result(DEADLINE_S)
+        executor.submit(project.requests("weighted", 1)[0]).result(DEADLINE_S)
     executor.close()
 
 
 def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.5)
     executor = project.ray(cluster.address)
-    futures = [executor.submit(task) for task in project.tasks("steady", 3)]
+    futures = [executor.submit(task) for task in project.requests("steady", 3)]
     wait_for(lambda: len(project.begun()) == 2)
     started = time.monotonic()
     executor.close(cancel=True)
@@ -161,7 +161,7 @@ def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
 
 def test_a_lost_node_costs_only_its_running_episodes(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.02)
-    tasks = project.tasks("steady", 10)
+    tasks = project.requests("steady", 10)
     executor = project.ray(cluster.address)
     futures = [executor.submit(task) for task in tasks]
     wait_for(lambda: sum(future.done() for future in futures) >= 4)
@@ -176,11 +176,11 @@ def test_a_lost_node_costs_only_its_running_episodes(cluster, tmp_path):
 def test_a_cluster_that_ends_is_told_once(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.05)
     executor = project.ray(cluster.address)
-    first, *others = [executor.submit(task) for task in project.tasks("steady", 3)]
+    first, *others = [executor.submit(task) for task in project.requests("steady", 3)]
     first.result(DEADLINE_S)
     cluster.shutdown()
     assert {future.result(DEADLINE_S).outcome for future in others} == {Outcome.INFRA_ERROR}
-    task = project.tasks("steady", 1)[0]
+    task = project.requests("steady", 1)[0]
     wait_for(lambda: isinstance(executor.submit(task).exception(DEADLINE_S), UsageError))
     with pytest.raises(UsageError, match=r"no Ray cluster can be used at"):
         executor.submit(task).result(0)

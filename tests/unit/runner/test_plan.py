@@ -53,7 +53,7 @@ def test_keys_are_the_same_in_every_process():
 
 def test_clean_twins_of_a_setting_with_a_warm_up_get_the_same_warm_up():
     need = SCOPE.need(Setting.of(WarmingUp(20)), clean=True)
-    assert {task.setting.warmup_ticks for task in need.tasks} == {20}
+    assert {task.setting.warmup_ticks for task in need.requests} == {20}
     assert {task.episode.setting for task in need.clean} == {str(Setting.of(WarmingUp(20)).baseline)}
     plain = SCOPE.need(LATENCY, clean=True)
     assert {task.key for task in plain.clean}.isdisjoint(task.key for task in need.clean)
@@ -62,4 +62,4 @@ def test_clean_twins_of_a_setting_with_a_warm_up_get_the_same_warm_up():
 def test_clean_is_its_own_twin():
     need = SCOPE.need(Setting.CLEAN, clean=True)
     assert need.clean == need.perturbed
-    assert len(need.tasks) == 4
+    assert len(need.requests) == 4

@@ -15,7 +15,7 @@ from pytest_drive_robust.testing import fake_route
 TASKS = (
     Scope("driver", "many", tuple(fake_route(str(number)) for number in range(8)), (0,))
     .need(Setting.CLEAN, clean=False)
-    .tasks
+    .requests
 )
 
 

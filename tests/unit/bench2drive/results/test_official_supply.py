@@ -22,7 +22,7 @@ def scope_of(executor: ResultsExecutor, *, seeds: tuple[int, ...] = (0,)) -> Sco
 
 
 def tasks_of(executor: ResultsExecutor, setting: str = "clean", *, clean: bool = False, seeds: Any = (0,)) -> Any:
-    return scope_of(executor, seeds=seeds).need(Setting.parse(setting), clean=clean).tasks
+    return scope_of(executor, seeds=seeds).need(Setting.parse(setting), clean=clean).requests
 
 
 def answered(executor: ResultsExecutor, tasks: tuple[EpisodeRequest, ...]) -> list[EpisodeResult]:
@@ -175,6 +175,6 @@ def test_an_export_answers_only_for_its_own_agent_and_setting(tmp_path: Path) ->
     with pytest.raises(UsageError, match="driven with the setting 'clean', but is given for '200 ms latency'"):
         answered(executor, tasks_of(executor, "200 ms latency"))
     clean = ResultsExecutor([ResultsSource.read("clean", path)])
-    (task,) = Scope("someone", "results", clean.routes, (0,)).need(Setting.CLEAN, clean=False).tasks
+    (task,) = Scope("someone", "results", clean.routes, (0,)).need(Setting.CLEAN, clean=False).requests
     with pytest.raises(UsageError, match="driven with the agent 'driver', but is given for 'someone'"):
         clean.submit(task).result(timeout=0)
