@@ -148,4 +148,4 @@ def test_a_value_that_nobody_read_route_by_route_promises_nothing():
     clean = [scored("1", 100.0), scored("2", 100.0)]
     wanted = parse_requirement("DS under clean >= 60")
     verdict = judge(wanted, agent="driver", clean=[], perturbed=clean, verdict_rule=VerdictRule())
-    assert (verdict.forms.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
+    assert (verdict.verdict_rule.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
