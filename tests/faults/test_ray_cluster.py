@@ -49,7 +49,7 @@ class Project:
         self.file = write_project(folder, tick_s=tick_s)
         self.registry: Registry = load_project(self.file)
 
-    def tasks(self, agent: str, count: int, sentence: str = "clean") -> list[EpisodeRequest]:
+    def requests(self, agent: str, count: int, sentence: str = "clean") -> list[EpisodeRequest]:
         setting = Setting.parse(sentence, self.registry.perturbations())
         routes = [fake_route(str(number), length_m=500.0) for number in range(count)]
         return [EpisodeRequest(Episode(agent, route.id, str(setting), 0), route, setting) for route in routes]

@@ -173,7 +173,7 @@ class _Bar:
         """One more shard."""
         self._rows += written.rows
         self._bytes += written.size_bytes
-        seconds = self._progress.requests[0].elapsed or 1.0
+        seconds = self._progress.tasks[0].elapsed or 1.0
         self._progress.update(
             self._task, advance=1, rows=self._rows, rate=self._rows / seconds, mib=self._bytes / 2**20
         )
