@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Nursery", "NurseryError", "Stopped", "refusal"]
 
-_START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from pytest_drive_robust.engine.worker import forking; forking.{0}"
+_START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from pytest_drive_robust.engine.worker import forking; forking.{0}"  # noqa: E501
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
 _FORK_S = 30.0
