@@ -153,7 +153,7 @@ def test_libraries_get_one_thread(drive_with: Driving, tmp_path: Path) -> None:
         "class Counts(Steady):\n"
         "    def fault(self, observation):\n"
         "        raise RuntimeError(f\"{os.environ['OMP_NUM_THREADS']} {os.environ['MKL_NUM_THREADS']} "
-        "{cv2.getNumThreads()} {len(os.listdir('/proc/self/request'))}\")\n"
+        "{cv2.getNumThreads()} {len(os.listdir('/proc/self/task'))}\")\n"
     )
     path = (str(tmp_path), *worker_setup().python_path)
     result = drive_with(request("counting:Counts"), python_path=path)

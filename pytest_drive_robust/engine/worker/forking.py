@@ -303,14 +303,14 @@ def _kill_group(pid: int) -> None:
 
 def _children() -> list[int]:
     try:
-        return [int(pid) for pid in Path(f"/proc/self/request/{os.getpid()}/children").read_text().split()]
+        return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
     except OSError:
         return []
 
 
 def _threads() -> int:
     try:
-        return len(os.listdir("/proc/self/request"))
+        return len(os.listdir("/proc/self/task"))
     except OSError:
         return 1
 

@@ -12,7 +12,7 @@ from pathlib import Path
 __all__ = ["Leftovers", "resident_bytes"]
 
 _MOST_FILES = 100
-_TASKS = "/proc/self/request"
+_TASKS = "/proc/self/task"
 
 
 class Leftovers:
