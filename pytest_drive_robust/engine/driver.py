@@ -15,9 +15,10 @@ from pytest_drive_robust.engine.watched import WatchedAgent
 from pytest_drive_robust.engine.wire import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
-from pytest_drive_robust.runner.episode.generators import seed_for, seed_generators
+from pytest_drive_robust.runner.episode.generators import seed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result, drive_again
 from pytest_drive_robust.store.record import encode_episode
 
@@ -126,9 +127,8 @@ class Driver:
             agent, surroundings = self._agents[name]
             restore_surroundings(surroundings)
             return agent
-        seed_generators(f"making {name}")
         self.board.enter(Phase.MAKE, 0)
-        agent = self.registry.agent(name)
+        agent = make_agent(self.registry, name)
         self.recipe.limit_threads()
         self._agents[name] = agent, read_surroundings()
         return agent
