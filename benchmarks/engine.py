@@ -147,7 +147,7 @@ def scaling(rounds: int) -> Rows:
 
     yield "two children / one, 40 episodes", ratio_of([(pool(1), pool(2)) for _ in range(rounds)])
     if importlib.util.find_spec("ray") is not None:
-        from pytest_drive_robust.engine.ray_executor import RayExecutor
+        from pytest_drive_robust.engine.ray.executor import RayExecutor
 
         def ray() -> float:
             return drive_all(RayExecutor(recipe, Limits(), address="local", slots=2), tasks)

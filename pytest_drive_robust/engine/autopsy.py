@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.engine.watched import CUT_OFF
+from pytest_drive_robust.engine.worker.watched import CUT_OFF
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.board import Moment

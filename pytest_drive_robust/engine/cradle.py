@@ -30,7 +30,7 @@ __all__ = ["Adopted", "Cradle", "Knock", "knock", "surroundings_of"]
 
 _CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from pytest_drive_robust.engine.forking import cradle; cradle({}, {})"
+    "from pytest_drive_robust.engine.worker.forking import cradle; cradle({}, {})"
 )
 _READ_WHEN_LOADED = (
     *("GOMP", "KMP", "LANG", "LC_", "LD_PRELOAD", "LLVM", "MALLOC", "MKL", "MPL", "NPY", "NUMBA", "NUMEXPR", "NUMPY"),

@@ -13,8 +13,8 @@ import time
 from typing import Protocol
 
 from pytest_drive_robust.engine.board import Board
-from pytest_drive_robust.engine.child import Channels
 from pytest_drive_robust.engine.frames import Frame, write_frame
+from pytest_drive_robust.engine.worker.child import Channels
 
 __all__ = ["ChildHandle", "ForkedChild", "SpawnedChild"]
 

@@ -19,10 +19,10 @@ from typing import IO, TYPE_CHECKING, Any
 
 from pytest_drive_robust import errors
 from pytest_drive_robust.engine.board import Board, board_bytes, shared_file
-from pytest_drive_robust.engine.child import Channels
 from pytest_drive_robust.engine.cradle import Adopted, knock
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
 from pytest_drive_robust.engine.handle import ForkedChild, SpawnedChild
+from pytest_drive_robust.engine.worker.child import Channels
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.handle import ChildHandle
@@ -31,9 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Nursery", "NurseryError", "Stopped", "refusal"]
 
-_START = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from pytest_drive_robust.engine.forking import {0}; {0}"
-)
+_START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from pytest_drive_robust.engine.worker import forking; forking.{0}"  # noqa: E501
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
 _FORK_S = 30.0

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.engine.autopsy import Cause, Death
-from pytest_drive_robust.engine.child import split_answer
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, FrameReader
 from pytest_drive_robust.engine.wire import REFUSED, RESULT
+from pytest_drive_robust.engine.worker.child import split_answer
 from pytest_drive_robust.store.record import decode_episode
 
 if TYPE_CHECKING:

@@ -60,13 +60,13 @@ def executor_of(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
     if execution.executor == "ray":
-        from pytest_drive_robust.engine.ray_executor import RayExecutor
+        from pytest_drive_robust.engine.ray.executor import RayExecutor
 
         address, most = execution.ray_address, execution.workers
         return RayExecutor(lambda: _recipe_of(config, settings, agents()), limits, address=address, slots=most)
     slots = execution.slots(shared=shared)
     if width is not None:
-        from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+        from pytest_drive_robust.engine.lockstep.lockstep_processes import LockstepProcessExecutor
         from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep
 
         return LockstepProcessExecutor(

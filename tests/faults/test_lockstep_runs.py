@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+from pytest_drive_robust.engine.lockstep.lockstep_processes import LockstepProcessExecutor
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import fake_route
 

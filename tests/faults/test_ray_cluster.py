@@ -21,7 +21,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.ray_executor import RayExecutor
+from pytest_drive_robust.engine.ray.executor import RayExecutor
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.registry.registry import Registry

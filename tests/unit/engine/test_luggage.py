@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_drive_robust.engine.luggage import Luggage, contents_of
+from pytest_drive_robust.engine.ray.packages import Luggage, contents_of
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.ray_executor import RayExecutor, needs_of
+from pytest_drive_robust.engine.ray.executor import RayExecutor, needs_of
 from pytest_drive_robust.engine.recipe import Recipe
 from pytest_drive_robust.errors import UsageError
 

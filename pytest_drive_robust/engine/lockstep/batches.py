@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.lockstep.vetting import Vetting, refused
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.lockstep_guard import LockstepGuard
+    from pytest_drive_robust.engine.lockstep.lockstep_guard import LockstepGuard
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["Batches", "Verdicts"]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.batches import Batches, Verdicts
-from pytest_drive_robust.engine.lockstep_guard import LockstepGuard
+from pytest_drive_robust.engine.lockstep.batches import Batches, Verdicts
+from pytest_drive_robust.engine.lockstep.lockstep_guard import LockstepGuard
 from pytest_drive_robust.engine.nursery import Nursery
 from pytest_drive_robust.engine.processes import ProcessExecutor
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.board import Board, Phase
-from pytest_drive_robust.engine.surroundings import read_surroundings, restore_surroundings
-from pytest_drive_robust.engine.watched import WatchedAgent, tamed
+from pytest_drive_robust.engine.worker.surroundings import read_surroundings, restore_surroundings
+from pytest_drive_robust.engine.worker.watched import WatchedAgent, tamed
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_generators

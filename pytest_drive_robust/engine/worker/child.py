@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.engine.board import Board
-from pytest_drive_robust.engine.driver import Driver
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.kernel import limit_memory
-from pytest_drive_robust.engine.leftovers import Leftovers, resident_bytes
-from pytest_drive_robust.engine.together import drive_together
-from pytest_drive_robust.engine.watched import CUT_OFF
+from pytest_drive_robust.engine.lockstep.together import drive_together
 from pytest_drive_robust.engine.wire import TOGETHER
+from pytest_drive_robust.engine.worker.driver import Driver
+from pytest_drive_robust.engine.worker.kernel import limit_memory
+from pytest_drive_robust.engine.worker.leftovers import Leftovers, resident_bytes
+from pytest_drive_robust.engine.worker.watched import CUT_OFF
 from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.luggage import Luggage
     from pytest_drive_robust.engine.order import Order
+    from pytest_drive_robust.engine.ray.packages import Luggage
     from pytest_drive_robust.engine.recipe import Recipe
 
 __all__ = ["RECORD", "UNUSABLE", "Errand", "drive_errand", "refused"]

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine import ray_driver
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
 from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.nursery import refusal
+from pytest_drive_robust.engine.ray import driver as ray_driver
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.store.record import CorruptRecordError, decode_episode
@@ -56,7 +56,7 @@ class Link:
             [
                 sys.executable,
                 "-c",
-                "from pytest_drive_robust.engine import ray_driver; ray_driver.main()",
+                "from pytest_drive_robust.engine.ray import driver as ray_driver; ray_driver.main()",
             ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -45,7 +45,7 @@ _LEFT_AT_HOME = (
     "*.py[co]",
     "*.nb[ci]",
 )
-_CHECK = "from pytest_drive_robust.engine.luggage import main; main()"
+_CHECK = "from pytest_drive_robust.engine.ray.packages import main; main()"
 _CHECK_S = 300.0
 _SESSION = "PYTEST_XDIST_TESTRUNUID"
 """What `runner.cache_key.code.SESSION` is read from."""

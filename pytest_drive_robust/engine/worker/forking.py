@@ -21,9 +21,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from pytest_drive_robust.engine.child import Channels, serve
 from pytest_drive_robust.engine.cradle import Knock, surroundings_of
-from pytest_drive_robust.engine.kernel import adopt_orphans, die_with_parent, no_core_files
+from pytest_drive_robust.engine.worker.child import Channels, serve
+from pytest_drive_robust.engine.worker.kernel import adopt_orphans, die_with_parent, no_core_files
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:

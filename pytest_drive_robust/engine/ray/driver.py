@@ -22,7 +22,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.ray_worker import RECORD, UNUSABLE, drive_errand, refused
+from pytest_drive_robust.engine.ray.worker import RECORD, UNUSABLE, drive_errand, refused
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["CLUSTER", "DRIVE", "LOST", "NEEDS", "OPEN", "RECORD", "REFUSED", "UNUSABLE", "main"]

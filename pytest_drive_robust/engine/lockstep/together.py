@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.crew import Crew
+    from pytest_drive_robust.engine.lockstep.crew import Crew
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["drive_together"]

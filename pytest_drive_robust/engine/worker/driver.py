@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.board import Board, Phase
-from pytest_drive_robust.engine.crew import Crew
-from pytest_drive_robust.engine.surroundings import read_surroundings, restore_surroundings
-from pytest_drive_robust.engine.watched import WatchedAgent
+from pytest_drive_robust.engine.lockstep.crew import Crew
 from pytest_drive_robust.engine.wire import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
+from pytest_drive_robust.engine.worker.surroundings import read_surroundings, restore_surroundings
+from pytest_drive_robust.engine.worker.watched import WatchedAgent
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_for

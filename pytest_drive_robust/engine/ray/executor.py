@@ -11,10 +11,10 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.luggage import Luggage, contents_of
 from pytest_drive_robust.engine.order import Order
-from pytest_drive_robust.engine.ray_link import LOCAL, Link
-from pytest_drive_robust.engine.ray_worker import Errand
+from pytest_drive_robust.engine.ray.link import LOCAL, Link
+from pytest_drive_robust.engine.ray.packages import Luggage, contents_of
+from pytest_drive_robust.engine.ray.worker import Errand
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
 from pytest_drive_robust.engine.guard import Failure, Guard, Stopped
+from pytest_drive_robust.engine.lockstep.stream import Stream
 from pytest_drive_robust.engine.nursery import NurseryError, refusal
 from pytest_drive_robust.engine.order import Order
-from pytest_drive_robust.engine.stream import Stream
 from pytest_drive_robust.engine.talk import Answer, Cut
 from pytest_drive_robust.engine.wire import ALONE, TOGETHER, VET
 from pytest_drive_robust.errors import UsageError
