@@ -11,22 +11,22 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pytest_drive_robust.engine.board import Board
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame, write_frame
 from pytest_drive_robust.engine.lockstep.together import drive_together
+from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.wire import TOGETHER
-from pytest_drive_robust.engine.worker.driver import Driver
-from pytest_drive_robust.engine.worker.kernel import limit_memory
+from pytest_drive_robust.engine.worker.handler import RequestHandler
 from pytest_drive_robust.engine.worker.leftovers import Leftovers, resident_bytes
-from pytest_drive_robust.engine.worker.watched import CUT_OFF
+from pytest_drive_robust.engine.worker.system import limit_memory
+from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["Channels", "serve", "split_answer"]
+__all__ = ["Descriptors", "serve", "split_answer"]
 
 _LENGTH = struct.Struct("<I")
 _FATAL = (signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL)
@@ -34,7 +34,7 @@ _PRIVATE_FROM = 600
 """Our descriptors get numbers from here on, out of the way of code that closes the low ones."""
 
 
-class Channels(NamedTuple):
+class Descriptors(NamedTuple):
     """The descriptors that a child gets: for messages, for what is printed, for faulthandler, of the board."""
 
     messages: int
@@ -43,14 +43,14 @@ class Channels(NamedTuple):
     board: int
 
 
-def serve(channels: Channels, recipe: Recipe, limits: Limits, registry: Registry) -> None:
+def serve(channels: Descriptors, worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
     """Drive what is asked for until the other side closes the channel."""
     messages, faults = _private(channels.messages), _private(channels.faults)
     _redirect(channels.output)
-    board = Board(channels.board)
+    board = SharedState(channels.board)
     os.close(channels.board)
     limit_memory(limits.memory_bytes)
-    driver = Driver(recipe, registry, board, messages)
+    driver = RequestHandler(worker_setup, registry, board, messages)
     leftovers = Leftovers((0, 1, 2, messages, faults))
     machine_facts()  # before an agent can change what numpy does
     own = os.getpid()

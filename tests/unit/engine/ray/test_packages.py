@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_drive_robust.engine.ray.packages import Luggage, contents_of
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 
@@ -57,21 +57,21 @@ def loaded(file: Path, name: str = MODULE) -> object:
     return module.Agent
 
 
-def recipe_in(folder: Path, *plugins: tuple[str, str]) -> Recipe:
-    return Recipe(
+def recipe_in(folder: Path, *plugins: tuple[str, str]) -> WorkerSetup:
+    return WorkerSetup(
         (str(folder / "src"), str(folder), *sys.path), str(folder), plugins, "pytest_drive_robust.testing:FakeSimulator"
     )
 
 
 def test_what_lies_in_the_folder_of_the_run_travels_with_it(file):
-    luggage = Luggage.of(recipe_in(file.parent), [loaded(file)])
-    assert luggage.packages == ()
-    assert "py_modules" not in luggage.runtime_env()
-    assert luggage.runtime_env()["working_dir"] == str(file.parent)
+    packages = NodePackages.of(recipe_in(file.parent), [loaded(file)])
+    assert packages.packages == ()
+    assert "py_modules" not in packages.runtime_env()
+    assert packages.runtime_env()["working_dir"] == str(file.parent)
 
 
 def test_what_was_installed_stays_at_home(tmp_path):
-    assert Luggage.of(recipe_in(tmp_path), [np.random.Generator, dict]).packages == ()
+    assert NodePackages.of(recipe_in(tmp_path), [np.random.Generator, dict]).packages == ()
 
 
 def test_a_package_from_elsewhere_is_packed_once(tmp_path, file):
@@ -79,17 +79,17 @@ def test_a_package_from_elsewhere_is_packed_once(tmp_path, file):
     other.parent.mkdir(parents=True)
     other.write_text(SOURCE)
     agent = loaded(other, "policy.heads.deep")
-    luggage = Luggage.of(recipe_in(file.parent, ("single", str(tmp_path / "single.py"))), [agent, agent])
-    assert luggage.packages == (str(tmp_path / "elsewhere" / "policy"), str(tmp_path / "single.py"))
+    packages = NodePackages.of(recipe_in(file.parent, ("single", str(tmp_path / "single.py"))), [agent, agent])
+    assert packages.packages == (str(tmp_path / "elsewhere" / "policy"), str(tmp_path / "single.py"))
 
 
 def test_paths_are_found_where_the_folder_was_unpacked(tmp_path, file, monkeypatch):
-    recipe = recipe_in(file.parent, (MODULE, str(file)), ("installed", "/somewhere/else.py"))
-    luggage = Luggage.of(recipe_in(file.parent), [])
+    worker_setup = recipe_in(file.parent, (MODULE, str(file)), ("installed", "/somewhere/else.py"))
+    packages = NodePackages.of(recipe_in(file.parent), [])
     node = tmp_path / "node"
     node.mkdir()
     monkeypatch.chdir(node)
-    unpacked = luggage.unpacked(recipe)
+    unpacked = packages.unpacked(worker_setup)
     assert unpacked.folder == str(node)
     assert unpacked.python_path[:2] == (str(node / "src"), str(node))
     assert str(file.parent) not in unpacked.python_path
@@ -97,31 +97,33 @@ def test_paths_are_found_where_the_folder_was_unpacked(tmp_path, file, monkeypat
 
 
 def test_a_node_with_the_same_code_and_weights_may_drive(file):
-    recipe, luggage = announced(file)
-    luggage.check(recipe, "packed")
-    luggage.check(recipe, "somebody of whom nothing is known")
+    worker_setup, packages = announced(file)
+    packages.check(worker_setup, "packed")
+    packages.check(worker_setup, "somebody of whom nothing is known")
 
 
 @pytest.mark.parametrize(("name", "what"), [("weights.bin", "weights"), (f"{MODULE}.py", "code or configuration")])
 def test_a_node_with_other_code_or_weights_is_refused(file, name, what):
-    recipe, luggage = announced(file)
+    worker_setup, packages = announced(file)
     with (file.parent / name).open("a") as changed:
         changed.write("\n# changed\n")
     with pytest.raises(UsageError, match=rf"would drive with another {what} for 'packed'"):
-        luggage.check(recipe, "packed")
+        packages.check(worker_setup, "packed")
 
 
 def test_a_node_that_cannot_load_the_agent_says_why(file):
-    recipe, luggage = announced(file)
+    worker_setup, packages = announced(file)
     file.write_text("import a_module_that_nobody_has\n")
     with pytest.raises(UsageError, match=r"cannot load the agent 'packed': .*a_module_that_nobody_has"):
-        luggage.check(recipe, "packed")
+        packages.check(worker_setup, "packed")
 
 
-def announced(file: Path) -> tuple[Recipe, Luggage]:
-    """The luggage of a run with the agent in `file`."""
+def announced(file: Path) -> tuple[WorkerSetup, NodePackages]:
+    """The packages of a run with the agent in `file`."""
     registry = Registry()
     registry.register_agent("packed", loaded(file))  # type: ignore[arg-type]
-    recipe = recipe_in(file.parent, (MODULE, str(file)))
-    packed = Luggage.of(recipe, [])
-    return recipe, replace(packed, contents=(("packed", contents_of(registry, "packed", recipe=recipe)),))
+    worker_setup = recipe_in(file.parent, (MODULE, str(file)))
+    packed = NodePackages.of(worker_setup, [])
+    return worker_setup, replace(
+        packed, contents=(("packed", contents_of(registry, "packed", worker_setup=worker_setup)),)
+    )

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.board import Board, Phase
 from pytest_drive_robust.engine.lockstep.crew import Crew
+from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.wire import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
-from pytest_drive_robust.engine.worker.surroundings import read_surroundings, restore_surroundings
-from pytest_drive_robust.engine.worker.watched import WatchedAgent
+from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
+from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_for
@@ -26,29 +26,29 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.frames import Frame
-    from pytest_drive_robust.engine.order import Order
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Driver"]
+__all__ = ["RequestHandler"]
 
 
 @dataclass
-class Driver:
+class RequestHandler:
     """The world and the agents of this process."""
 
-    recipe: Recipe
+    worker_setup: WorkerSetup
     registry: Registry
-    board: Board
+    board: SharedState
     channel: int
     _simulator: Simulator | None = None
     _agents: dict[str, tuple[Agent, Mapping[str, Any]]] = field(default_factory=dict)
-    _start: Mapping[str, Any] = field(default_factory=read_surroundings)
+    _start: Mapping[str, Any] = field(default_factory=read_process_state)
     crew: Crew = field(init=False)
 
     def __post_init__(self) -> None:
-        self.crew = Crew(self.recipe, self.registry, self.board, self.channel)
+        self.crew = Crew(self.worker_setup, self.registry, self.board, self.channel)
         self._does: dict[bytes, Callable[..., EpisodeResult]] = {
             DRIVE: self._drive,
             SALVAGE: self._salvage,
@@ -70,7 +70,7 @@ class Driver:
 
     def put_back(self) -> tuple[str, ...]:
         """Make the process as it was; the names of what cannot be."""
-        return restore_surroundings(self._start)
+        return restore_process_state(self._start)
 
     def close(self) -> None:
         """Free the world and the agents."""
@@ -80,7 +80,7 @@ class Driver:
             self._simulator.close()
             self._simulator = None
 
-    def _drive(self, order: Order) -> EpisodeResult:
+    def _drive(self, order: PickledRequest) -> EpisodeResult:
         episode = order.episode
         simulator, setting = self._world(), order.read_setting(self.registry)
         own = self._agent(episode.agent)
@@ -109,7 +109,7 @@ class Driver:
             self.close()
         return with_machine(result, own)
 
-    def _salvage(self, order: Order, wreck: Wreck) -> EpisodeResult:
+    def _salvage(self, order: PickledRequest, wreck: Wreck) -> EpisodeResult:
         simulator, setting = self._world(), order.read_setting(self.registry)
         self.board.enter(Phase.SIM, 0)
         result = drive_again(simulator, wreck, route=order.route, setting=setting, episode=order.episode)
@@ -118,17 +118,17 @@ class Driver:
     def _world(self) -> Simulator:
         if self._simulator is None:
             self.board.enter(Phase.SIM, 0)
-            self._simulator = self.registry.simulator(self.recipe.simulator, self.recipe.options)
+            self._simulator = self.registry.simulator(self.worker_setup.simulator, self.worker_setup.options)
         return self._simulator
 
     def _agent(self, name: str) -> Agent:
         """The agent of that name, in the surroundings that it was made in."""
         if name in self._agents:
             agent, surroundings = self._agents[name]
-            restore_surroundings(surroundings)
+            restore_process_state(surroundings)
             return agent
         self.board.enter(Phase.MAKE, 0)
         agent = make_agent(self.registry, name)
-        self.recipe.limit_threads()
-        self._agents[name] = agent, read_surroundings()
+        self.worker_setup.limit_threads()
+        self._agents[name] = agent, read_process_state()
         return agent

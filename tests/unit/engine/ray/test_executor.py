@@ -6,11 +6,11 @@ import pytest
 
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.ray.executor import RayExecutor, needs_of
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
 
 
-def never() -> Recipe:
+def never() -> WorkerSetup:
     raise AssertionError("nothing was driven")
 
 

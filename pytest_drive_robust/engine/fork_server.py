@@ -18,18 +18,18 @@ from dataclasses import replace
 from typing import IO, TYPE_CHECKING, Any
 
 from pytest_drive_robust import errors
-from pytest_drive_robust.engine.board import Board, board_bytes, shared_file
 from pytest_drive_robust.engine.cradle import Adopted, knock
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
-from pytest_drive_robust.engine.handle import ForkedChild, SpawnedChild
-from pytest_drive_robust.engine.worker.child import Channels
+from pytest_drive_robust.engine.shared_state import SharedState, shared_file, state_bytes
+from pytest_drive_robust.engine.worker.serve import Descriptors
+from pytest_drive_robust.engine.worker_process import ForkedChild, SpawnedChild
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.handle import ChildHandle
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_process import WorkerProcess
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
 
-__all__ = ["Nursery", "NurseryError", "Stopped", "refusal"]
+__all__ = ["ForkServer", "NoWorkerError", "Stopped", "refusal"]
 
 _START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from pytest_drive_robust.engine.worker import forking; forking.{0}"  # noqa: E501
 _READY_S = 600.0
@@ -43,26 +43,26 @@ class Stopped(Exception):  # noqa: N818 - it is no error: somebody asked for it
     """Somebody asked to stop: what was under way has no result."""
 
 
-class NurseryError(Exception):
+class NoWorkerError(Exception):
     """No child can be had. The message says why."""
 
 
-class Nursery:
-    """Makes child processes of a recipe; from any thread. Nothing is started before the first one is asked for.
+class ForkServer:
+    """Makes child processes of a worker_setup; from any thread. Nothing is started before the first one is asked for.
 
     On Linux children are forked. Elsewhere forking a process that has loaded numerical libraries is not safe, and each
     child is a new Python; so it is where a plugin starts threads while it is imported. Raises `UsageError` on systems
     without either.
     """
 
-    def __init__(self, recipe: Recipe, *, fork: bool | None = None) -> None:
+    def __init__(self, worker_setup: WorkerSetup, *, fork: bool | None = None) -> None:
         if os.name != "posix":
             raise errors.UsageError(
                 "guarded processes need Linux or macOS (on Windows: inside WSL). Give --drive-executor inline."
             )
-        self._recipe = recipe
+        self._setup = worker_setup
         self._fork = sys.platform == "linux" if fork is None else fork
-        self._preload = recipe.preload_agents
+        self._preload = worker_setup.preload_agents
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | Adopted | None = None
         self._channel: socket.socket | None = None
@@ -74,10 +74,10 @@ class Nursery:
         """The process that forks, while there is one."""
         return self._process.pid if self._process is not None else None
 
-    def child(self, limits: Limits, unwanted: Callable[[], bool] = lambda: False) -> ChildHandle:
+    def child(self, limits: Limits, unwanted: Callable[[], bool] = lambda: False) -> WorkerProcess:
         """A new child process.
 
-        Raises `UsageError` for a recipe that does not work, `NurseryError`, and `Stopped` soon after `unwanted()`
+        Raises `UsageError` for a setup that does not work, `NoWorkerError`, and `Stopped` soon after `unwanted()`
         has become true: getting ready may take a minute where kernels have to be compiled.
         """
         problem = ""
@@ -89,10 +89,10 @@ class Nursery:
                     if self._fork:
                         self._start(unwanted)
                     return self._forked(limits) if self._fork else self._spawned(limits)
-                except (OSError, NurseryError) as error:
+                except (OSError, NoWorkerError) as error:
                     problem = f"{error} {self._said()}"
                     self._stop()
-        raise NurseryError(f"no process for the episode can be started: {problem}")
+        raise NoWorkerError(f"no process for the episode can be started: {problem}")
 
     def close(self) -> None:
         """End the process that forks, and with it every child. Calling it twice does no harm."""
@@ -105,14 +105,14 @@ class Nursery:
             return
         self._stop()
         ready = self._launch(unwanted)
-        if self._preload and (ready is None or ready > self._recipe.threads):
+        if self._preload and (ready is None or ready > self._setup.threads):
             self._preload = ()
             self._stop()
             ready = self._launch(unwanted)
         if ready is None:
-            raise NurseryError("the process that starts all others died while it was getting ready.")
+            raise NoWorkerError("the process that starts all others died while it was getting ready.")
         self._ready = True
-        if ready > self._recipe.threads:
+        if ready > self._setup.threads:
             self._stop()
             self._fork = False
 
@@ -133,21 +133,21 @@ class Nursery:
         return int(told["threads"])
 
     def _knock(self) -> bool:
-        """Have a nursery forked from the cradle of the run. False when there is none."""
+        """Have a fork_server forked from the cradle of the run. False when there is none."""
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        recipe = replace(self._recipe, preload_agents=self._preload)
-        self._channel = knock(recipe, self._log.fileno())
+        worker_setup = replace(self._setup, preload_agents=self._preload)
+        self._channel = knock(worker_setup, self._log.fileno())
         return self._channel is not None
 
     def _begin(self) -> bool:
-        """Start a nursery afresh. False when it was dead at once."""
+        """Start a fork_server afresh. False when it was dead at once."""
         if self._log is None:
             self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = self._popen("main", (theirs.fileno(),), self._log.fileno())
         try:
-            self._channel.send(pickle.dumps(replace(self._recipe, preload_agents=self._preload)))
+            self._channel.send(pickle.dumps(replace(self._setup, preload_agents=self._preload)))
         except OSError:
             return False
         return True
@@ -177,19 +177,19 @@ class Nursery:
     def _popen(self, entry: str, fds: tuple[int, ...], output: int) -> subprocess.Popen[bytes]:
         code = f"{_START.format(entry)}({', '.join(map(str, fds))})"
         return subprocess.Popen(
-            [sys.executable, "-c", code, json.dumps(self._recipe.python_path)],
+            [sys.executable, "-c", code, json.dumps(self._setup.python_path)],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
             pass_fds=fds,
-            env=self._recipe.environment(),
-            cwd=self._recipe.folder,
+            env=self._setup.environment(),
+            cwd=self._setup.folder,
             start_new_session=True,
         )
 
-    def _forked(self, limits: Limits) -> ChildHandle:
+    def _forked(self, limits: Limits) -> WorkerProcess:
         assert self._channel is not None
-        with _Ends(self._recipe.options.tick_cap) as ends:
+        with _Ends(self._setup.options.tick_cap) as ends:
             status_r, status_w = os.pipe()
             ends.mine.append(status_r)
             try:
@@ -204,16 +204,16 @@ class Nursery:
             pid = int.from_bytes(told, "little", signed=True)
             return ForkedChild(pid, ends.taken(), status_r)
 
-    def _spawned(self, limits: Limits) -> ChildHandle:
-        with _Ends(self._recipe.options.tick_cap) as ends:
+    def _spawned(self, limits: Limits) -> WorkerProcess:
+        with _Ends(self._setup.options.tick_cap) as ends:
             process = self._popen("spawned", ends.theirs, ends.theirs.output)
             child = SpawnedChild(process, ends.taken())
         try:
-            child.send(Frame(b"I", bytes(TOKEN_BYTES), pickle.dumps((self._recipe, limits))))
+            child.send(Frame(b"I", bytes(TOKEN_BYTES), pickle.dumps((self._setup, limits))))
         except OSError as error:
             child.kill()
             child.close()
-            raise NurseryError(f"a new Python for the episode died at once: {error}") from error
+            raise NoWorkerError(f"a new Python for the episode died at once: {error}") from error
         return child
 
     def _said(self) -> str:
@@ -251,19 +251,19 @@ class _Ends:
         ours, theirs = socket.socketpair()
         output_r, output_w = os.pipe()
         faults = shared_file("faults", 0)
-        board = shared_file("board", board_bytes(tick_cap))
-        self.theirs = Channels(theirs.detach(), output_w, faults, board)
+        board = shared_file("board", state_bytes(tick_cap))
+        self.theirs = Descriptors(theirs.detach(), output_w, faults, board)
         self.mine = [ours.detach(), output_r, os.dup(faults)]
 
     def __enter__(self) -> _Ends:
         return self
 
-    def taken(self) -> tuple[Channels, Board]:
+    def taken(self) -> tuple[Descriptors, SharedState]:
         """Our ends, now the caller's."""
         messages, output, faults = self.mine[:3]
-        board = Board(self.theirs.board)
+        board = SharedState(self.theirs.board)
         self.mine.clear()
-        return Channels(messages, output, faults, -1), board
+        return Descriptors(messages, output, faults, -1), board
 
     def __exit__(self, *_: object) -> None:
         for number in (*self.theirs, *self.mine):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.truth import EgoState
 
-__all__ = ["Board", "Moment", "Phase", "board_bytes", "shared_file"]
+__all__ = ["Phase", "SharedState", "StateReading", "shared_file", "state_bytes"]
 
 _MOMENT = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it
 _COUNT = struct.Struct("<I")
@@ -66,7 +66,7 @@ class Phase(IntEnum):
 _BY_NAME = {"reset": Phase.RESET, "act": Phase.ACT, "sim": Phase.SIM}
 
 
-class Moment(NamedTuple):
+class StateReading(NamedTuple):
     """One look at the board: `since_s` by the monotonic clock, `agent_s` with the current phase left out."""
 
     phase: Phase
@@ -75,7 +75,7 @@ class Moment(NamedTuple):
     agent_s: float
 
 
-class Board:
+class SharedState:
     """The memory behind a file descriptor, which may be closed afterwards."""
 
     def __init__(self, fd: int) -> None:
@@ -129,14 +129,14 @@ class Board:
         """Ticks that were driven, as far as there is room."""
         return int(min(_COUNT.unpack_from(self._memory, _COUNT_AT)[0], self._capacity))
 
-    def look(self) -> Moment:
+    def look(self) -> StateReading:
         """What happens now; never half of what was just written."""
         while True:
             first, second = (_MOMENT.unpack_from(self._memory, 0) for _ in range(2))
             if first == second:
                 break
         phase, tick, since_s, agent_s = first
-        return Moment(Phase(phase) if phase in _PHASES else Phase.IDLE, tick, since_s, agent_s)
+        return StateReading(Phase(phase) if phase in _PHASES else Phase.IDLE, tick, since_s, agent_s)
 
     def rig(self) -> Rig | None:
         """The agent's rig, None before it was known. Raises `ValueError` where the child wrote nonsense."""
@@ -164,7 +164,7 @@ _UNASKED = (float("nan"),) * 3
 _PHASES = frozenset(map(int, Phase))
 
 
-def board_bytes(tick_cap: int) -> int:
+def state_bytes(tick_cap: int) -> int:
     """The size of a board for episodes of so many ticks. Memory that is not written to costs nothing."""
     return _ROWS_AT + min(tick_cap + 1, _MOST_TICKS) * _ROW.size
 

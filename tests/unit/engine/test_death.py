@@ -7,11 +7,11 @@ import signal
 import pytest
 
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.engine.autopsy import Blame, Cause, Death, examine, place_of_fault
-from pytest_drive_robust.engine.board import Moment, Phase
+from pytest_drive_robust.engine.death import Blame, Cause, Death, explain, place_of_fault
+from pytest_drive_robust.engine.shared_state import Phase, StateReading
 
-ACT = Moment(Phase.ACT, 12, 0.0, 0.0)
-SIM = Moment(Phase.SIM, 12, 0.0, 0.0)
+ACT = StateReading(Phase.ACT, 12, 0.0, 0.0)
+SIM = StateReading(Phase.SIM, 12, 0.0, 0.0)
 
 FAULTS = """Fatal Python error: Segmentation fault
 
@@ -33,17 +33,17 @@ Current thread 0x00007f (most recent call first):
         (SIM, int(signal.SIGKILL), Blame.OUTSIDE, "killed by SIGKILL at tick 12 (perhaps out of memory)"),
         (ACT, int(signal.SIGTERM), Blame.OUTSIDE, "killed by SIGTERM in act at tick 12"),
         (
-            Moment(Phase.IDLE, 0, 0.0, 0.0),
+            StateReading(Phase.IDLE, 0, 0.0, 0.0),
             int(signal.SIGKILL),
             Blame.OURS,
             "killed by SIGKILL before the episode began",
         ),
         (ACT, 71 << 8, Blame.AGENT, "closed the descriptors of its process in act at tick 12"),
-        (Moment(Phase.MAKE, 0, 0.0, 0.0), 1 << 8, Blame.AGENT, "exit code 1 in its constructor at tick 0"),
+        (StateReading(Phase.MAKE, 0, 0.0, 0.0), 1 << 8, Blame.AGENT, "exit code 1 in its constructor at tick 0"),
     ],
 )
-def test_who_died_where_says_whose_fault_it_was(moment: Moment, status: int, blame: Blame, detail: str) -> None:
-    finding = examine(Death(Cause.DIED, moment, status=status))
+def test_who_died_where_says_whose_fault_it_was(moment: StateReading, status: int, blame: Blame, detail: str) -> None:
+    finding = explain(Death(Cause.DIED, moment, status=status))
     assert finding.blame is blame
     assert finding.detail.endswith(detail)
     assert finding.end is (End.SIMULATION_CRASHED if blame is Blame.OURS else End.AGENT_CRASHED_HARD)
@@ -52,23 +52,23 @@ def test_who_died_where_says_whose_fault_it_was(moment: Moment, status: int, bla
 @pytest.mark.parametrize(
     ("moment", "lasted_s", "blame"),
     [
-        (Moment(Phase.SIM, 9, 0.0, 6.0), 0.1, Blame.AGENT),
-        (Moment(Phase.SIM, 9, 0.0, 4.0), 0.1, Blame.OURS),
-        (Moment(Phase.SIM, 9, 0.0, 1.0), 8.0, Blame.OURS),
-        (Moment(Phase.ACT, 9, 0.0, 1.0), 8.0, Blame.AGENT),
-        (Moment(Phase.ACT, 9, 0.0, 1.0), 1.0, Blame.OURS),
+        (StateReading(Phase.SIM, 9, 0.0, 6.0), 0.1, Blame.AGENT),
+        (StateReading(Phase.SIM, 9, 0.0, 4.0), 0.1, Blame.OURS),
+        (StateReading(Phase.SIM, 9, 0.0, 1.0), 8.0, Blame.OURS),
+        (StateReading(Phase.ACT, 9, 0.0, 1.0), 8.0, Blame.AGENT),
+        (StateReading(Phase.ACT, 9, 0.0, 1.0), 1.0, Blame.OURS),
     ],
 )
 def test_the_time_of_an_episode_is_charged_to_who_used_more_of_it(
-    moment: Moment, lasted_s: float, blame: Blame
+    moment: StateReading, lasted_s: float, blame: Blame
 ) -> None:
     death = Death(Cause.EPISODE_DEADLINE, moment, limit_s=10.0, lasted_s=lasted_s, elapsed_s=10.0)
-    assert examine(death).blame is blame
+    assert explain(death).blame is blame
 
 
 def test_the_last_line_on_the_screen_is_told_but_not_all_of_it() -> None:
     death = Death(Cause.DIED, ACT, status=int(signal.SIGABRT), said="first\n" + "x" * 1000 + "\n\n")
-    assert examine(death).detail == "SIGABRT in act at tick 12; it last printed '" + "x" * 200 + "'"
+    assert explain(death).detail == "SIGABRT in act at tick 12; it last printed '" + "x" * 200 + "'"
 
 
 def test_the_place_of_a_fault_is_the_agents_own_line() -> None:
@@ -77,7 +77,7 @@ def test_the_place_of_a_fault_is_the_agents_own_line() -> None:
 
 def test_a_handler_of_the_agents_own_is_believed() -> None:
     said = f"{FAULTS}\nExtension modules: numpy.core (total: 1)\n"
-    detail = examine(Death(Cause.DIED, ACT, status=int(signal.SIGSEGV), said=said)).detail
+    detail = explain(Death(Cause.DIED, ACT, status=int(signal.SIGSEGV), said=said)).detail
     assert detail.startswith("SIGSEGV in act at tick 12 (/home/me/agent.py:17 in act)")
     assert "Extension modules" not in detail
 

@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-__all__ = ["read_surroundings", "restore_surroundings"]
+__all__ = ["read_process_state", "restore_process_state"]
 
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
@@ -33,12 +33,12 @@ class _Item(NamedTuple):
     module: str = "builtins"
 
 
-def read_surroundings() -> Mapping[str, Any]:
+def read_process_state() -> Mapping[str, Any]:
     """How things are now."""
     return {item.name: item.read() for item in _ITEMS if item.module in sys.modules}
 
 
-def restore_surroundings(wanted: Mapping[str, Any]) -> tuple[str, ...]:
+def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
     """Make things as they were; the names of those that cannot be."""
     stuck = []
     for item in _ITEMS:

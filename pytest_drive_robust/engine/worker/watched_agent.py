@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.engine.board import Board
+from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.runner.episode.rescore import Rig
 
 __all__ = ["CUT_OFF", "WatchedAgent", "tamed"]
@@ -30,7 +30,7 @@ class WatchedAgent:
     pytest raises: both become ordinary exceptions of the same name, which the loop blames on the agent.
     """
 
-    def __init__(self, agent: Agent, board: Board, channel: int) -> None:
+    def __init__(self, agent: Agent, board: SharedState, channel: int) -> None:
         self._agent = agent
         self._board = board
         self._channel = channel

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["Order"]
+__all__ = ["PickledRequest"]
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class PickledRequest:
     """An episode with its route. `setting` is pickled; None where it does not pickle, and its sentence must do."""
 
     episode: Episode
@@ -27,13 +27,13 @@ class Order:
     setting: bytes | None
 
     @classmethod
-    def of(cls, task: EpisodeRequest) -> Order:
-        """What the child needs of a task."""
+    def of(cls, request: EpisodeRequest) -> PickledRequest:
+        """What the child needs of a request."""
         try:
-            setting: bytes | None = pickle.dumps(task.setting)
+            setting: bytes | None = pickle.dumps(request.setting)
         except Exception:  # a class of a conftest.py that another one pushed out of sys.modules, a lambda, a lock ...
             setting = None
-        return cls(task.episode, task.route, setting)
+        return cls(request.episode, request.route, setting)
 
     def read_setting(self, registry: Registry) -> Setting:
         """The setting, in the child. Raises `UsageError` when its classes are not to be had there."""

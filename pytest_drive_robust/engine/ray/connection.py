@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.engine.fork_server import refusal
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.guard import Stopped
-from pytest_drive_robust.engine.nursery import refusal
 from pytest_drive_robust.engine.ray import driver as ray_driver
+from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.store.record import CorruptRecordError, decode_episode
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["LOCAL", "Link"]
+__all__ = ["LOCAL", "ClusterConnection"]
 
 LOCAL = "local"
 """The address of a cluster of our own on this machine, which ends with the run."""
@@ -36,7 +36,7 @@ _GOODBYE_S = 15.0
 _SHOWN_BYTES = 2000
 
 
-class Link:
+class ClusterConnection:
     """Our end of one `ray_driver` process.
 
     `nodes` are cores and GPUs of every node. `is_lost` once the process ended unasked; nobody waits for it then.
@@ -71,20 +71,22 @@ class Link:
         self._reader = threading.Thread(target=self._read_all, name="drive-robust-ray", daemon=True)
         self._reader.start()
 
-    def send(self, task: EpisodeRequest, needs: tuple[float, float], errand: bytes) -> Future[EpisodeResult]:
-        """Begin an episode; `errand` is a pickled `Errand`."""
+    def send(
+        self, request: EpisodeRequest, needs: tuple[float, float], cluster_request: bytes
+    ) -> Future[EpisodeResult]:
+        """Begin an episode; `cluster_request` is a pickled `Errand`."""
         future: Future[EpisodeResult] = Future()
         with self._idle:
             if self.is_lost:
-                future.set_result(_lost(task, "the connection to the cluster ended."))
+                future.set_result(_lost(request, "the connection to the cluster ended."))
                 return future
             if self._refused is not None:
                 future.set_exception(UsageError(self._refused))
                 return future
             self._sent += 1
             number = self._sent.to_bytes(TOKEN_BYTES, "big")
-            self._pending[number] = task, future
-        self._write(Frame(ray_driver.DRIVE, number, ray_driver.NEEDS.pack(*needs) + errand))
+            self._pending[number] = request, future
+        self._write(Frame(ray_driver.DRIVE, number, ray_driver.NEEDS.pack(*needs) + cluster_request))
         return future
 
     def close(self, *, cancel: bool) -> None:
@@ -115,13 +117,13 @@ class Link:
             self.is_lost = self._refused is None
             pending, self._pending = self._pending, {}
             self._idle.notify_all()
-        for task, future in pending.values():
+        for request, future in pending.values():
             if self._closing:
                 future.set_exception(Stopped())
             elif self._refused is not None:
                 future.set_exception(UsageError(self._refused))
             else:
-                future.set_result(_lost(task, f"the connection to the cluster ended. {self._last_words()}"))
+                future.set_result(_lost(request, f"the connection to the cluster ended. {self._last_words()}"))
 
     def _read(self, frame: Frame) -> None:
         if frame.kind == ray_driver.CLUSTER:
@@ -136,13 +138,13 @@ class Link:
             self._idle.notify_all()
         if found is None:
             return
-        task, future = found
+        request, future = found
         if frame.kind == ray_driver.RECORD:
-            future.set_result(_read_record(task, frame.payload))
+            future.set_result(_read_record(request, frame.payload))
         elif frame.kind == ray_driver.UNUSABLE:
             future.set_exception(refusal(json.loads(frame.payload)))
         else:
-            future.set_result(_lost(task, frame.payload.decode()))
+            future.set_result(_lost(request, frame.payload.decode()))
 
     def _last_words(self) -> str:
         size = self._log.seek(0, os.SEEK_END)
@@ -169,16 +171,18 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": path, "RAY_USAGE_STATS_ENABLED": "0"}
 
 
-def _read_record(task: EpisodeRequest, record: bytes) -> EpisodeResult:
+def _read_record(request: EpisodeRequest, record: bytes) -> EpisodeResult:
     try:
         return decode_episode(record)
     except CorruptRecordError as error:
-        return _lost(task, str(error))
+        return _lost(request, str(error))
 
 
-def _lost(task: EpisodeRequest, why: str) -> EpisodeResult:
+def _lost(request: EpisodeRequest, why: str) -> EpisodeResult:
     detail = f"the episode was lost on the cluster: {why}"
-    return bare_result(task.route, task.episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail)
+    return bare_result(
+        request.route, request.episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail
+    )
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

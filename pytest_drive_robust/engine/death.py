@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.engine.worker.watched import CUT_OFF
+from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.board import Moment
+    from pytest_drive_robust.engine.shared_state import StateReading
 
-__all__ = ["Blame", "Cause", "Death", "Finding", "examine", "place_of_fault"]
+__all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
 
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
 _FRAME = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
@@ -49,7 +49,7 @@ class Death:
     """
 
     cause: Cause
-    moment: Moment
+    moment: StateReading
     status: int | None = None
     limit_s: float = 0.0
     lasted_s: float = 0.0
@@ -59,7 +59,7 @@ class Death:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Explanation:
     """The verdict over a death."""
 
     blame: Blame
@@ -67,7 +67,7 @@ class Finding:
     detail: str
 
 
-def examine(death: Death) -> Finding:
+def explain(death: Death) -> Explanation:
     """Who is to blame, and the sentence that people read."""
     phase, tick = death.moment.phase, death.moment.tick
     where = f"in {phase.call} at tick {tick}" if phase.is_agent else f"at tick {tick}"
@@ -85,7 +85,7 @@ def examine(death: Death) -> Finding:
         if tick == 0 and not phase.is_agent:
             return _ours(f"killed by {ending} before the episode began")
         perhaps = " (perhaps out of memory)" if number == signal.SIGKILL else ""
-        return Finding(Blame.OUTSIDE, End.AGENT_CRASHED_HARD, f"killed by {ending} {where}{perhaps}{last}")
+        return Explanation(Blame.OUTSIDE, End.AGENT_CRASHED_HARD, f"killed by {ending} {where}{perhaps}{last}")
     if phase.is_agent:
         return _agent(f"{ending} {where}{place}{last}")
     return _ours(f"the simulation ended its process: {ending} {where}{place}{last}")
@@ -102,26 +102,26 @@ def place_of_fault(faults: str) -> str:
     return f" ({path.relative_to(here) if path.is_relative_to(here) else path}:{line} in {name})"
 
 
-def _too_late(death: Death, where: str, place: str) -> Finding:
+def _too_late(death: Death, where: str, place: str) -> Explanation:
     phase, moment = death.moment.phase, death.moment
     if death.cause is Cause.ACT_DEADLINE:
-        return Finding(Blame.AGENT, End.AGENT_TIMED_OUT, f"took longer than {death.limit_s:g} s {where}{place}")
+        return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, f"took longer than {death.limit_s:g} s {where}{place}")
     agent_s = moment.agent_s + (death.lasted_s if phase.is_agent else 0.0)
     if agent_s * 2.0 >= death.elapsed_s:
         share = f"the agent used {agent_s:.1f} s of it"
         detail = f"the episode took longer than {death.limit_s:g} s, {share}; it was {where}{place}"
-        return Finding(Blame.AGENT, End.AGENT_TIMED_OUT, detail)
+        return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, detail)
     return _ours(
         f"the episode took longer than {death.limit_s:g} s, most of it in the simulation; it was {where}{place}"
     )
 
 
-def _agent(detail: str) -> Finding:
-    return Finding(Blame.AGENT, End.AGENT_CRASHED_HARD, detail)
+def _agent(detail: str) -> Explanation:
+    return Explanation(Blame.AGENT, End.AGENT_CRASHED_HARD, detail)
 
 
-def _ours(detail: str) -> Finding:
-    return Finding(Blame.OURS, End.SIMULATION_CRASHED, detail)
+def _ours(detail: str) -> Explanation:
+    return Explanation(Blame.OURS, End.SIMULATION_CRASHED, detail)
 
 
 def _ending(status: int) -> tuple[str, int | None]:

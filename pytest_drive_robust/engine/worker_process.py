@@ -12,21 +12,21 @@ import threading
 import time
 from typing import Protocol
 
-from pytest_drive_robust.engine.board import Board
 from pytest_drive_robust.engine.frames import Frame, write_frame
-from pytest_drive_robust.engine.worker.child import Channels
+from pytest_drive_robust.engine.shared_state import SharedState
+from pytest_drive_robust.engine.worker.serve import Descriptors
 
-__all__ = ["ChildHandle", "ForkedChild", "SpawnedChild"]
+__all__ = ["ForkedChild", "SpawnedChild", "WorkerProcess"]
 
 _POLL_S = 0.05
 
 
-class ChildHandle(Protocol):
+class WorkerProcess(Protocol):
     """One child process. `exit_fd` becomes readable when it ends; None where one has to ask now and then."""
 
     pid: int
-    channels: Channels
-    board: Board
+    channels: Descriptors
+    board: SharedState
     exit_fd: int | None
 
     def send(self, frame: Frame) -> None:
@@ -55,7 +55,7 @@ class _Child:
 
     exit_fd: int | None = None
 
-    def __init__(self, pid: int, ends: tuple[Channels, Board]) -> None:
+    def __init__(self, pid: int, ends: tuple[Descriptors, SharedState]) -> None:
         self.pid = pid
         self.channels, self.board = ends
         self._lock = threading.Lock()
@@ -105,9 +105,9 @@ class _Child:
 
 
 class ForkedChild(_Child):
-    """A child of the nursery, which tells of its end."""
+    """A child of the fork_server, which tells of its end."""
 
-    def __init__(self, pid: int, ends: tuple[Channels, Board], exit_fd: int) -> None:
+    def __init__(self, pid: int, ends: tuple[Descriptors, SharedState], exit_fd: int) -> None:
         super().__init__(pid, ends)
         self.exit_fd: int | None = exit_fd
         self._exit = exit_fd
@@ -115,7 +115,7 @@ class ForkedChild(_Child):
     def _look(self) -> int | None:
         if self._status is None and not self._closed and select.select([self._exit], [], [], 0)[0]:
             told = os.read(self._exit, 4)
-            # Without a word: the nursery died, and its children with it.
+            # Without a word: the fork_server died, and its children with it.
             self._status = int.from_bytes(told, "little", signed=True) if len(told) == 4 else int(signal.SIGKILL)
         return self._status
 
@@ -126,7 +126,7 @@ class ForkedChild(_Child):
 class SpawnedChild(_Child):
     """A Python of its own."""
 
-    def __init__(self, process: subprocess.Popen[bytes], ends: tuple[Channels, Board]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], ends: tuple[Descriptors, SharedState]) -> None:
         super().__init__(process.pid, ends)
         self._process = process
 

@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.autopsy import Blame, Death, Finding, examine
+from pytest_drive_robust.engine.death import Blame, Death, Explanation, explain
+from pytest_drive_robust.engine.exchange import Answer, Exchange, Interrupted
+from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped, refusal
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery, NurseryError, Stopped, refusal
-from pytest_drive_robust.engine.order import Order
-from pytest_drive_robust.engine.talk import Answer, Cut, Talk
+from pytest_drive_robust.engine.pickled_request import PickledRequest
 from pytest_drive_robust.engine.wire import DRIVE, SALVAGE
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result
@@ -26,35 +26,35 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.board import Board
-    from pytest_drive_robust.engine.handle import ChildHandle
+    from pytest_drive_robust.engine.shared_state import SharedState
+    from pytest_drive_robust.engine.worker_process import WorkerProcess
     from pytest_drive_robust.runner.episode.rescore import Rig
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["Failure", "Guard", "Stopped"]
+__all__ = ["FailedAttempt", "Stopped", "Supervisor"]
 
 _SALVAGE_S = 600.0
 _FAREWELL_S = 0.5
 
 
-class Failure(NamedTuple):
+class FailedAttempt(NamedTuple):
     """A death with what the board still told."""
 
-    finding: Finding
+    finding: Explanation
     rig: Rig | None
     rows: NDArray[np.float64] | None
     call: str
 
 
-class Guard:
+class Supervisor:
     """One child process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
 
     _kind = DRIVE
 
-    def __init__(self, nursery: Nursery, limits: Limits) -> None:
-        self._nursery = nursery
+    def __init__(self, fork_server: ForkServer, limits: Limits) -> None:
+        self._fork_server = fork_server
         self._limits = limits
-        self._child: ChildHandle | None = None
+        self._child: WorkerProcess | None = None
         self._first_rss = 0
         self._lock = threading.Lock()
         self._stopped = threading.Event()
@@ -74,18 +74,18 @@ class Guard:
         child = self._child
         return None if child is None else child.pid
 
-    def drive(self, task: EpisodeRequest, *, count: int = 0) -> EpisodeResult:
+    def drive(self, request: EpisodeRequest, *, count: int = 0) -> EpisodeResult:
         """The episode, whatever happens to the process that drives it. It was tried `count` times before.
 
-        Raises `UsageError` when the agent or the simulator cannot be made at all or the task cannot be sent, and
+        Raises `UsageError` when the agent or the simulator cannot be made at all or the request cannot be sent, and
         `Stopped` after `stop`. `output` is then the end of what was printed.
         """
         started = time.monotonic()
-        order = Order.of(task)
+        order = PickledRequest.of(request)
         payload = self._request_for(order)
         while True:
             ended = self._attempt(self._kind, payload, self._limits)
-            if isinstance(ended, Failure):
+            if isinstance(ended, FailedAttempt):
                 result = self._result_of(ended, order, final=count == DRIVEN_AGAIN, started=started)
             else:
                 result = self._judged(ended)
@@ -96,7 +96,7 @@ class Guard:
                 return result
             count += 1
 
-    def _request_for(self, order: Order) -> bytes:
+    def _request_for(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order,))
 
     def stop(self) -> None:
@@ -119,7 +119,9 @@ class Guard:
                 os.close(self._wake_r)
                 os.close(self._wake_w)
 
-    def _result_of(self, failure: Failure, order: Order, *, final: bool, started: float) -> EpisodeResult | None:
+    def _result_of(
+        self, failure: FailedAttempt, order: PickledRequest, *, final: bool, started: float
+    ) -> EpisodeResult | None:
         """The result of an episode that ended with its process; None when it should be driven again."""
         finding = failure.finding
         if finding.blame is not Blame.AGENT and not final:
@@ -133,7 +135,7 @@ class Guard:
         detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {DRIVEN_AGAIN + 1} times"
         return replace(result, outcome=outcome, end=finding.end, end_detail=detail, wall_s=time.monotonic() - started)
 
-    def _salvaged(self, failure: Failure, order: Order) -> EpisodeResult | None:
+    def _salvaged(self, failure: FailedAttempt, order: PickledRequest) -> EpisodeResult | None:
         """The score up to where the agent was lost, from another child; None when not even that works."""
         if failure.rows is None or failure.call == "its constructor":
             return None
@@ -143,7 +145,7 @@ class Guard:
             ended = self._attempt(SALVAGE, pickle.dumps((order, wreck)), limits)
         except UsageError:
             return None
-        if isinstance(ended, Failure) or ended.outcome is Outcome.INFRA_ERROR:
+        if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
             self._retire()
             return None
         return ended
@@ -156,16 +158,16 @@ class Guard:
         detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
-    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | Failure:
+    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | FailedAttempt:
         """One request to the child, a new one where there is none. Raises `UsageError`, `Stopped`."""
         try:
             child = self._ready_child()
-        except NurseryError as error:
-            return Failure(Finding(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
-        talk = Talk(child, limits, self._wake_r)
+        except NoWorkerError as error:
+            return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
+        talk = Exchange(child, limits, self._wake_r)
         try:
             ended = talk.run(Frame(kind, os.urandom(TOKEN_BYTES), payload))
-        except Cut:
+        except Interrupted:
             ended = None
         if kind != SALVAGE:
             self.output = talk.said
@@ -181,14 +183,14 @@ class Guard:
             raise refusal(ended.refused)
         return ended.result
 
-    def _ready_child(self) -> ChildHandle:
-        """The child that waits, or a new one. Raises `Stopped`, `NurseryError`, `UsageError`."""
+    def _ready_child(self) -> WorkerProcess:
+        """The child that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
         if self._stopped.is_set():
             raise Stopped
         if self._child is not None and self._child.wait(0.0) is not None:  # somebody killed it while it waited
             self._discard()
         if self._child is None:
-            child = self._nursery.child(self._limits, self._stopped.is_set)
+            child = self._fork_server.child(self._limits, self._stopped.is_set)
             with self._lock:
                 self._child, self._first_rss = child, 0
         return self._child
@@ -220,10 +222,10 @@ class Guard:
             child.close()
 
 
-def _failure(death: Death, board: Board) -> Failure:
+def _failure(death: Death, board: SharedState) -> FailedAttempt:
     """The death and what the board still tells, unless the child wrote all over it."""
-    finding, call = examine(death), death.moment.phase.call
+    finding, call = explain(death), death.moment.phase.call
     try:
-        return Failure(finding, board.rig(), board.rows(), call)
+        return FailedAttempt(finding, board.rig(), board.rows(), call)
     except (ValueError, KeyError, TypeError):
-        return Failure(finding, None, None, call)
+        return FailedAttempt(finding, None, None, call)

@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["Recipe"]
+__all__ = ["WorkerSetup"]
 
 _THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -28,7 +28,7 @@ _THREAD_VARIABLES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class WorkerSetup:
     """Everything that a process needs to drive the episodes of a run; plain data that pickles.
 
     `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook

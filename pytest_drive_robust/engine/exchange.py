@@ -11,19 +11,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.engine.autopsy import Cause, Death
+from pytest_drive_robust.engine.death import Cause, Death
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, FrameReader
 from pytest_drive_robust.engine.wire import REFUSED, RESULT
-from pytest_drive_robust.engine.worker.child import split_answer
+from pytest_drive_robust.engine.worker.serve import split_answer
 from pytest_drive_robust.store.record import decode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.board import Moment
-    from pytest_drive_robust.engine.handle import ChildHandle
     from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.shared_state import StateReading
+    from pytest_drive_robust.engine.worker_process import WorkerProcess
 
-__all__ = ["CHUNK_BYTES", "Answer", "Cut", "Talk", "answer_in"]
+__all__ = ["CHUNK_BYTES", "Answer", "Exchange", "Interrupted", "answer_in"]
 
 CHUNK_BYTES = 1 << 16
 _LAST_WORDS_S = 0.1
@@ -41,14 +41,14 @@ class Answer:
     leftovers: tuple[str, ...]
 
 
-class Cut(Exception):  # noqa: N818 - it is no error: somebody asked for it
+class Interrupted(Exception):  # noqa: N818 - it is no error: somebody asked for it
     """The descriptor that wakes us became readable."""
 
 
-class Talk:
+class Exchange:
     """Waits for one child, within the limits, by a clock and descriptors that are out of the child's reach."""
 
-    def __init__(self, child: ChildHandle, limits: Limits, wake_fd: int) -> None:
+    def __init__(self, child: WorkerProcess, limits: Limits, wake_fd: int) -> None:
         self._child = child
         self._limits = limits
         self._wake_fd = wake_fd
@@ -62,7 +62,7 @@ class Talk:
         return bytes(self._said[-self._limits.output_bytes :]).decode("utf-8", "replace")
 
     def run(self, request: Frame) -> Answer | Death:
-        """Send the request and wait. After a `Death` the child is dead, too. Raises `Cut`."""
+        """Send the request and wait. After a `Death` the child is dead, too. Raises `Interrupted`."""
         self._started_s = time.monotonic()
         try:
             self._child.send(request)
@@ -76,7 +76,7 @@ class Talk:
         while True:
             ready = dict(poller.poll(1000.0 * self._patience_s()))
             if self._wake_fd in ready:
-                raise Cut
+                raise Interrupted
             if self._child.channels.output in ready and not self._listen():
                 poller.unregister(self._child.channels.output)
             if self._child.channels.messages in ready:
@@ -153,7 +153,7 @@ class Talk:
             return self._kill(Cause.SILENT)
         return self._death(Cause.DIED, status=status)
 
-    def _kill(self, cause: Cause, moment: Moment | None = None, limit_s: float = 0.0) -> Death:
+    def _kill(self, cause: Cause, moment: StateReading | None = None, limit_s: float = 0.0) -> Death:
         """End the child, with a chance for faulthandler to say where it is."""
         moment = moment or self._child.board.look()
         if limit_s:
@@ -164,7 +164,7 @@ class Talk:
         return self._death(cause, moment, limit_s=limit_s)
 
     def _death(
-        self, cause: Cause, moment: Moment | None = None, *, status: int | None = None, limit_s: float = 0.0
+        self, cause: Cause, moment: StateReading | None = None, *, status: int | None = None, limit_s: float = 0.0
     ) -> Death:
         self._listen()
         now = time.monotonic()
