@@ -14,6 +14,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.lockstep.vetting import Vetting, vet
@@ -133,9 +134,8 @@ class Crew:
         return self._registry.simulator(self._recipe.simulator, self._recipe.options)
 
     def _make(self, name: str) -> Agent:
-        seed_generators(f"making {name}")
         self.board.enter(Phase.MAKE, 0)
-        self._sample = agent = self._registry.agent(name)
+        self._sample = agent = make_agent(self._registry, name)
         self._recipe.limit_threads()
         self._surroundings.setdefault(name, read_process_state())
         self.board.enter(Phase.SIM, 0)

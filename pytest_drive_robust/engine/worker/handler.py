@@ -15,9 +15,10 @@ from pytest_drive_robust.engine.worker.process_state import read_process_state, 
 from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
-from pytest_drive_robust.runner.episode.generators import seed_for, seed_generators
+from pytest_drive_robust.runner.episode.generators import seed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result, drive_again
 from pytest_drive_robust.store.record import encode_episode
 
@@ -126,9 +127,8 @@ class RequestHandler:
             agent, surroundings = self._agents[name]
             restore_process_state(surroundings)
             return agent
-        seed_generators(f"making {name}")
         self.board.enter(Phase.MAKE, 0)
-        agent = self.registry.agent(name)
+        agent = make_agent(self.registry, name)
         self.worker_setup.limit_threads()
         self._agents[name] = agent, read_process_state()
         return agent
