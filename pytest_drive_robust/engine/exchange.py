@@ -76,7 +76,7 @@ class Exchange:
             if self._wake_fd in ready:
                 raise Interrupted
             if self._news_fd in ready:
-                os.read(self._news_fd, _CHUNK_BYTES)  # type: ignore[arg-type]
+                os.read(self._news_fd, _CHUNK_BYTES)
             if worker.output in ready and not self._listen():
                 sources.remove(worker.output)
             death = self._hear(ready, hear) or (self._late() if self._begun_s else None)
@@ -170,9 +170,7 @@ class Exchange:
         self._worker.wait(_EXIT_S)
         return self._death(cause, reading, limit_s=limit_s)
 
-    def _death(
-        self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0
-    ) -> Death:
+    def _death(self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0) -> Death:
         self._listen()
         now = time.monotonic()
         return Death(

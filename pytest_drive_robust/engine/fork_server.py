@@ -21,7 +21,6 @@ import pickle
 import select
 import socket
 import subprocess
-import sys
 import tempfile
 import threading
 import time

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.store.base import EpisodeStore
 
-__all__ = ["new_run_name", "nothing_is_stored", "open_store"]
+__all__ = ["new_run_name", "open_store"]
 
 
 def new_run_name() -> str:
@@ -17,11 +17,6 @@ def new_run_name() -> str:
     import uuid
 
     return uuid.uuid4().hex
-
-
-def nothing_is_stored(settings: RunOptions, root: Path) -> bool:
-    """True when every episode of the run has to be driven, whatever it is."""
-    return settings.store == "off" or settings.fresh or not (root / settings.store / "episodes").is_dir()
 
 
 def open_store(settings: RunOptions, root: Path, *, run: str, own: Path | None = None) -> EpisodeStore:
