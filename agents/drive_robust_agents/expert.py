@@ -1,6 +1,7 @@
 """`expert`: a privileged rule-based planner, the upper end of every table.
 
-It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each in modules of its own (`_planning`):
+It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each with modules of its own in
+`_planning`:
 
 1. forecast everybody else along the lanes (`traffic`, `tracks`);
 2. choose where to drive: the lanes of the route (`lane_changes`), a way around what stands in them (`obstacles`); a

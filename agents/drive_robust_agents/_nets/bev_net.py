@@ -12,7 +12,7 @@ from drive_robust_agents._nets.bev_grid import BevSpec
 __all__ = ["DENSE_CHANNELS", "BevNet"]
 
 DENSE_CHANNELS = 8
-"""What may lie in a cell, as an auxiliary target (`training.recipes.dense.CHANNELS`): bodies of two kinds, lines of six."""
+"""What may lie in a cell: bodies of two kinds and lines of six, as in `training.recipes.dense.CHANNELS`."""
 
 
 class BevNet(nn.Module):

@@ -30,8 +30,8 @@ _LIGHTS = {LightState.RED: Reason.RED, LightState.YELLOW: Reason.YELLOW, LightSt
 def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Floats, path: Floats) -> Commentary:
     """Return one sentence for a sample.
 
-    `facts` are those of `training.data.facts.FACTS` by name, `speeds` (n,) the expert's in m/s every 0.25 s from now, at
-    least 8, and `path` (n, 2) its path in metres.
+    `facts` are those of `training.data.facts.FACTS` by name, `speeds` (n,) the expert's in m/s every 0.25 s from now,
+    at least 8, and `path` (n, 2) its path in metres.
     """
     action = action_of(speed_mps, speeds)
     if action in (Action.REMAIN, Action.STOP, Action.SLOW):
