@@ -288,7 +288,7 @@ def _own_the_run(
     from pytest_drive_robust.plugin.regressions import Epilogue
     from pytest_drive_robust.plugin.run_owner import LocalRecord, RunOwner
     from pytest_drive_robust.plugin.screen import progress_for
-    from pytest_drive_robust.store.opening import new_run_name, open_store
+    from pytest_drive_robust.store.base import new_run_name, open_store
 
     if config.getoption("drive_plan"):
         check_plan_alone(config)

@@ -17,7 +17,7 @@ import pytest
 
 from pytest_drive_robust.plugin.executor import CRADLE, cradle_for
 from pytest_drive_robust.plugin.helping import tell_helpers_to_stop
-from pytest_drive_robust.store.opening import nothing_is_stored, open_store
+from pytest_drive_robust.store.base import nothing_is_stored, open_store
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
