@@ -1,66 +1,31 @@
-"""The pytest plugin: options, activation, and hand-over to objects that do the work. Inert without `--drive-robust`.
+"""The hooks of every session: options, registration of names, checks of the collection.
 
-Where things are: `plugin/fixtures.py` has what tests use, `plugin/xdist.py` every decision about pytest-xdist,
-`runner/campaign.py` the episodes, `report/` what people read.
+Inert without `--drive-robust`; with it, `plugin.activation` registers the plugin objects that drive and report.
+Everything that is imported here is paid for by every pytest session, hence the late imports.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Generator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from pytest_drive_robust import errors
-from pytest_drive_robust.options.table import (
-    DEFAULT_SIMULATOR,
-    EXECUTION_OPTIONS,
-    MARKER_LINE,
-    OPTIONS,
-    REGRESSION_OPTIONS,
+from pytest_drive_robust import hookspecs
+from pytest_drive_robust.options.table import EXECUTION_OPTIONS, MARKER_LINE, OPTIONS, REGRESSION_OPTIONS
+from pytest_drive_robust.plugin.fixtures import FIXTURES, NEEDS_FLAG
+from pytest_drive_robust.plugin.usage_errors import (
+    PROBLEMS,
+    ProblemCourier,
+    as_pytest_usage_error,
+    note_problem,
+    refuse_problems,
+    usage_error_in,
 )
-from pytest_drive_robust.plugin import xdist as distributed
-from pytest_drive_robust.plugin.fixtures import (
-    DRIVER,
-    INCONCLUSIVE,
-    NEEDS_FLAG,
-    BrokenRequirementError,
-    Driver,
-    NotJudgedError,
-    drive,
-    drive_agent,
-)
-from pytest_drive_robust.plugin.selection import everything_ran
-from pytest_drive_robust.report.numbers import legible
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pytest_drive_robust.options.execution import ExecutionOptions
-    from pytest_drive_robust.options.marker import MarkerOptions
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.plugin.plan import PlanPlugin
-    from pytest_drive_robust.plugin.run_owner import Record, RunOwner
-    from pytest_drive_robust.regression.options import RegressionOptions
-    from pytest_drive_robust.regression.waivers import Waivers
-    from pytest_drive_robust.runner.campaign import Observer
-    from pytest_drive_robust.runner.plan import Scope
-    from pytest_drive_robust.store.base import EpisodeStore
-    from pytest_drive_robust.verdict.model import Requirement
-
-__all__ = ["drive", "drive_agent"]
-
-_NOT_JUDGED = "drive_robust_not_judged"
-_FIXTURES = frozenset({"drive", "drive_agent"})
-_PROBLEMS = pytest.StashKey["dict[str, str]"]()
-"""Usage errors found while collecting, in order: what is wrong, and where first; one of the run itself has no place."""
-
-_PLANNING = "drive_robust_planning"
-_ADVICE = pytest.StashKey["dict[str, None]"]()
-"""What the routes of the selected tests cannot show, each sentence once."""
+__all__: list[str] = []
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -82,8 +47,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
     """Add our own hooks."""
-    from pytest_drive_robust import hookspecs
-
     pluginmanager.add_hookspecs(hookspecs)
 
 
@@ -91,16 +54,16 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
     config.addinivalue_line("markers", MARKER_LINE)
-    problems: dict[str, str] = {}
-    config.stash[_PROBLEMS] = problems
-    config.stash[_ADVICE] = {}
-    with _as_usage_error():
+    config.stash[PROBLEMS] = {}
+    with as_pytest_usage_error():
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
         if config.getoption("drive_robust"):
-            _activate(config)
+            from pytest_drive_robust.plugin.activation import activate
+
+            activate(config)
     if config.pluginmanager.hasplugin("xdist"):
-        config.pluginmanager.register(distributed.ProblemCourier(problems), "drive_robust_problems")
+        config.pluginmanager.register(ProblemCourier(config.stash[PROBLEMS]), "drive_robust_problems")
 
 
 def pytest_unconfigure() -> None:
@@ -111,7 +74,7 @@ def pytest_unconfigure() -> None:
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
-    """Requirements name their test cases."""
+    """Name test cases after their requirements."""
     model = sys.modules.get("pytest_drive_robust.verdict.model")  # not loaded: then it cannot be one
     return val.id if model is not None and isinstance(val, model.Requirement) else None
 
@@ -120,12 +83,12 @@ def pytest_make_parametrize_id(val: object) -> str | None:
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """A sentence that we do not understand is a usage error (exit code 4), not a traceback of our parser."""
+    """Turn a sentence that we do not understand into a usage error (exit code 4) without a traceback of our parser."""
     report = yield
-    error = _usage_error_in(report)
+    error = usage_error_in(report)
     if error is None:
         return report
-    collector.config.stash[_PROBLEMS].setdefault(str(error), collector.nodeid or collector.name)
+    collector.config.stash[PROBLEMS].setdefault(str(error), collector.nodeid or collector.name)
     return pytest.CollectReport(collector.nodeid, "passed", None, [])
 
 
@@ -134,25 +97,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Check the markers; without `--drive-robust`, skip what would have to drive."""
     for item in items:
         if item.get_closest_marker("drive_robust") is not None:
-            _check(config, item.nodeid, partial(_marker_of, item))
+            note_problem(config, item.nodeid, partial(_check_markers, item))
     if not config.getoption("drive_robust"):
         skip = pytest.mark.skip(reason=NEEDS_FLAG)
-        for item in _driving(items):
-            item.add_marker(skip)
+        for item in items:
+            if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
+                item.add_marker(skip)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Everything that can be checked without driving is checked here; then the plan is made."""
-    config = session.config
-    driver = config.stash.get(DRIVER, None)
-    if driver is not None and not config.stash[_PROBLEMS]:
-        _plan(driver, session)
-    problems = config.stash[_PROBLEMS]
-    if problems and distributed.is_worker(config):
-        session.items.clear()  # the controller reports the problems, see distributed.ProblemCourier
-    elif problems:
-        raise pytest.UsageError("\n".join(distributed.sentences(problems)))
+    """Refuse what was found wrong while collecting. `plugin.collection` was called before and made the plan."""
+    refuse_problems(session)
 
 
 class _LazyRegistry:
@@ -164,6 +120,7 @@ class _LazyRegistry:
         return getattr(default_registry(), name)
 
 
+<<<<<<< HEAD
 class DrivingPlugin:
     """In every process that runs tests. `last_words()` are what broken episodes printed since it was asked last."""
 
@@ -407,50 +364,9 @@ def _driving(items: list[pytest.Item]) -> Iterator[pytest.Item]:
 
 
 def _marker_of(item: pytest.Item) -> MarkerOptions:
+=======
+def _check_markers(item: pytest.Item) -> None:
+>>>>>>> main
     from pytest_drive_robust.options.marker import MarkerOptions
 
-    return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
-
-
-def _usage_error_in(report: pytest.CollectReport) -> errors.UsageError | None:
-    """Our usage error behind a failed collection, also when a conftest.py raised it."""
-    call = report.__dict__.get("call")
-    error = call.excinfo.value if call is not None and call.excinfo is not None else None
-    error = getattr(error, "cause", error)
-    return error if isinstance(error, errors.UsageError) else None
-
-
-def _routes_in_words(settings: RunOptions) -> str:
-    """How many routes are driven, and what they are called."""
-    from pytest_drive_robust.plugin.assembly import is_outside
-    from pytest_drive_robust.registry.registry import default_registry
-    from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
-
-    if is_outside(settings):
-        return settings.routes if settings.routes_given else f"all of {settings.simulator}"
-    if settings.simulator == DEFAULT_SIMULATOR:
-        return f"{len(resolve_routes(settings.routes))} ({settings.routes})"
-    try:
-        simulator = default_registry().simulator(settings.simulator)
-    except errors.UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
-        return settings.routes
-    spec = default_spec(settings, simulator)
-    return f"{len(routes_for(spec, simulator))} ({spec})"
-
-
-def _header(settings: RunOptions, routes: str) -> str:
-    seeds = ",".join(map(str, settings.seeds))
-    correction = "" if settings.correction == "none" else f" correction={settings.correction}"
-    return (
-        f"drive-robust: agent={settings.agent} sim={settings.simulator} routes={routes} "
-        f"seeds={seeds} metrics={settings.metrics}{correction}"
-    )
-
-
-@contextmanager
-def _as_usage_error() -> Iterator[None]:
-    """Our usage errors as pytest's, which end with exit code 4 and without a traceback."""
-    try:
-        yield
-    except errors.UsageError as error:
-        raise pytest.UsageError(str(error)) from None
+    MarkerOptions.from_marks(item.iter_markers("drive_robust"))
