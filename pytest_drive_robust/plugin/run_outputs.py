@@ -1,27 +1,26 @@
-"""The process that owns the run's result: collects what happened and makes every report of it."""
+"""What comes of a run: one result, built from the record of what happened, and every report that is made of it."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from pytest_drive_robust import __version__
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.report.csv_file import write_csv
 from pytest_drive_robust.report.github import append_step_summary
 from pytest_drive_robust.report.json_file import write_json
+from pytest_drive_robust.report.progress import Progress
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.events import Event
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.plugin.regressions import Epilogue
-    from pytest_drive_robust.report.progress import Progress
-    from pytest_drive_robust.store.base import EpisodeStore
-    from pytest_drive_robust.store.events import Event
-
-__all__ = ["LocalRecord", "Record", "RunOwner"]
+__all__ = ["LocalRunRecord", "RunOutputs", "RunRecord"]
 
 _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
@@ -29,7 +28,7 @@ _NOTHING_DRIVEN = (
 )
 
 
-class Record(Protocol):
+class RunRecord(Protocol):
     """What happened in a run, wherever it happened."""
 
     def events(self) -> list[Event]:
@@ -41,7 +40,7 @@ class Record(Protocol):
         ...
 
 
-class LocalRecord:
+class LocalRunRecord:
     """The record of a run in one process; as its observer, it also moves the progress display."""
 
     def __init__(self, progress: Progress, store: EpisodeStore) -> None:
@@ -71,16 +70,21 @@ class LocalRecord:
         self._progress.pause()
 
 
-class RunOwner:
+class RunOutputs:
     """Builds the one `RunResult` and what is made of it. A report that breaks is named and spoils no other."""
 
     def __init__(
-        self, settings: RunOptions, record: Record, *, versions: Mapping[str, str], epilogue: Epilogue | None = None
+        self,
+        options: RunOptions,
+        record: RunRecord,
+        *,
+        versions: Mapping[str, str],
+        checks: RegressionChecks,
     ) -> None:
-        self._settings = settings
+        self._options = options
         self._record = record
         self._versions = versions
-        self._epilogue = epilogue
+        self._checks = checks
         self._run: RunResult | None = None
         self._problems: list[str] = []
         self._notes: list[str] = []
@@ -90,7 +94,7 @@ class RunOwner:
         self._notes.append(sentence)
 
     def finish(self, *, whole: bool = False) -> bool:
-        """Close the books and write the files. True when the run must not be green for a reason of its own.
+        """Build the result and write the files. True when the run must not be green for a reason of its own.
 
         `whole` says that every test was selected and ran.
         """
@@ -101,8 +105,8 @@ class RunOwner:
             return True
         if not self._run.episodes:
             self._problems.append(_NOTHING_DRIVEN)
-        self._write(self._settings.json_path, write_json, self._run)
-        self._write(self._settings.csv_path, write_csv, self._run)
+        self._write(self._options.json_path, write_json, self._run)
+        self._write(self._options.csv_path, write_csv, self._run)
         try:
             append_step_summary(self._run, os.environ)
         except Exception as error:
@@ -118,10 +122,8 @@ class RunOwner:
             self._problems.append(f"ERROR: {os.fspath(path)} was not written: {_reason(error)}")
 
     def _conclude(self, run: RunResult, *, whole: bool) -> bool:
-        if self._epilogue is None:
-            return False
         try:
-            return self._epilogue.finish(run, whole=whole)
+            return self._checks.finish(run, whole=whole)
         except Exception as error:
             self._problems.append(f"ERROR: the run was not stored or compared: {_reason(error)}")
             return True
@@ -129,7 +131,7 @@ class RunOwner:
     def sections(self, *, colour: bool) -> list[tuple[str, str]]:
         """(title, text) of what comes after the table."""
         try:
-            return [] if self._epilogue is None else self._epilogue.sections(colour=colour)
+            return self._checks.sections(colour=colour)
         except Exception as error:
             return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
 
@@ -144,11 +146,9 @@ class RunOwner:
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:
-        from pytest_drive_robust import __version__
-
         versions = {"pytest-drive-robust": __version__, **self._versions}
         events, notes = self._record.events(), tuple(self._notes)
-        return RunResult.of(self._settings, events, self._record.find, versions=versions, notes=notes)
+        return RunResult.of(self._options, events, self._record.find, versions=versions, notes=notes)
 
 
 def _reason(error: Exception) -> str:

@@ -1,19 +1,18 @@
-"""The terminal behind pytest's capturing."""
+"""The terminal behind pytest's capturing, and the progress display that fits it."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.report.progress import Progress
+from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress, SilentProgress
 
-__all__ = ["PytestScreen", "progress_for"]
+__all__ = ["UncapturedScreen", "progress_for"]
 
 
-class PytestScreen:
+class UncapturedScreen:
     """Writes where pytest itself writes, also while a test runs and its output is captured.
 
     `reporter` is pytest's terminal reporter, `capture` its capture manager (None under `-p no:capture`).
@@ -26,7 +25,7 @@ class PytestScreen:
 
     @contextmanager
     def exclusive(self) -> Iterator[TextIO]:
-        """The real standard output, at the start of a line, with capturing suspended."""
+        """Give the real standard output, at the start of a line, with capturing suspended."""
         suspended = self._capture.global_and_fixture_disabled() if self._capture is not None else nullcontext()
         with suspended:
             self._reporter.ensure_newline()
@@ -37,12 +36,10 @@ class PytestScreen:
 
 
 def progress_for(config: Any) -> Progress:
-    """The display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`."""
-    from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, SilentProgress
-
+    """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`."""
     reporter = config.pluginmanager.getplugin("terminalreporter")
     if reporter is None or config.getoption("verbose") < 0:
         return SilentProgress()
     capture = config.pluginmanager.getplugin("capturemanager")
-    screen = PytestScreen(reporter, capture, writer=config.get_terminal_writer())
+    screen = UncapturedScreen(reporter, capture, writer=config.get_terminal_writer())
     return LiveProgress(screen) if reporter.isatty else PlainProgress(screen)

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.plugin.run_owner import RunOwner
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.run_outputs import RunOutputs
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.runner.search.repeatability import probe
+from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["ProbePlugin"]
 
 
 class ProbePlugin:
-    """In the one process that people look at, when `--drive-probe` was given."""
+    """Probes in the one process that people look at, when `--drive-probe` was given."""
 
-    def __init__(self, config: pytest.Config, settings: RunOptions, owner: RunOwner) -> None:
+    def __init__(self, config: pytest.Config, options: RunOptions, outputs: RunOutputs) -> None:
         self._config = config
-        self._settings = settings
-        self._owner = owner
+        self._options = options
+        self._outputs = outputs
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
@@ -29,27 +31,20 @@ class ProbePlugin:
         if any(self._config.getoption(name, False) for name in ("collectonly", "setupplan", "setuponly")):
             return
         sentence = self._sentence()
-        self._owner.note(sentence)
+        self._outputs.note(sentence)
         reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
             reporter.write_line(f"drive-robust: {sentence}")
 
     def _sentence(self) -> str:
-        from pytest_drive_robust.options.marker import MarkerOptions
-        from pytest_drive_robust.registry.registry import default_registry
-        from pytest_drive_robust.runner.routes import resolve_routes
-        from pytest_drive_robust.runner.scopes import Scopes
-        from pytest_drive_robust.runner.search.repeatability import probe
-        from pytest_drive_robust.simulators.base import SimulatorOptions
-
-        settings, registry = self._settings, default_registry()
+        options, registry = self._options, default_registry()
         try:
-            scope = Scopes(settings, registry, resolve_routes).of(MarkerOptions())
+            scope = Scopes(options, registry, resolve_routes).of(MarkerOptions())
             found = probe(
                 registry,
                 agent=scope.agent,
-                simulator=settings.simulator,
-                options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
+                simulator=options.simulator,
+                options=SimulatorOptions(stuck_stop_s=options.stuck_stop_s),
                 route=scope.routes[0],
                 seed=scope.seeds[0],
             )

@@ -4,40 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.reading import routes_in_order
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.store.claims import Claims
+from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
+from pytest_drive_robust.store.journal import JournalReader
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.runner.campaign import Campaign
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.runner.scopes import Scopes
-    from pytest_drive_robust.store.claims import Claims
-    from pytest_drive_robust.store.events import Asked
-
-__all__ = ["HelpingPlugin", "tell_helpers_to_stop"]
+__all__ = ["IdleWorkerPlugin", "stop_idle_workers"]
 
 _STOP = "stop"
 _BUSY = "busy"
 
 
-def tell_helpers_to_stop(folder: Path) -> None:
-    """On the controller: the run is ending, be it that all is done or that somebody cannot wait."""
+def stop_idle_workers(folder: Path) -> None:
+    """Tell workers without tests that the run is ending: all is done, or it was interrupted. For the controller."""
     (folder / _STOP).touch()
 
 
-class HelpingPlugin:
-    """In one worker. `folder` is the run's; `name` is what the worker is called.
+class IdleWorkerPlugin:
+    """Lets one worker help others. `folder` is the run's; `name` is what the worker is called.
 
     It drives only what other workers have asked for and not yet decided without, each in the order in which its test
     reads it, and only as many at a time as if the test ran here: a verdict that comes early leaves little behind.
     """
 
     def __init__(self, folder: Path, name: str, scopes: Scopes, campaign: Campaign) -> None:
-        from pytest_drive_robust.store.claims import Claims
-
         self._stop = folder / _STOP
         self._folder = folder
         self._name = name
@@ -48,7 +47,7 @@ class HelpingPlugin:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, Any, Any]:
-        """After the tests of this worker."""
+        """Help after the tests of this worker."""
         outcome = yield
         if self._own is not None:
             self._own.release()
@@ -57,15 +56,15 @@ class HelpingPlugin:
         return outcome
 
     def pytest_unconfigure(self) -> None:
-        """Where no test ran."""
+        """Free the name where no test ran."""
         if self._own is not None:
             self._own.release()
 
     def _help(self) -> None:
-        questions = _Questions(self._folder, self._scopes)
+        wanted = _OpenRequests(self._folder, self._scopes)
         try:
             while not self._stop.exists() and self._others_are_busy():
-                self._campaign.assist(questions.requests())
+                self._campaign.assist(wanted.requests())
         except UsageError:  # the worker that asked says so in its test
             return
 
@@ -79,20 +78,16 @@ class HelpingPlugin:
         return False
 
 
-class _Questions:
-    """What the workers of a run ask for and have no answer to, read from their journals."""
+class _OpenRequests:
+    """The requests of the workers of a run that are not answered yet, read from their journals."""
 
     def __init__(self, folder: Path, scopes: Scopes) -> None:
-        from pytest_drive_robust.store.journal import JournalReader
-
         self._journals = JournalReader(folder)
         self._scopes = scopes
         self._open: list[tuple[Asked, list[EpisodeRequest]]] = []
 
     def requests(self) -> Iterator[EpisodeRequest]:
-        """In the order in which they are read, one test after the other. Raises `UsageError`."""
-        from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
-
+        """Yield them in the order in which they are read, one test after the other. Raises `UsageError`."""
         for event in self._journals.read():
             if isinstance(event, Asked):  # clean episodes are asked for alone first, then named by what needs them
                 self._open = [(asked, requests) for asked, requests in self._open if asked.keys != event.clean_keys]
@@ -113,9 +108,6 @@ class _Questions:
         return (request for _, left in self._open for request in left)
 
     def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
-        from pytest_drive_robust.options.marker import MarkerOptions
-        from pytest_drive_robust.runner.reading import routes_in_order
-
         scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
         need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))
         wanted = frozenset((*asked.keys, *asked.clean_keys))

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.report.plan_table import plan_text
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["PlanPlugin", "check_plan_alone"]
 
@@ -23,23 +21,23 @@ def check_plan_alone(config: pytest.Config) -> None:
 
 
 class PlanPlugin:
-    """In place of running tests. `slots` is how many episodes a run would drive at a time."""
+    """Shows the plan in place of running tests.
 
-    def __init__(self, config: pytest.Config, store: EpisodeStore, *, slots: int) -> None:
+    `requests` are the episodes of the selected tests by key, filled by their collection; `slots` is how many episodes a
+    run would drive at a time.
+    """
+
+    def __init__(
+        self, config: pytest.Config, store: EpisodeStore, requests: Mapping[str, EpisodeRequest], *, slots: int
+    ) -> None:
         self._config = config
         self._store = store
         self._slots = slots
-        self._requests: dict[str, EpisodeRequest] = {}
-
-    def see(self, requests: Mapping[str, EpisodeRequest]) -> None:
-        """The episodes of the selected tests, in their order."""
-        self._requests.update(requests)
+        self._requests = requests
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> bool:
         """Show the plan; no test runs."""
-        from pytest_drive_robust.report.plan_table import plan_text
-
         reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
             text = plan_text(self._requests.values(), self._store.get, slots=self._slots, colour=reporter.hasmarkup)
