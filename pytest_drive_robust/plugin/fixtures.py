@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.verdict_rule import VerdictRule
     from pytest_drive_robust.options.marker import MarkerOptions
     from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.perturbations.base import Perturbation
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Perturbation, Setting
     from pytest_drive_robust.runner.campaign import Campaign, Judgement
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.runner.scopes import Scopes
@@ -315,6 +314,6 @@ def _marker(request: pytest.FixtureRequest) -> MarkerOptions:
 
 
 def _as_setting(setting: Setting | Perturbation) -> Setting:
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
 
     return setting if isinstance(setting, Setting) else Setting.of(setting)

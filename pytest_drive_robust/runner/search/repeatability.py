@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.replay.recording import difference
 
