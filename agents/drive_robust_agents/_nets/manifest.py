@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
     "FORMAT_VERSION",
@@ -89,9 +90,7 @@ def write_entry(folder: Path, entry: Entry) -> None:
     entries = json.loads(path.read_bytes()) if path.exists() else {}
     entries[entry.name] = dataclasses.asdict(entry)
     text = json.dumps(entries, indent=1, sort_keys=True) + "\n"
-    scratch = path.with_suffix(".new")
-    scratch.write_text(text)
-    scratch.replace(path)
+    write_whole(path, text)
 
 
 def plain_spec(spec: object) -> dict[str, Any]:

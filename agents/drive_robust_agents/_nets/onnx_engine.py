@@ -6,10 +6,8 @@ that changes with the weights, the options and the versions that built it. There
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,6 +21,7 @@ from torch import Tensor, nn
 from drive_robust_agents._nets import require
 from drive_robust_agents._nets.manifest import Entry
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import whole_file
 
 __all__ = ["OnnxEngine", "cache_folder"]
 
@@ -86,22 +85,15 @@ def _export(net: Any, path: Path) -> None:
     with torch.inference_mode():
         outputs = list(net(**example))
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, scratch = tempfile.mkstemp(dir=path.parent, suffix=".new")
-    os.close(handle)
-    try:
-        with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
-            torch.onnx.export(
-                _Named(net, list(example)).eval(),
-                tuple(example.values()),
-                scratch,
-                input_names=list(example),
-                output_names=outputs,
-                dynamic_axes={name: {0: "rows"} for name in (*example, *outputs)},
-                opset_version=_OPSET,
-                dynamo=False,
-            )
-        os.replace(scratch, path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(scratch)
+    with whole_file(path) as temporary, warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
+        torch.onnx.export(
+            _Named(net, list(example)).eval(),
+            tuple(example.values()),
+            str(temporary),
+            input_names=list(example),
+            output_names=outputs,
+            dynamic_axes={name: {0: "rows"} for name in (*example, *outputs)},
+            opset_version=_OPSET,
+            dynamo=False,
+        )

@@ -21,6 +21,7 @@ from drive_robust_agents.training.shards import Shard, Written
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["Collected", "Wish", "add_arguments", "collect", "draws_of", "main", "run", "wish_of"]
 
@@ -132,7 +133,7 @@ def _claim(wish: Wish, out: Path) -> None:
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
 
 
 def draws_of(folder: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.manifest import MOST_BYTES, Entry, plain_spec, read_manifest, write_entry
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipe import Recipe
@@ -32,9 +33,7 @@ def write_weights(net: nn.Module, folder: Path, *, settings: RunOptions, step: i
     name = settings.agent
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.safetensors"
-    scratch = path.with_suffix(".new")
-    scratch.write_bytes(content)
-    scratch.replace(path)
+    write_whole(path, content)
     entry = Entry(
         name=name,
         version=version,
@@ -68,9 +67,7 @@ def publish(
     }  # fmt: skip
     entry = replace(entry, version=version, provenance=provenance)
     folder.mkdir(parents=True, exist_ok=True)
-    scratch = folder / f"{entry.file}.new"
-    scratch.write_bytes(content)
-    scratch.replace(folder / entry.file)
+    write_whole(folder / entry.file, content)
     write_entry(folder, entry)
     weights.load(recipe.name, lambda spec: recipe.make(spec), weights=folder / entry.file)
     return entry

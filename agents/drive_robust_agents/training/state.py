@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import whole_file
 
 __all__ = ["States"]
 
@@ -37,9 +37,8 @@ class States:
             tensors |= {f"optimizer.{number}.{name}": value for name, value in values.items()}
         content = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
         path = self._folder / f"{step:09d}.safetensors"
-        scratch = path.with_suffix(f".{os.getpid()}")
-        safetensors.torch.save_file(content, scratch, metadata={"facts": json.dumps({"step": step, **facts})})
-        scratch.replace(path)
+        with whole_file(path) as temporary:
+            safetensors.torch.save_file(content, temporary, metadata={"facts": json.dumps({"step": step, **facts})})
         for old in self._files()[:-_KEPT]:
             old.unlink()
 

@@ -26,6 +26,7 @@ from drive_robust_agents.training.draws import draws
 from drive_robust_agents.training.schedule import learning_rate, stage_at
 from drive_robust_agents.training.state import States
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.feed import Feed
@@ -216,7 +217,7 @@ class Trainer:
                 )
             return
         self.run.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+        write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
 
 
 def _optimizer(net: nn.Module, settings: RunOptions) -> torch.optim.AdamW:
