@@ -1,7 +1,8 @@
-"""Failures of the computer: its commands come late."""
+"""A computer that needs time: its commands come late."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -9,8 +10,8 @@ from typing import ClassVar, Literal
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
-from pytest_drive_robust.perturbations.base import EpisodeContext, Perturbation
-from pytest_drive_robust.perturbations.buffers import Fifo, Hold
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.severity import (
     checked_choice,
     checked_count,
@@ -20,7 +21,6 @@ from pytest_drive_robust.perturbations.severity import (
     refusal,
     whole_ticks,
 )
-from pytest_drive_robust.perturbations.spans import Spans
 
 __all__ = ["InferenceLatency"]
 
@@ -64,6 +64,7 @@ class InferenceLatency(Perturbation):
     phrase: ClassVar[str] = "{ms} ms latency"
     variants: ClassVar[Mapping[str, Mapping[str, object]]] = {"measured latency": {"mode": "measured", "ms": None}}
     example: ClassVar[Mapping[str, object]] = {"ms": 200.0}
+    ladder: ClassVar = ("ms", "ticks")
 
     def __post_init__(self) -> None:
         checked_choice(self, "mode", ("fifo", "hold", "measured"))
@@ -92,19 +93,18 @@ class InferenceLatency(Perturbation):
 
     def reset(self, context: EpisodeContext) -> None:
         """Empty the buffer. Raises `PerturbationError` for a latency between 0 and one tick."""
-        self._stream = context.stream
         self._dt_s = context.dt_s
         self._ticks = delay_ticks(self, "ms", (self.ms or 0.0) / 1000.0, context.dt_s)
-        self._buffer: Fifo | Hold = Fifo(self._ticks) if self.mode == "fifo" else Hold()
+        self._buffer: _Fifo | _Hold = _Fifo(self._ticks) if self.mode == "fifo" else _Hold()
         self._times_s = []
-        self._spans = Spans()
+        self._spans = Spans(context.stream)
 
     def wants_inference(self, tick: int) -> bool:
-        """Always in fifo mode; in the others when the last command has become due."""
+        """Return True in fifo mode; in the others when the last command has become due."""
         return self._buffer.is_free(tick)
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
-        """The command that is due in `tick`."""
+        """Return the command that is due in `tick`."""
         delay = self._ticks
         if self.mode == "measured" and control is not None and self._buffer.is_free(tick):
             delay = whole_ticks(self._time_s(inference_s), self._dt_s)
@@ -114,8 +114,17 @@ class InferenceLatency(Perturbation):
         return Control.NEUTRAL if tick < self.warmup_ticks else due
 
     def schedule(self) -> tuple[Injection, ...]:
-        """One stretch: every tick."""
-        return self._spans.injections(self._stream)
+        """Return one stretch: every tick."""
+        return self._spans.injections()
+
+    def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
+        """Return how short the latency was, or that all commands were the same."""
+        if self.mode == "measured":
+            return f"every inference took less than one tick of {1000.0 * dt_s:g} ms"
+        ticks = whole_ticks((self.ms or 0.0) / 1000.0, dt_s)
+        if ticks == 0:
+            return f"latency {self.ms:g} ms is 0 ticks at {1.0 / dt_s:g} Hz"
+        return f"the agent never gave another command than {ticks} ticks before"
 
     def _time_s(self, inference_s: float) -> float:
         if self.replay_s:
@@ -128,3 +137,55 @@ class InferenceLatency(Perturbation):
             inference_s = self.replay_s[count]
         self._times_s.append(inference_s)
         return inference_s
+
+
+class _Fifo:
+    """A pipe of `ticks` commands, filled with the neutral one: one goes in and one comes out in every tick."""
+
+    __slots__ = ("_newest", "_pipe")
+
+    def __init__(self, ticks: int) -> None:
+        self._pipe = deque([Control.NEUTRAL] * ticks)
+        self._newest = Control.NEUTRAL
+
+    def is_free(self, tick: int) -> bool:
+        """Return True: the agent runs in every tick."""
+        return True
+
+    def exchange(self, tick: int, control: Control | None, delay: int) -> Control:
+        """Put the new command in (the last one again when there is none) and take the one that is due."""
+        if control is not None:
+            self._newest = control
+        self._pipe.append(self._newest)
+        return self._pipe.popleft()
+
+
+class _Hold:
+    """A computer with one request at a time: busy until its command is due, which then holds until the next one is."""
+
+    __slots__ = ("_current", "_due", "_pending")
+
+    def __init__(self) -> None:
+        self._current = Control.NEUTRAL
+        self._pending: Control | None = None
+        self._due = 0
+
+    def is_free(self, tick: int) -> bool:
+        """Return True from the tick on in which the last command is due."""
+        return tick >= self._due
+
+    def exchange(self, tick: int, control: Control | None, delay: int) -> Control:
+        """Release the command that is due, start on the new one, and give the command that holds in this tick.
+
+        A command that comes while the computer is busy is not a new one: in a stack, an earlier latency repeats its
+        command in every tick.
+        """
+        if self._pending is not None and tick >= self._due:
+            self._current, self._pending = self._pending, None
+        if control is not None and tick >= self._due:
+            self._due = tick + delay
+            if delay == 0:
+                self._current = control
+            else:
+                self._pending = control
+        return self._current

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import Injection
-from pytest_drive_robust.perturbations.base import EpisodeContext, Perturbation
-from pytest_drive_robust.perturbations.severity import checked_number, delay_ticks
-from pytest_drive_robust.perturbations.spans import Spans
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans
+from pytest_drive_robust.perturbations.severity import checked_number, delay_ticks, whole_ticks
 
 __all__ = ["SensorDelay"]
 
@@ -39,6 +39,7 @@ class SensorDelay(Perturbation):
     ego_ms: float | None = None
 
     phrase: ClassVar[str] = "{camera_ms} ms sensor delay"
+    ladder: ClassVar = ("camera_ms", "ticks")
 
     def __post_init__(self) -> None:
         self.camera_ms = checked_number(self, "camera_ms", expected="milliseconds of at least 0")
@@ -48,16 +49,15 @@ class SensorDelay(Perturbation):
 
     def reset(self, context: EpisodeContext) -> None:
         """Forget all captures. Raises `PerturbationError` for a delay between 0 and one tick."""
-        self._stream = context.stream
         self._camera_ticks = delay_ticks(self, "camera_ms", self.camera_ms / 1000.0, context.dt_s)
         self._ego_ticks = self._camera_ticks
         if self.ego_ms is not None:
             self._ego_ticks = delay_ticks(self, "ego_ms", self.ego_ms / 1000.0, context.dt_s)
         self._captures: deque[Observation] = deque()  # oldest first
-        self._spans = Spans()
+        self._spans = Spans(context.stream)
 
     def observe(self, observation: Observation) -> Observation:
-        """The current tick with the signals of earlier ones."""
+        """Return the current tick with the signals of earlier ones."""
         now = observation.tick
         longest = max(self._camera_ticks, self._ego_ticks)
         if longest == 0:
@@ -76,18 +76,25 @@ class SensorDelay(Perturbation):
         return delayed
 
     def schedule(self) -> tuple[Injection, ...]:
-        """One stretch for each delayed signal: every observed tick."""
-        return self._spans.injections(self._stream)
+        """Return one stretch for each delayed signal: every observed tick."""
+        return self._spans.injections()
+
+    def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
+        """Return that there is no camera to delay, or how many ticks the delay is."""
+        if self.camera_ms > 0.0 and self.ego_ms == 0.0 and not cameras:
+            return NO_CAMERA
+        longest_ms = max(self.camera_ms, self.ego_ms or 0.0)
+        return f"a delay of {longest_ms:g} ms is {whole_ticks(longest_ms / 1000.0, dt_s)} ticks at {1.0 / dt_s:g} Hz"
 
     def _kept(self, observation: Observation) -> Observation:
-        """What may be delivered later: own copies of the images, because the simulator may reuse its pixels."""
+        """Return what may be delivered later: own copies of the images, because the simulator may reuse its pixels."""
         if self._camera_ticks == 0:
             return replace(observation, cameras={}, truth=None)
         copies = {name: Image(image.pixels.copy(), image.tick) for name, image in observation.cameras.items()}
         return replace(observation, cameras=copies, truth=None)
 
     def _captured(self, tick: int) -> Observation:
-        """The newest capture that is not younger than `tick` allows, or the oldest that there is."""
+        """Return the newest capture that is not younger than `tick` allows, or the oldest that there is."""
         found = self._captures[0]
         for capture in self._captures:
             if capture.tick > tick:

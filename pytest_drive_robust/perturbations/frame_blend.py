@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import Injection
-from pytest_drive_robust.perturbations.base import EpisodeContext, Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans, cameras_by_name
 from pytest_drive_robust.perturbations.severity import checked_choice, checked_count
-from pytest_drive_robust.perturbations.spans import Spans
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,6 +39,7 @@ class FrameBlend(Perturbation):
     weights: Literal["uniform", "linear"] = "uniform"
 
     phrase: ClassVar[str] = "{frames} frame blend"
+    ladder: ClassVar = ("frames", (2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0))
 
     def __post_init__(self) -> None:
         self.frames = checked_count(self, "frames", expected="a whole number of frames of at least 1", low=1)
@@ -46,20 +47,25 @@ class FrameBlend(Perturbation):
 
     def reset(self, context: EpisodeContext) -> None:
         """Forget all images."""
-        self._stream = context.stream
         self._means: dict[str, _RunningMean] = {}
-        self._spans = Spans()
+        self._spans = Spans(context.stream)
 
     def observe(self, observation: Observation) -> Observation:
-        """The observation with blended images; all images are new arrays."""
+        """Replace all images by their means, which are new arrays."""
         if self.frames == 1:
             return observation
         self._spans.touch(observation.tick, observation.cameras)
         return observation.map_images(self._blended)
 
     def schedule(self) -> tuple[Injection, ...]:
-        """One stretch for each camera: every observed tick."""
-        return self._spans.injections(self._stream)
+        """Return one stretch for each camera: every observed tick."""
+        return self._spans.injections()
+
+    def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
+        """Return that there is no camera, or that the images were all the same."""
+        if not cameras:
+            return NO_CAMERA
+        return f"the mean of {self.frames} frames is the newest one in {cameras_by_name(cameras)}"
 
     def _blended(self, camera: str, image: Image) -> Image:
         mean = self._means.get(camera)
