@@ -19,7 +19,7 @@ from drive_robust_agents.training.recipe import RECIPES
 from drive_robust_agents.training.routes import VALIDATION_SEED, validation_routes
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.runner.routes import resolve_routes
 
 __all__ = ["add_arguments", "evaluate", "run"]
