@@ -17,7 +17,6 @@ from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 __all__ = ["Stage"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
-_SPACING_M = 15.0
 _GAPS = 63  # draws of a flow; they repeat after that
 
 
@@ -186,21 +185,6 @@ class Stage(Places):
             blind=blind,
             late=late,
         )
-
-    def surround(self, path: int, *, speed_mps: float, ahead: int = 2, behind: int = 2) -> None:
-        """Background traffic on one lane: cars ahead of the ego's start and behind it, 15 m apart, that stay near it.
-
-        Those ahead wait for the ego beyond 30 m and stand at 45 m, those behind catch up at up to twice their speed
-        (Bench2Drive `scenario_runner/srunner/scenarios/background_activity.py`).
-        """
-        level = self.along(path, -self.trigger_m)
-        for k in (*range(1, ahead + 1), *range(-behind, 0)):
-            s = level + _SPACING_M * k
-            if 0.0 <= s <= self.length_m(path):
-                self.drive(
-                    _CARS[k % len(_CARS)], path, s, 0.5 * speed_mps, target_mps=speed_mps,
-                    end_m=self.length_m(path), at_end=c.AT_END_LEAVE, leash=True, background=True, obeys_lights=True,
-                )  # fmt: skip
 
     def passing(self, ahead_m: float) -> Trigger:
         """The ego passes a place of the route."""

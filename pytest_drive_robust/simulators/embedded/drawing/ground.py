@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def ground_rows(height: int, view: View, haze_per_m: float, levels: Floats) -> F
     return rows
 
 
-@inner
+@inner_only
 def draw_ground(
     canvas: Canvas,
     rows: Floats,
@@ -108,7 +108,7 @@ def draw_ground(
             first = end
 
 
-@inner
+@inner_only
 def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
     """What the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, the sky."""
     flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
@@ -124,7 +124,7 @@ def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
     return light, haze
 
 
-@inner
+@inner_only
 def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     """The first column after `first` with a face; there are none outside of `low`..`high`."""
     end = max(first + 1, low)
@@ -135,7 +135,7 @@ def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     return len(faces)
 
 
-@inner
+@inner_only
 def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
     for u in range(len(colours)):
         red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
@@ -144,7 +144,7 @@ def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: 
         colours[u] = _pack(red, green, blue)
 
 
-@inner
+@inner_only
 def _pack(red: float, green: float, blue: float) -> int:
     """0x00BBGGRR."""
     red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
@@ -152,7 +152,7 @@ def _pack(red: float, green: float, blue: float) -> int:
     return packed
 
 
-@inner
+@inner_only
 def _light_by_night(
     colours: NDArray[np.uint32],
     sums: NDArray[np.uint64],

@@ -9,7 +9,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +29,7 @@ _MARGIN_M = 0.12
 _CAST_HEIGHT = 0.85
 
 
-@inner
+@inner_only
 def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: View, air: Air) -> None:
     """Darkens the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
     for k in range(len(actors)):
@@ -37,7 +37,7 @@ def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: View, air: 
             _shadow(canvas, rows, actors[k], view, air)
 
 
-@inner
+@inner_only
 def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -> None:
     """Darkens what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
     colours, faces = canvas.colours, canvas.faces
@@ -79,7 +79,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -
                 colours[row, column] = red_blue | green
 
 
-@inner
+@inner_only
 def row_of(ahead_m: float, view: View, height: int) -> int:
     """The row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
@@ -89,7 +89,7 @@ def row_of(ahead_m: float, view: View, height: int) -> int:
     return int(min(max(0.5 * height - view.focal_px * up / forward, 0.0), height - 1.0))
 
 
-@inner
+@inner_only
 def _slab(start: float, slope: float, lowest: float, highest: float, low: float, high: float) -> tuple[float, float]:
     """The part of `low`..`high` where lowest <= start + slope * x <= highest (low > high: none)."""
     if abs(slope) < 1e-9:

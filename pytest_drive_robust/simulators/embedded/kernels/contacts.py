@@ -7,7 +7,7 @@ import math
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["contacts", "overlap"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorState, LightState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.scripts import run_script
 from pytest_drive_robust.simulators.embedded.state import State, Statics

@@ -12,14 +12,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.simulators.embedded import criteria
+from pytest_drive_robust.domain import truth
+from pytest_drive_robust.simulators.embedded import criteria, events, jit, kernels
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.kernels import flows
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
 from pytest_drive_robust.simulators.embedded.kernels.held import Held, held
-from pytest_drive_robust.simulators.embedded.kernels.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.kernels.lights import set_lights
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.survey import survey
@@ -109,7 +110,7 @@ def _actor_rows(sources: int) -> Callable[[Held, Floats], int]:
     return actor_rows
 
 
-_SOURCES = sources_digest()
+_SOURCES = sources_digest(jit, kernels, criteria, events, c, truth)
 
 hold = _hold(_SOURCES)
 """What the other entry points take: a world by its arrays, which it keeps alive and does not copy."""

@@ -61,7 +61,7 @@ def test_a_sun_behind_a_building_has_no_disc_and_little_glare() -> None:
 @pytest.mark.parametrize("name", ["clear noon", "cloudy noon", "clear night", "dust storm"])
 def test_fair_noon_night_and_dust_leave_the_picture_alone(name: str) -> None:
     air = Air.of(WEATHERS[name])
-    assert not air.on_lens
+    assert air.rain == air.drops == air.glare == 0.0
     assert (drawn(air) == 90).all()
 
 

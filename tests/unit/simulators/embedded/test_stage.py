@@ -129,8 +129,17 @@ def test_a_flow_of_bicycles_consists_of_bicycles(staged) -> None:
     assert set(world.frame().actors[:, 1].astype(int)) == {int(ActorKind.BICYCLE)}
 
 
-def test_background_traffic_stays_near_a_slow_ego(staged) -> None:
-    world = staged(STREET, lambda stage: stage.surround(stage.own(), speed_mps=12.0))
+def test_traffic_on_a_leash_stays_near_a_slow_ego(staged) -> None:
+    def put(stage: Stage) -> None:
+        path = stage.own()
+        for ahead_m in (-30.0, -15.0, 15.0, 30.0):
+            start_m = stage.along(path, ahead_m - stage.trigger_m)
+            stage.drive(
+                ActorKind.CAR, path, start_m, 6.0, target_mps=12.0, end_m=stage.length_m(path), leash=True,
+                background=True, obeys_lights=True,
+            )  # fmt: skip
+
+    world = staged(STREET, put)
     drive(world, Control(throttle=0.12), 300)
     ego = world.state.ego
     cars = world.state.actors[world.state.actor_ints[:, c.I_ACTIVE] == 1]
