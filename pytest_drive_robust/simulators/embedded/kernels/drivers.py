@@ -111,9 +111,9 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
     if actor[c.A_SYNC_M] > 0.0:
         return _abreast(actor, state.ego)
     gap, leader_v = math.inf, 0.0
-    if whole[c.I_BLIND] != c.SEES_NOBODY:
+    if whole[c.I_SEES] != c.SEES_NOBODY:
         notices_m = notices_mps = math.inf
-        if whole[c.I_BLIND] == c.SEES_LATE:
+        if whole[c.I_SEES] == c.SEES_LATE:
             notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
         path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
         gap, leader_v = _leader(

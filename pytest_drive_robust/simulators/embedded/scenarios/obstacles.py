@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
     ahead,
@@ -161,6 +160,6 @@ def _building_site(stage: Stage) -> float:
 def _badly_parked_car(stage: Stage) -> float:
     """A car that reaches into the lane; metres from the trigger to it."""
     at = ahead(stage, 41.0)
-    car = stage.stand(ActorKind.CAR, at, right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0)
-    stage.cast.ints[car][c.I_STATE] = int(ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
+    right_m = right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0
+    stage.stand(ActorKind.CAR, at, right_m, state=ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
     return at
