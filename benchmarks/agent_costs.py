@@ -36,10 +36,10 @@ from pytest_drive_robust import Control, Observation, Setting
 from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
@@ -134,8 +134,8 @@ def alone(agent: Agent, ticks: int) -> tuple[float, float]:
 
 
 def seen_by(agent: Agent, ticks: int) -> Recording:
-    task = EpisodeRequest(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
-    recording = record(EmbeddedSimulator(SimulatorOptions()), agent, task, count=ticks, every=1)
+    request = EpisodeRequest(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
+    recording = record(EmbeddedSimulator(SimulatorOptions()), agent, request, count=ticks, every=1)
     assert recording is not None
     return recording
 
@@ -152,7 +152,7 @@ def together(crew: Sequence[Any], recording: Recording) -> float:
 
 def memory(subject: Subject, ticks: int) -> tuple[float, float]:
     """(private, resident) MB of a guarded child after an episode on each route. Linux only."""
-    recipe = Recipe(
+    worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=str(Path.cwd()),
         plugins=(plugin_source(candidates),),
@@ -160,15 +160,15 @@ def memory(subject: Subject, ticks: int) -> tuple[float, float]:
         options=SimulatorOptions(tick_cap=ticks),
         preload_agents=(subject.name,),
     )
-    nursery = Nursery(recipe)
-    guard = Guard(nursery, Limits())
+    fork_server = ForkServer(worker_setup)
+    supervisor = Supervisor(fork_server, Limits())
     try:
         for route in ROUTES:
-            guard.drive(EpisodeRequest(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
-        lines = Path(f"/proc/{guard.pid}/smaps_rollup").read_text().splitlines()[1:]
+            supervisor.drive(EpisodeRequest(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
+        lines = Path(f"/proc/{supervisor.pid}/smaps_rollup").read_text().splitlines()[1:]
     finally:
-        guard.close()
-        nursery.close()
+        supervisor.close()
+        fork_server.close()
     sizes = {line.split(":")[0]: int(line.split()[1]) / 1e3 for line in lines}
     return sizes["Private_Clean"] + sizes["Private_Dirty"], sizes["Rss"]
 

@@ -148,9 +148,10 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Both episodes, one after the other, with the same simulator and agent."""
+    from pytest_drive_robust.runner.episode.make_agent import make_agent
     from pytest_drive_robust.runner.replay.recording import record_episode
 
-    agent = registry.agent(wanted.agent)
+    agent = make_agent(registry, wanted.agent)
     tapes: list[Tape] = []
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
     try:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.board import Board, Phase
-from pytest_drive_robust.engine.worker.surroundings import read_surroundings, restore_surroundings
-from pytest_drive_robust.engine.worker.watched import WatchedAgent, tamed
+from pytest_drive_robust.engine.shared_state import Phase, SharedState
+from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
+from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent, tamed
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.lockstep.vetting import Vetting, vet
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import GlobalPlan
     from pytest_drive_robust.domain.truth import WorldState
-    from pytest_drive_robust.engine.order import Order
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
@@ -37,7 +38,7 @@ __all__ = ["Crew"]
 class Crew:
     """Drives in lockstep what one process is asked for; worlds and agents of one agent name are kept warm."""
 
-    def __init__(self, recipe: Recipe, registry: Registry, board: Board, channel: int) -> None:
+    def __init__(self, recipe: WorkerSetup, registry: Registry, board: SharedState, channel: int) -> None:
         self.board = board
         self._recipe = recipe
         self._registry = registry
@@ -49,7 +50,7 @@ class Crew:
         self._asked: Control | None = None
         self._alone = False
 
-    def vet(self, order: Order, width: int) -> EpisodeResult:
+    def vet(self, order: PickledRequest, width: int) -> EpisodeResult:
         """May the agent be driven in lockstep? Not driven: completed when it may, an agent error when it must not.
 
         An `infra_error` says that there was nothing to ask about, because the episode broke at once.
@@ -69,7 +70,7 @@ class Crew:
             outcome, end = (Outcome.COMPLETED, End.COMPLETED) if passed else (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
         return bare_result(order.route, order.episode, outcome=outcome, end=end, detail=vetting.problem or "")
 
-    def drive_alone(self, order: Order, width: int) -> EpisodeResult:
+    def drive_alone(self, order: PickledRequest, width: int) -> EpisodeResult:
         """One episode in a batch of its own, with everything on the board that salvaging it would take."""
         task = self.task_of(order)
         self._alone = True
@@ -103,13 +104,13 @@ class Crew:
                 on_tick=self._ticked,
             )
         if agent in self._surroundings:
-            restore_surroundings(self._surroundings[agent])
+            restore_process_state(self._surroundings[agent])
         seed_generators(f"driving {agent}")
         self.board.enter(Phase.SIM, 0)
         for task, result in self._lockstep.drive(tasks):
             yield task, with_machine(result, self._sample)
 
-    def task_of(self, order: Order) -> EpisodeRequest:
+    def task_of(self, order: PickledRequest) -> EpisodeRequest:
         """Raises `UsageError` for a setting that cannot be had here."""
         return EpisodeRequest(order.episode, order.route, order.read_setting(self._registry))
 
@@ -133,11 +134,10 @@ class Crew:
         return self._registry.simulator(self._recipe.simulator, self._recipe.options)
 
     def _make(self, name: str) -> Agent:
-        seed_generators(f"making {name}")
         self.board.enter(Phase.MAKE, 0)
-        self._sample = agent = self._registry.agent(name)
+        self._sample = agent = make_agent(self._registry, name)
         self._recipe.limit_threads()
-        self._surroundings.setdefault(name, read_surroundings())
+        self._surroundings.setdefault(name, read_process_state())
         self.board.enter(Phase.SIM, 0)
         return agent
 

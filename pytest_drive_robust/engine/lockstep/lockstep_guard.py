@@ -9,20 +9,20 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.engine.exchange import Answer, Interrupted
+from pytest_drive_robust.engine.fork_server import NoWorkerError, refusal
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
-from pytest_drive_robust.engine.guard import Failure, Guard, Stopped
 from pytest_drive_robust.engine.lockstep.stream import Stream
-from pytest_drive_robust.engine.nursery import NurseryError, refusal
-from pytest_drive_robust.engine.order import Order
-from pytest_drive_robust.engine.talk import Answer, Cut
+from pytest_drive_robust.engine.pickled_request import PickledRequest
+from pytest_drive_robust.engine.supervisor import FailedAttempt, Stopped, Supervisor
 from pytest_drive_robust.engine.wire import ALONE, TOGETHER, VET
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.lockstep.vetting import Vetting
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.fork_server import ForkServer
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.nursery import Nursery
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
     Ended = Callable[[EpisodeRequest, EpisodeResult | UsageError], object]
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["LockstepGuard"]
 
 
-class LockstepGuard(Guard):
+class LockstepGuard(Supervisor):
     """One child at a time. `drive` gives an episode a batch of its own, `drive_together` fills one with several.
 
     An episode of a batch takes as long as all of them: each may take `width` times the limit of an episode. A call of
@@ -39,15 +39,15 @@ class LockstepGuard(Guard):
 
     _kind = ALONE
 
-    def __init__(self, nursery: Nursery, limits: Limits, *, width: int) -> None:
+    def __init__(self, nursery: ForkServer, limits: Limits, *, width: int) -> None:
         episode_s = None if limits.episode_s is None else limits.episode_s * width
         super().__init__(nursery, replace(limits, episode_s=episode_s))
         self._width = width
 
     def vet(self, task: EpisodeRequest) -> Vetting:
         """May the agent of `task` be driven in lockstep? Raises `UsageError` and `Stopped` as `drive` does."""
-        ended = self._attempt(VET, self._request_for(Order.of(task)), self._limits)
-        if isinstance(ended, Failure) or ended.outcome is Outcome.INFRA_ERROR:
+        ended = self._attempt(VET, self._request_for(PickledRequest.of(task)), self._limits)
+        if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
             return Vetting(recorded=False)
         return Vetting(recorded=True, problem=ended.end_detail or None)
 
@@ -72,7 +72,7 @@ class LockstepGuard(Guard):
                 return None
             token = os.urandom(TOKEN_BYTES)
             under_way[token] = task
-            return Frame(TOGETHER, token, self._request_for(Order.of(task)))
+            return Frame(TOGETHER, token, self._request_for(PickledRequest.of(task)))
 
         def hear(token: bytes, answer: Answer) -> None:
             nonlocal leaving
@@ -89,12 +89,12 @@ class LockstepGuard(Guard):
 
         try:
             child = self._ready_child()
-        except NurseryError:
+        except NoWorkerError:
             return (first,)
         stream = Stream(child, self._limits, self._wake_r, news_fd)
         try:
             death = stream.run_together(next_frame, hear)
-        except Cut:
+        except Interrupted:
             self._discard()
             raise Stopped from None
         self.output = stream.said
@@ -107,14 +107,14 @@ class LockstepGuard(Guard):
             self._retire()
         return (*under_way.values(), *again)
 
-    def _request_for(self, order: Order) -> bytes:
+    def _request_for(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order, self._width))
 
     def _grew(self, answer: Answer) -> bool:
         self._first_rss = self._first_rss or answer.rss
         return answer.rss - self._first_rss > self._limits.growth_bytes
 
-    def _salvaged(self, failure: Failure, order: Order) -> EpisodeResult | None:
+    def _salvaged(self, failure: FailedAttempt, order: PickledRequest) -> EpisodeResult | None:
         result = super()._salvaged(failure, order)
         if result is None:
             return None

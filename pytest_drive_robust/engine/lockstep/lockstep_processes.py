@@ -6,15 +6,15 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.lockstep.batches import Batches, Verdicts
 from pytest_drive_robust.engine.lockstep.lockstep_guard import LockstepGuard
-from pytest_drive_robust.engine.nursery import Nursery
-from pytest_drive_robust.engine.processes import ProcessExecutor
+from pytest_drive_robust.engine.pool import ProcessExecutor
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["LockstepProcessExecutor"]
@@ -29,7 +29,7 @@ class LockstepProcessExecutor:
 
     def __init__(
         self,
-        recipe: Callable[[], Recipe],
+        recipe: Callable[[], WorkerSetup],
         limits: Limits,
         *,
         workers: int,
@@ -43,7 +43,7 @@ class LockstepProcessExecutor:
         self._shares = shares
         self._one_by_one = ProcessExecutor(recipe, limits, slots=workers)
         self._singles: set[Future[EpisodeResult]] = set()
-        self._nursery: Nursery | None = None
+        self._nursery: ForkServer | None = None
         self._verdicts = Verdicts()
         self._batches: list[Batches] = []
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="drive-robust-lockstep")
@@ -62,7 +62,7 @@ class LockstepProcessExecutor:
             self._singles.add(single)
             return single
         if not self._batches:
-            self._nursery = Nursery(self._recipe())
+            self._nursery = ForkServer(self._recipe())
             for _ in range(self._workers):
                 guard = LockstepGuard(self._nursery, self._limits, width=self._width)
                 self._batches.append(Batches(guard, self._verdicts, self._pool, self._one_by_one.heard))

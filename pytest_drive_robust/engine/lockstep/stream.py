@@ -9,25 +9,25 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.autopsy import Cause
+from pytest_drive_robust.engine.death import Cause
+from pytest_drive_robust.engine.exchange import CHUNK_BYTES, Answer, Exchange, Interrupted, answer_in
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, packed
-from pytest_drive_robust.engine.talk import CHUNK_BYTES, Answer, Cut, Talk, answer_in
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.autopsy import Death
-    from pytest_drive_robust.engine.handle import ChildHandle
+    from pytest_drive_robust.engine.death import Death
     from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.worker_process import WorkerProcess
 
 __all__ = ["Stream"]
 
 
-class Stream(Talk):
-    """As `Talk`, for requests that join while others are under way.
+class Stream(Exchange):
+    """As `Exchange`, for requests that join while others are under way.
 
     `news_fd` becomes readable when there may be another request. The limit of an episode counts from its own request.
     """
 
-    def __init__(self, child: ChildHandle, limits: Limits, wake_fd: int, news_fd: int) -> None:
+    def __init__(self, child: WorkerProcess, limits: Limits, wake_fd: int, news_fd: int) -> None:
         super().__init__(child, limits, wake_fd)
         self._news_fd = news_fd
         self._begun_s: dict[bytes, float] = {}
@@ -36,7 +36,7 @@ class Stream(Talk):
     def run_together(self, take: Callable[[], Frame | None], hear: Callable[[bytes, Answer], None]) -> Death | None:
         """Send what `take` gives, tell `hear` what comes back; None when nothing is under way and nothing to be sent.
 
-        After a `Death` the child is dead, too. Raises `Cut`.
+        After a `Death` the child is dead, too. Raises `Interrupted`.
         """
         poller = select.poll()
         for number in (self._wake_fd, self._news_fd, self._child.channels.output):
@@ -52,7 +52,7 @@ class Stream(Talk):
                 poller.register(self._child.channels.messages, select.POLLIN | (select.POLLOUT if self._out else 0))
                 ready = dict(poller.poll(1000.0 * self._patience_s()))
                 if self._wake_fd in ready:
-                    raise Cut
+                    raise Interrupted
                 if self._news_fd in ready:
                     os.read(self._news_fd, CHUNK_BYTES)
                 if self._child.channels.output in ready and not self._listen():

@@ -7,8 +7,8 @@ import select
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Protocol
 
-from pytest_drive_robust.engine.board import Phase
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame
+from pytest_drive_robust.engine.shared_state import Phase
 from pytest_drive_robust.engine.wire import REFUSED, RESULT, refusal_bytes
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.record import encode_episode

@@ -22,7 +22,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.ray.worker import RECORD, UNUSABLE, drive_errand, refused
+from pytest_drive_robust.engine.ray.worker import RECORD, UNUSABLE, drive_on_node, refused
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["CLUSTER", "DRIVE", "LOST", "NEEDS", "OPEN", "RECORD", "REFUSED", "UNUSABLE", "main"]
@@ -52,7 +52,7 @@ class _Cluster:
     def __init__(self, ray: Any, reply: Any) -> None:
         self._ray = ray
         self._reply = reply
-        self._drive = ray.remote(drive_errand)
+        self._drive = ray.remote(drive_on_node)
         self._running: dict[bytes, tuple[Any, tuple[float, float]]] = {}
         self._nodes: list[list[float]] = []
         self._hopeless_since_s: dict[bytes, float] = {}
@@ -71,7 +71,7 @@ class _Cluster:
                 self._end(number, LOST, f"no node of the cluster has {_in_words(needs)} any more")
                 self._ray.cancel(ref, force=True)
 
-    def begin(self, number: bytes, needs: tuple[float, float], errand: bytes) -> None:
+    def begin(self, number: bytes, needs: tuple[float, float], cluster_request: bytes) -> None:
         """Hand an episode to Ray."""
         if not self._fits(needs):
             nodes = "; ".join(_in_words((cores, gpus)) for cores, gpus in self._nodes) or "no node at all"
@@ -79,7 +79,7 @@ class _Cluster:
             self._reply(Frame(UNUSABLE, number, refused(UsageError(text))))
             return
         cores, gpus = needs
-        ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(errand)
+        ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(cluster_request)
         self._running[number] = ref, needs
         ref.future().add_done_callback(partial(self._done, number))
 
@@ -196,7 +196,7 @@ def _read_all(requests: int, inbox: queue.SimpleQueue[Frame | None]) -> None:
 
 
 def _is_setup(error: BaseException) -> bool:
-    """Whether the task could not even begin, on any node."""
+    """Whether the request could not even begin, on any node."""
     unable = isinstance(getattr(error, "cause", None), ImportError) or "failed to import" in str(error)
     return unable or type(error).__name__ == "RuntimeEnvSetupError"
 

@@ -1,4 +1,4 @@
-"""The executor of a cluster: Ray hands episodes to guards on its nodes."""
+"""The executor of a cluster: Ray hands episodes to supervisors on its nodes."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.order import Order
-from pytest_drive_robust.engine.ray.link import LOCAL, Link
-from pytest_drive_robust.engine.ray.packages import Luggage, contents_of
-from pytest_drive_robust.engine.ray.worker import Errand
+from pytest_drive_robust.engine.pickled_request import PickledRequest
+from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
+from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
+from pytest_drive_robust.engine.ray.worker import ClusterRequest
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
@@ -36,12 +36,12 @@ class RayExecutor:
     attributes `num_cpus` (1 when they do not) and `num_gpus` (0).
 
     An episode that was lost with its node is driven again, twice at most, and is an `infra_error` after that. Nothing
-    is started, and `recipe` not called, before the first episode. Raises `UsageError` when Ray is not installed.
+    is started, and `worker_setup` not called, before the first episode. Raises `UsageError` when Ray is not installed.
     """
 
     def __init__(
         self,
-        recipe: Callable[[], Recipe],
+        worker_setup: Callable[[], WorkerSetup],
         limits: Limits,
         *,
         address: str | None = None,
@@ -49,16 +49,16 @@ class RayExecutor:
         registry: Registry | None = None,
     ) -> None:
         _require_ray()
-        self._make_recipe = recipe
+        self._make_recipe = worker_setup
         self._limits = limits
         self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
         self._most = slots
         self._registry = registry
-        self._recipe: Recipe | None = None
-        self._luggage: Luggage | None = None
+        self._setup: WorkerSetup | None = None
+        self._packages: NodePackages | None = None
         self._needs: dict[str, tuple[float, float]] = {}
         self._latest: tuple[float, float] = (1.0, 0.0)
-        self._link: Link | None = None
+        self._link: ClusterConnection | None = None
         self._closed = False
 
     @property
@@ -69,9 +69,9 @@ class RayExecutor:
         room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in nodes)
         return max(1, room if self._most is None else min(room, self._most))
 
-    def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
-        agent = task.episode.agent
+        agent = request.episode.agent
         if agent not in self._needs:
             self._needs[agent] = self._meet(agent)
         self._latest = self._needs[agent]
@@ -80,9 +80,11 @@ class RayExecutor:
             self._link = None
         if self._link is None:
             self._link = self._connected()
-        assert self._recipe is not None  # _meet made it
-        errand = Errand(self._recipe, self._limits, Order.of(task), task.identity, self._luggage)
-        return self._link.send(task, self._latest, pickle.dumps(errand))
+        assert self._setup is not None  # _meet made it
+        cluster_request = ClusterRequest(
+            self._setup, self._limits, PickledRequest.of(request), request.identity, self._packages
+        )
+        return self._link.send(request, self._latest, pickle.dumps(cluster_request))
 
     def close(self, *, cancel: bool = False) -> None:
         """Leave the cluster. With `cancel`, what is under way there is killed; without, it comes to its end first."""
@@ -98,23 +100,23 @@ class RayExecutor:
             from pytest_drive_robust.registry.registry import default_registry
 
             self._registry = default_registry()
-        if self._recipe is None:
-            self._recipe = self._make_recipe()
+        if self._setup is None:
+            self._setup = self._make_recipe()
         factory = self._registry.entry("agents", agent).load()
         needs = needs_of(factory, agent)
         if self._address != LOCAL:
-            if self._luggage is None:
-                agents = self._recipe.preload_agents
+            if self._packages is None:
+                agents = self._setup.preload_agents
                 others = (self._registry.entry("agents", other).load() for other in agents)
-                self._luggage = Luggage.of(self._recipe, (factory, *others))
-            known = (*self._luggage.contents, (agent, contents_of(self._registry, agent, recipe=self._recipe)))
-            self._luggage = replace(self._luggage, contents=known)
+                self._packages = NodePackages.of(self._setup, (factory, *others))
+            known = (*self._packages.contents, (agent, contents_of(self._registry, agent, worker_setup=self._setup)))
+            self._packages = replace(self._packages, contents=known)
         return needs
 
-    def _connected(self) -> Link:
+    def _connected(self) -> ClusterConnection:
         cores = self._most or _cores()
-        runtime_env = self._luggage.runtime_env() if self._luggage is not None else {}
-        return Link({"address": self._address, "cores": cores, "runtime_env": runtime_env})
+        runtime_env = self._packages.runtime_env() if self._packages is not None else {}
+        return ClusterConnection({"address": self._address, "cores": cores, "runtime_env": runtime_env})
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:

@@ -25,10 +25,10 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.cache_key.code import SESSION
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["Luggage", "contents_of"]
+__all__ = ["NodePackages", "contents_of"]
 
 _LEFT_AT_HOME = (
     ".git",
@@ -53,7 +53,7 @@ _MARK = b"\ncontents "
 
 
 @dataclass(frozen=True, slots=True)
-class Luggage:
+class NodePackages:
     """What was packed.
 
     `folder` travels as Ray's working directory, `packages` (folders or files that can be imported) as its `py_modules`.
@@ -67,31 +67,31 @@ class Luggage:
     session: str = ""
 
     @classmethod
-    def of(cls, recipe: Recipe, definitions: Iterable[object]) -> Luggage:
-        """What a run by `recipe` must take along; `definitions` are the factories of its agents."""
+    def of(cls, worker_setup: WorkerSetup, definitions: Iterable[object]) -> NodePackages:
+        """What a run by `worker_setup` must take along; `definitions` are the factories of its agents."""
         files = [file for found in definitions if (file := _file_of(found)) is not None]
-        files += [(module, Path(file)) for module, file in recipe.plugins]
-        packages = (_root_of(module, file) for module, file in files if not _is_at_hand(file, recipe.folder))
-        return cls(recipe.folder, tuple(dict.fromkeys(map(str, packages))), session=SESSION)
+        files += [(module, Path(file)) for module, file in worker_setup.plugins]
+        packages = (_root_of(module, file) for module, file in files if not _is_at_hand(file, worker_setup.folder))
+        return cls(worker_setup.folder, tuple(dict.fromkeys(map(str, packages))), session=SESSION)
 
     def runtime_env(self) -> dict[str, object]:
         """The same in Ray's words."""
         packages = {"py_modules": list(self.packages)} if self.packages else {}
         return {"working_dir": self.folder, "excludes": list(_LEFT_AT_HOME), **packages}
 
-    def unpacked(self, recipe: Recipe) -> Recipe:
-        """On the node: the same recipe with its paths as they are here. Ray made the folder the current one."""
+    def unpacked(self, worker_setup: WorkerSetup) -> WorkerSetup:
+        """On the node: the same worker_setup with its paths as they are here. Ray made the folder the current one."""
         here = os.getcwd()
-        moved = [self._moved(path, here) for path in recipe.python_path if _is_within(path, self.folder)]
-        plugins = ((module, self._plugin(module, file, here)) for module, file in recipe.plugins)
+        moved = [self._moved(path, here) for path in worker_setup.python_path if _is_within(path, self.folder)]
+        plugins = ((module, self._plugin(module, file, here)) for module, file in worker_setup.plugins)
         return replace(
-            recipe,
+            worker_setup,
             python_path=(*moved, *(path for path in sys.path if path not in moved)),
             folder=here,
             plugins=tuple(plugins),
         )
 
-    def check(self, recipe: Recipe, agent: str) -> None:
+    def check(self, worker_setup: WorkerSetup, agent: str) -> None:
         """Raise `UsageError` where another version of `agent` or of this package would drive.
 
         It is asked in a process of its own: importing an agent may do anything.
@@ -101,11 +101,15 @@ class Luggage:
             return
         asked = subprocess.run(
             [sys.executable, "-c", _CHECK],
-            input=pickle.dumps((recipe, agent)),
+            input=pickle.dumps((worker_setup, agent)),
             capture_output=True,
             timeout=_CHECK_S,
             check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, recipe.python_path)), _SESSION: self.session},
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(filter(None, worker_setup.python_path)),
+                _SESSION: self.session,
+            },
         )
         answer = asked.stdout.rpartition(_MARK)[2] if asked.returncode == 0 else b""
         found: Mapping[str, str] = json.loads(answer or b"{}")
@@ -136,7 +140,7 @@ class Luggage:
         return file  # installed here as there, or else its import says what is missing
 
 
-def contents_of(registry: Registry, agent: str, *, recipe: Recipe) -> dict[str, str]:
+def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) -> dict[str, str]:
     """Digests of what decides the numbers and may differ between machines, by what people call it.
 
     Together they are what `identity_of` makes the keys of the store of. Raises `UsageError` when the agent or the
@@ -144,9 +148,9 @@ def contents_of(registry: Registry, agent: str, *, recipe: Recipe) -> dict[str, 
     """
     from pytest_drive_robust.runner.cache_key.identity import agent_identity, simulator_identity, weights_digest
 
-    world = registry.simulator(recipe.simulator, recipe.options)
+    world = registry.simulator(worker_setup.simulator, worker_setup.options)
     try:
-        simulator = simulator_identity(recipe.simulator, registry, world, recipe.options)
+        simulator = simulator_identity(worker_setup.simulator, registry, world, worker_setup.options)
     finally:
         world.close()
     factory = registry.entry("agents", agent).load()
@@ -158,9 +162,9 @@ def contents_of(registry: Registry, agent: str, *, recipe: Recipe) -> dict[str, 
 
 
 def main() -> None:
-    """On a node: answer `Luggage.check`."""
-    recipe, agent = pickle.load(sys.stdin.buffer)
-    contents = contents_of(recipe.registry(), agent, recipe=recipe)
+    """On a node: answer `NodePackages.check`."""
+    worker_setup, agent = pickle.load(sys.stdin.buffer)
+    contents = contents_of(worker_setup.registry(), agent, worker_setup=worker_setup)
     sys.stdout.flush()
     sys.stdout.buffer.write(_MARK + json.dumps(contents).encode())
 

@@ -1,4 +1,4 @@
-"""The nursery's own process: it knows everything that driving takes, drives nothing, and forks children that do.
+"""The fork_server's own process: it knows everything that driving takes, drives nothing, and forks children that do.
 
 It has one thread and its own session, so that forking is safe and no Ctrl-C reaches it. It ends with the process that
 started it, and takes every child with it.
@@ -22,13 +22,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from pytest_drive_robust.engine.cradle import Knock, surroundings_of
-from pytest_drive_robust.engine.worker.child import Channels, serve
-from pytest_drive_robust.engine.worker.kernel import adopt_orphans, die_with_parent, no_core_files
+from pytest_drive_robust.engine.worker.serve import Descriptors, serve
+from pytest_drive_robust.engine.worker.system import adopt_orphans, die_with_parent, no_core_files
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["LARGEST_MESSAGE_BYTES", "cradle", "main", "spawned"]
@@ -46,19 +46,19 @@ def main(control: int) -> NoReturn:
 
 
 def cradle(door: int, lifeline: int) -> NoReturn:
-    """Load the world of the recipe at standard input, then fork a nursery for everyone who knocks at the socket.
+    """Load the world of the setup at standard input, then fork a server for everyone who knocks at the socket.
 
     Ends when the other end of the pipe `lifeline` is closed, or when threads were started that forbid forking.
     """
-    recipe: Recipe = pickle.load(sys.stdin.buffer)
-    surroundings = surroundings_of(recipe)
-    _prepared(recipe)
+    worker_setup: WorkerSetup = pickle.load(sys.stdin.buffer)
+    surroundings = surroundings_of(worker_setup)
+    _prepared(worker_setup)
     gc.collect()
     gc.freeze()
     with socket.socket(fileno=door) as listener, selectors.DefaultSelector() as selector:
         selector.register(listener, selectors.EVENT_READ)
         selector.register(lifeline, selectors.EVENT_READ)
-        while _threads() <= recipe.threads:
+        while _threads() <= worker_setup.threads:
             ready = {key.fd for key, _ in selector.select(_LOOK_S)}
             if lifeline in ready:
                 break
@@ -71,7 +71,7 @@ def cradle(door: int, lifeline: int) -> NoReturn:
 
 
 def _adopt(listener: socket.socket, lifeline: int, surroundings: str) -> None:
-    """Fork a nursery for whoever knocks. It has a session of its own, as if it had been started afresh."""
+    """Fork a fork_server for whoever knocks. It has a session of its own, as if it had been started afresh."""
     with listener.accept()[0] as channel:
         if os.fork():
             return
@@ -89,7 +89,7 @@ def _adopt(listener: socket.socket, lifeline: int, surroundings: str) -> None:
                 os.environ.clear()
                 os.environ.update(asked.environment)
                 _forget_registry()
-                _attend(channel, asked.recipe)
+                _attend(channel, asked.worker_setup)
         finally:
             os._exit(0)
 
@@ -102,11 +102,11 @@ def _forget_registry() -> None:
     importlib.invalidate_caches()
 
 
-def _attend(channel: socket.socket, recipe: Recipe) -> None:
+def _attend(channel: socket.socket, worker_setup: WorkerSetup) -> None:
     """Get ready, say so, and fork children until the other end of the channel is closed."""
     started = time.perf_counter()
     try:
-        registry = _prepared(recipe)
+        registry = _prepared(worker_setup)
     except UsageError as error:
         channel.send(json.dumps({"type": type(error).__name__, "text": str(error)}).encode())
         return
@@ -116,32 +116,32 @@ def _attend(channel: socket.socket, recipe: Recipe) -> None:
     gc.freeze()  # what is shared with the children is not touched by their collectors
     ready = {"threads": _threads(), "seconds": time.perf_counter() - started}
     channel.send(json.dumps(ready).encode())
-    _Nursery(channel, recipe, registry).run()
+    _ForkServer(channel, worker_setup, registry).run()
 
 
 def spawned(messages: int, output: int, faults: int, board: int) -> NoReturn:
-    """A child that was not forked: the recipe and the limits come as the first message."""
+    """A child that was not forked: the worker_setup and the limits come as the first message."""
     from pytest_drive_robust.engine.frames import read_frame
 
     first = read_frame(messages)
     if first is None:
         os._exit(0)
-    recipe, limits = pickle.loads(first.payload)
+    worker_setup, limits = pickle.loads(first.payload)
     no_core_files()
     adopt_orphans()
     _leave_with(messages)
-    registry = recipe.registry()
-    recipe.limit_threads()
-    serve(Channels(messages, output, faults, board), recipe, limits, registry)
+    registry = worker_setup.registry()
+    worker_setup.limit_threads()
+    serve(Descriptors(messages, output, faults, board), worker_setup, limits, registry)
     os._exit(0)
 
 
-class _Nursery:
+class _ForkServer:
     """Forks on request, and tells of each child when it began and how it ended."""
 
-    def __init__(self, channel: socket.socket, recipe: Recipe, registry: Registry) -> None:
+    def __init__(self, channel: socket.socket, worker_setup: WorkerSetup, registry: Registry) -> None:
         self._channel = channel
-        self._recipe = recipe
+        self._setup = worker_setup
         self._registry = registry
         self._reports: dict[int, int] = {}  # by child: where its end is told
         self._parent = os.getppid()
@@ -170,7 +170,7 @@ class _Nursery:
         if not data:
             return False
         limits: Limits = pickle.loads(data)
-        report, channels = fds[0], Channels(*fds[1:])
+        report, channels = fds[0], Descriptors(*fds[1:])
         pid = os.fork()
         if pid == 0:
             self._be_child(own, report, channels, limits)
@@ -184,7 +184,7 @@ class _Nursery:
         self,
         own: tuple[int, int, selectors.BaseSelector],
         report: int,
-        channels: Channels,
+        channels: Descriptors,
         limits: Limits,
     ) -> NoReturn:
         try:
@@ -197,7 +197,7 @@ class _Nursery:
             self._channel.close()
             for number in (*own[:2], report, *self._reports.values()):
                 os.close(number)
-            serve(channels, self._recipe, limits, self._registry)
+            serve(channels, self._setup, limits, self._registry)
         except BaseException:
             import traceback
 
@@ -240,25 +240,25 @@ class _Nursery:
             time.sleep(0.005)
 
 
-def _prepared(recipe: Recipe) -> Registry:
-    registry = recipe.registry()
-    registry.require("simulators", recipe.simulator)
-    if recipe.simulator == "embedded":
-        _warm_up(registry, recipe)
-    for name in recipe.preload_agents:
+def _prepared(worker_setup: WorkerSetup) -> Registry:
+    registry = worker_setup.registry()
+    registry.require("simulators", worker_setup.simulator)
+    if worker_setup.simulator == "embedded":
+        _warm_up(registry, worker_setup)
+    for name in worker_setup.preload_agents:
         with contextlib.suppress(UsageError):  # the child that needs it says so
             registry.require("agents", name)
-    recipe.limit_threads()
+    worker_setup.limit_threads()
     return registry
 
 
-def _warm_up(registry: Registry, recipe: Recipe) -> None:
+def _warm_up(registry: Registry, worker_setup: WorkerSetup) -> None:
     """Load the compiled kernels once for all children."""
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import CameraSpec
     from pytest_drive_robust.runner.routes import resolve_routes
 
-    simulator = registry.simulator(recipe.simulator, recipe.options)
+    simulator = registry.simulator(worker_setup.simulator, worker_setup.options)
     simulator.reset(resolve_routes("dev10")[0], seed=0, cameras=(CameraSpec("front", width_px=64, height_px=32),))
     for _ in range(2):
         simulator.observe()
