@@ -17,7 +17,7 @@ from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_to
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.passages import Passage
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
-from pytest_drive_robust.simulators.embedded.traced.survey import survey
+from pytest_drive_robust.simulators.embedded.traced.traced_route import survey
 
 __all__ = ["DenseRoute", "lay_route"]
 

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
-from pytest_drive_robust.simulators.embedded.places import Places
+from pytest_drive_robust.simulators.embedded.places import RoutePlaces
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, Program
 from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 
@@ -20,7 +20,7 @@ _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 _GAPS = 63  # draws of a flow; they repeat after that
 
 
-class Stage(Places):
+class Stage(RoutePlaces):
     """The world of one episode under construction.
 
     `start_right_m` and `start_mps` say how the ego starts: so many metres to the right of the route's first point, and

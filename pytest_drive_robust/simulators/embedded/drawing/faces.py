@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def pick(seen: Floats, side: int, cut: Floats) -> int:
 
 
 @inner_only
-def clip(corners: Floats, side: int, cut: Floats, view: View, width: int, height: int) -> int:
+def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, height: int) -> int:
     """As `pick`, for a face that the near plane cuts; returns how many corners are left, or 0."""
     count = 0
     for place in range(4):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
     Floats = NDArray[np.float64]
     Triple = tuple[float, float, float]
@@ -37,7 +37,7 @@ _255 = np.float32(255.0)
 _MIRROR = 0.75
 
 
-def ground_rows(height: int, view: View, haze_per_m: float, levels: Floats) -> Floats:
+def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
     """What a camera's rows of pixels have in common in every frame, (height, 13).
 
     `DEPTH` is the distance in metres along the optical axis at which a row meets the ground (0: it shows the sky) and
@@ -74,7 +74,7 @@ def draw_ground(
     sky: NDArray[np.uint32],
     texels: NDArray[np.uint32],
     levels: Floats,
-    view: View,
+    view: CameraView,
     air: Air,
     lamps: Headlamps,
 ) -> None:
@@ -109,7 +109,7 @@ def draw_ground(
 
 
 @inner_only
-def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
+def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Triple]:
     """What the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, the sky."""
     flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
     mirrored = _MIRROR * air.mirror * flat * flat * flat * flat
@@ -159,7 +159,7 @@ def _light_by_night(
     ground: Floats,
     light: Triple,
     haze: Triple,
-    view: View,
+    view: CameraView,
     lamps: Headlamps,
     start_px: float,
 ) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
 __all__ = ["draw_lens"]
 
@@ -33,7 +33,7 @@ _SUN_RED, _SUN_GREEN, _SUN_BLUE = 255.0, 206.0, 132.0
 
 
 @inner_only
-def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: View, air: Air) -> None:
+def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: CameraView, air: Air) -> None:
     """Draws over `image` (height, width, 3); a function of `tick`, the picture and the camera only.
 
     `faces` (height, width) is 0 where no box is seen: a box hides the sun.
@@ -114,7 +114,7 @@ def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
 
 
 @inner_only
-def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: View, air: Air) -> None:
+def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: Air) -> None:
     """The disc of the sun and a glow around it, weaker behind something."""
     height, width = image.shape[0], image.shape[1]
     x, y, z = air.disc

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def measure(
     ground: Floats,
     texels: NDArray[np.uint32],
     levels: Floats,
-    view: View,
+    view: CameraView,
     semantic: NDArray[np.uint8],
     depth: NDArray[np.float32],
     instance: NDArray[np.int32],

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
     Triple = tuple[float, float, float]
@@ -36,7 +36,9 @@ _SQUARE_ON = 0.4
 
 
 @inner_only
-def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: View) -> int:
+def draw_faces(
+    canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
+) -> int:
     """Draws boxes into `canvas.faces` and `canvas.nearness`; returns how many rows of `canvas.table` are in use.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
@@ -57,7 +59,7 @@ def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64]
 
 
 @inner_only
-def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: View) -> int:
+def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
     """Fills `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
     order, keys = canvas.order, canvas.keys
     height, width = canvas.faces.shape
@@ -105,7 +107,7 @@ def _wipe(canvas: Canvas) -> None:
 
 
 @inner_only
-def _to_camera(x: float, y: float, z: float, view: View) -> Triple:
+def _to_camera(x: float, y: float, z: float, view: CameraView) -> Triple:
     dx, dy, dz = x - view.x_m, y - view.y_m, z - view.z_m
     ahead = dx * view.cos_yaw + dy * view.sin_yaw
     right = dy * view.cos_yaw - dx * view.sin_yaw
@@ -127,7 +129,7 @@ def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height
 
 @inner_only
 def _draw_box(
-    canvas: Canvas, used: int, row: int, b: Floats, corners: Floats, seen: Floats, cut: Floats, view: View
+    canvas: Canvas, used: int, row: int, b: Floats, corners: Floats, seen: Floats, cut: Floats, view: CameraView
 ) -> int:
     height, width = canvas.faces.shape
     middle = _to_camera(b[box.X], b[box.Y], b[box.Z] + 0.5 * b[box.HIGH], view)
@@ -181,7 +183,7 @@ def _hidden(canvas: Canvas, seen: Floats) -> bool:
 
 
 @inner_only
-def _place_corners(corners: Floats, b: Floats, middle: Triple, view: View) -> float:
+def _place_corners(corners: Floats, b: Floats, middle: Triple, view: CameraView) -> float:
     """Fills in the camera coordinates of the eight corners; returns the depth of the nearest."""
     # the box's own axes in camera axes
     ahead = b[box.COS] * view.cos_yaw + b[box.SIN] * view.sin_yaw

@@ -12,7 +12,7 @@ from pytest_drive_robust.simulators.embedded.jit import inner_only
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
     Walk = tuple[int, int, int, int, int, int, int]
@@ -32,7 +32,7 @@ def add_line(
     texels: NDArray[np.uint32],
     levels: Floats,
     level: int,
-    view: View,
+    view: CameraView,
     depth: float,
     ahead: float,
     start_px: float,
@@ -56,7 +56,9 @@ def add_line(
 
 
 @inner_only
-def _walks(levels: Floats, level: int, view: View, depth: float, ahead: float, start_px: float) -> tuple[Walk, Walk]:
+def _walks(
+    levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
+) -> tuple[Walk, Walk]:
     """A line in the texels of `level` and of one that covers the wide region, one step a pixel."""
     step = depth / view.focal_px
     side = (start_px + 0.5) * step
@@ -141,7 +143,7 @@ def line_classes(
     texels: NDArray[np.uint32],
     levels: Floats,
     level: int,
-    view: View,
+    view: CameraView,
     depth: float,
     ahead: float,
 ) -> None:

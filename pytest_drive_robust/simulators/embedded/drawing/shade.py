@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
     Floats = NDArray[np.float64]
     Packed = NDArray[np.uint32]
@@ -49,7 +49,7 @@ _GRAZING = 0.05
 
 @inner_only
 def draw_pixels(
-    canvas: Canvas, rows: Floats, view: View, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
+    canvas: Canvas, rows: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
     """Fills `canvas.colours` wherever a face is seen.
 
@@ -99,7 +99,9 @@ def draw_pixels(
 
 
 @inner_only
-def _light_face(entry: Floats, b: Floats, view: View, air: Air, lamps: Headlamps, clear: NDArray[np.float32]) -> None:
+def _light_face(
+    entry: Floats, b: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
+) -> None:
     """Fills in the columns of a row of the table from PACKED on."""
     side, material = int(entry[face.SIDE]), b[box.MATERIAL]
     x, y, z = _outward(b, side)
@@ -141,7 +143,7 @@ def _outward(b: Floats, side: int) -> Triple:
 
 
 @inner_only
-def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: View) -> None:
+def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraView) -> None:
     """Fills in how metres along a patterned face follow from places in the picture."""
     half_length, half_width = 0.5 * b[box.ALONG], 0.5 * b[box.WIDE]
     # the face's first corner and the way to its second, in the box's axes

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _CAST_HEIGHT = 0.85
 
 
 @inner_only
-def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: View, air: Air) -> None:
+def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView, air: Air) -> None:
     """Darkens the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
     for k in range(len(actors)):
         if actors[k, _KIND] != _BUILDING and actors[k, _KIND] != _DIRT:
@@ -38,7 +38,7 @@ def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: View, air: 
 
 
 @inner_only
-def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -> None:
+def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: Air) -> None:
     """Darkens what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
@@ -80,7 +80,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -
 
 
 @inner_only
-def row_of(ahead_m: float, view: View, height: int) -> int:
+def row_of(ahead_m: float, view: CameraView, height: int) -> int:
     """The row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
     if forward < 0.01:

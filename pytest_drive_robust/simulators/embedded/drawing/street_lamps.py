@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.truth import Lane, LaneMap
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
 
 
 @inner_only
-def draw_pools(canvas: Canvas, places: Floats, view: View, haze_per_m: float, strength: float) -> None:
+def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
     """Brightens the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
 
     What is bright already gains less: no place burns out.

@@ -56,7 +56,7 @@ FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
 
 @dataclass(frozen=True, slots=True)
 class GroundTexture:
-    """Ground colours, ready for the kernels.
+    """CameraGround colours, ready for the kernels.
 
     `texels` is flat uint32, 0xCCBBGGRR, all levels one after the other; CC is the `SemanticClass`. `levels` is (n, 6)
     float64: first texel, columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are

@@ -1,4 +1,4 @@
-"""Places along the lines that actors follow."""
+"""RoutePlaces along the lines that actors follow."""
 
 from __future__ import annotations
 

@@ -9,14 +9,14 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
 from pytest_drive_robust.simulators.embedded.geometry import project
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     KMH,
     ahead,
     right_hand,
     rolling_start,
     scenery,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
 

@@ -13,8 +13,7 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     ahead,
     oncoming_gaps,
     right_hand,
@@ -22,6 +21,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
     side_traffic,
     speed,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 

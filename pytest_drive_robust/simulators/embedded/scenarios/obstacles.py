@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     ahead,
     oncoming_gaps,
     right_hand,
     side_traffic,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__: list[str] = []

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import right_hand, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import right_hand, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["parking_exit"]

@@ -9,8 +9,8 @@ import math
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Script
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 

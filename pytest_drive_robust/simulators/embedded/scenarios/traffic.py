@@ -10,7 +10,7 @@ from contextlib import suppress
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Passing
 

@@ -23,14 +23,14 @@ from pytest_drive_robust.simulators.embedded.jit import entry, sources_digest
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
-__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes", "measure_camera"]
+__all__ = ["CameraGround", "FrameScene", "Passes", "draw_camera", "fill_boxes", "measure_camera"]
 
 Floats = NDArray[np.float64]
 
 
-class Scene(NamedTuple):
+class FrameScene(NamedTuple):
     """What stands and moves in a frame.
 
     `rows` (n, BOX_COLUMNS) are boxes: up to `still` those that never move, then those of `actors` (k, 10), of which
@@ -44,7 +44,7 @@ class Scene(NamedTuple):
     street_lamps: Floats
 
 
-class Ground(NamedTuple):
+class CameraGround(NamedTuple):
     """What never changes for one camera on one map in one weather.
 
     `rows` is from `ground_rows`, `sky` from `sky_rows`; `texels` and `levels` are a `GroundTexture`; `clear` (n,) is
@@ -69,7 +69,7 @@ class Passes(NamedTuple):
 def _fill_boxes(sources: int) -> Callable[..., int]:
     @entry
     def fill_boxes(
-        scene: Scene,
+        scene: FrameScene,
         tick: int,
         night: float,
         parts: Floats,
@@ -90,9 +90,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
     @entry
     def draw_camera(
         canvas: Canvas,
-        scene: Scene,
-        ground: Ground,
-        view: View,
+        scene: FrameScene,
+        ground: CameraGround,
+        view: CameraView,
         air: Air,
         lamps: Headlamps,
         street_light: float,
@@ -117,7 +117,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
 
 def _measure_camera(sources: int) -> Callable[..., None]:
     @entry
-    def measure_camera(canvas: Canvas, scene: Scene, ground: Ground, view: View, passes: Passes) -> None:
+    def measure_camera(
+        canvas: Canvas, scene: FrameScene, ground: CameraGround, view: CameraView, passes: Passes
+    ) -> None:
         _ = sources
         measure(
             canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import RED_S, end_behind_junction, route_flow
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, Program, red_then_green
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
