@@ -20,7 +20,7 @@ from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, dr
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
 from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
 
-__all__ = ["TracedRoute", "survey"]
+__all__ = ["TracedRoute", "trace_route"]
 
 Floats = NDArray[np.float64]
 _TRIGGER_OFF_M = 25.0
@@ -36,9 +36,9 @@ class TracedRoute:
     course: RouteCourse
 
 
-def survey(route: Route) -> TracedRoute:
+def trace_route(route: Route) -> TracedRoute:
     """Build the town of an official route, once in a process. Raises `RouteError` with everything that is wrong."""
-    return _survey(_Key(route))
+    return _trace_route(_Key(route))
 
 
 class _Key:
@@ -60,7 +60,7 @@ class _Key:
 
 
 @lru_cache(maxsize=64)
-def _survey(key: _Key) -> TracedRoute:
+def _trace_route(key: _Key) -> TracedRoute:
     route, spec = key.route, key.route.scenario
     problems = problems_of(spec)
     if problems:
