@@ -18,9 +18,9 @@ import pytest
 from pytest_drive_robust.plugin.executor import CRADLE, cradle_for
 from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
 from pytest_drive_robust.plugin.terminal import progress_for
+from pytest_drive_robust.store.base import nothing_is_stored, open_store
 from pytest_drive_robust.store.events import Advised, Event
 from pytest_drive_robust.store.journal import JournalReader, JournalWriter
-from pytest_drive_robust.store.opening import nothing_is_stored, open_store
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
