@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import read_option
 from pytest_drive_robust.options.table import REGRESSION_OPTIONS
-from pytest_drive_robust.regression.runs import AUTO
+from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
+from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
+from pytest_drive_robust.regression.references import BASELINES
+from pytest_drive_robust.regression.runs import AUTO, check_run_name
 
 if TYPE_CHECKING:
     from pytest_drive_robust.options.run import OptionSource
-    from pytest_drive_robust.regression.allowance import Allowance
-    from pytest_drive_robust.regression.fingerprint import MismatchPolicy
 
 __all__ = ["RegressionOptions"]
 
@@ -38,11 +39,6 @@ class RegressionOptions:
     @classmethod
     def from_pytest_config(cls, config: OptionSource, home: Path) -> RegressionOptions:
         """Read the options. Raises `UsageError` for values that cannot be used."""
-        from pytest_drive_robust.regression.allowance import parse_allowances
-        from pytest_drive_robust.regression.fingerprint import parse_policy
-        from pytest_drive_robust.regression.references import BASELINES
-        from pytest_drive_robust.regression.runs import check_run_name
-
         given = {option.ini: read_option(config, option) for option in REGRESSION_OPTIONS}
         save, baselines = given["drive_save"], given["drive_baselines"]
         return cls(
