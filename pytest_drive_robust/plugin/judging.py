@@ -16,9 +16,8 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.plugin.idle_workers import _OpenRequests
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.reading import routes_in_order

@@ -16,7 +16,7 @@ __all__ = [
     "FORMAT_VERSION",
     "MANIFEST",
     "MOST_BYTES",
-    "Entry",
+    "WeightsEntry",
     "plain_spec",
     "read_manifest",
     "spec_from",
@@ -32,7 +32,7 @@ _Spec = TypeVar("_Spec")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class WeightsEntry:
     """One weight file.
 
     `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
@@ -57,7 +57,7 @@ class Entry:
         return f"{self.name}@{self.version}:{self.sha256[:8]}"
 
 
-def read_manifest(folder: Path, name: str) -> Entry:
+def read_manifest(folder: Path, name: str) -> WeightsEntry:
     """The entry of that name in the manifest of a folder. Raises `UsageError` when there is none that can be used."""
     path = folder / MANIFEST
     try:
@@ -73,7 +73,7 @@ def read_manifest(folder: Path, name: str) -> Entry:
     if name not in entries:
         raise UnknownNameError.of(f"entry in {path}", name, entries)
     try:
-        entry = Entry(**entries[name])
+        entry = WeightsEntry(**entries[name])
     except TypeError as error:
         raise UsageError(f"the entry {name!r} of {path} is not as expected: {error}.") from None
     if entry.format_version != FORMAT_VERSION or Path(entry.file).name != entry.file:
@@ -84,7 +84,7 @@ def read_manifest(folder: Path, name: str) -> Entry:
     return entry
 
 
-def write_entry(folder: Path, entry: Entry) -> None:
+def write_entry(folder: Path, entry: WeightsEntry) -> None:
     """Put an entry into the manifest of a folder, in place of one of the same name."""
     path = folder / MANIFEST
     entries = json.loads(path.read_bytes()) if path.exists() else {}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from drive_robust_agents._nets import require
-from drive_robust_agents._nets.manifest import Entry
+from drive_robust_agents._nets.manifest import WeightsEntry
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.whole_file import whole_file
 
@@ -33,7 +33,7 @@ class OnnxEngine:
     """One session for batches of any size. Raises `UsageError` without the extra `onnx`."""
 
     def __init__(
-        self, net: nn.Module, entry: Entry, *, options: Sequence[tuple[str, object]] = (), threads: int = 1
+        self, net: nn.Module, entry: WeightsEntry, *, options: Sequence[tuple[str, object]] = (), threads: int = 1
     ) -> None:
         require("onnxruntime", "onnx", extra="onnx")
         import onnxruntime
@@ -62,7 +62,7 @@ def cache_folder() -> Path:
     return Path(base) / "pytest-drive-robust" / "onnx"
 
 
-def _model_name(entry: Entry, options: Sequence[tuple[str, object]]) -> str:
+def _model_name(entry: WeightsEntry, options: Sequence[tuple[str, object]]) -> str:
     facts = (entry.sha256, tuple(options), torch.__version__, _OPSET, _FORMAT)
     return f"{entry.name}-{hashlib.sha256(repr(facts).encode()).hexdigest()[:24]}"
 

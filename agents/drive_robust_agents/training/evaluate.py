@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.table import Table
 
 from drive_robust_agents.training.candidates import candidate_name
+from drive_robust_agents.training.data.routes import VALIDATION_SEED, validation_routes
 from drive_robust_agents.training.drives import degradation, drive, summary
-from drive_robust_agents.training.recipe import RECIPES
-from drive_robust_agents.training.routes import VALIDATION_SEED, validation_routes
+from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.table import DEFAULT_SIMULATOR

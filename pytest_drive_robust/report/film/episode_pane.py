@@ -148,9 +148,8 @@ class EpisodePane:
         y = box.y
         for number, (words, colour) in enumerate(lines):
             newest = number == len(lines) - 1
-            y += (
-                _caption(picture, words, Rectangle(box.x, y, box.width, 40), colour, loud=newest and (loud or over)) + 4
-            )
+            place = Rectangle(box.x, y, box.width, 40)
+            y += _caption(picture, words, place, colour, loud=newest and (loud or over)) + 4
 
 
 def _caption(picture: Pixels, words: str, box: Rectangle, colour: Colour, *, loud: bool) -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.routes import resolve_routes

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.agent import PlannedPath
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Rectangle, text, text_width, wrapped
 from pytest_drive_robust.report.film.film import Film
 from pytest_drive_robust.report.film.top_view import PATH, SPEED_POINT, TARGET_POINT
