@@ -6,7 +6,7 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.runner.routes import ships
