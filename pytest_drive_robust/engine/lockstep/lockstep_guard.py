@@ -91,7 +91,8 @@ class LockstepGuard(Supervisor):
             return (first,)
         stream = Exchange(child, self._limits, self._wake_r, news_fd)
         try:
-            death = stream.run(next_frame, hear)
+            for token, answer in stream.run(next_frame):
+                hear(token, answer)
         except Interrupted:
             self._discard()
             raise Stopped from None
@@ -99,7 +100,7 @@ class LockstepGuard(Supervisor):
         if self._stopped.is_set():  # what ended while we were stopping is no result
             self._discard()
             raise Stopped
-        if death is not None:
+        if stream.death is not None:
             self._discard()
         elif leaving:
             self._retire()
