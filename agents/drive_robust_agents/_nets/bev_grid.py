@@ -54,13 +54,13 @@ class BevSpec:
         return self.rows * self.columns
 
     def rig(self) -> tuple[CameraSpec, ...]:
-        """The cameras, in the order of `cameras`."""
+        """Return the cameras, in the order of `cameras`."""
         specs = rig("nuscenes", width_px=self.image_width_px, height_px=self.image_height_px)
         known = {camera.name: camera for camera in specs}
         return tuple(known[name] for name in self.cameras)
 
     def centres(self, *, finer: int = 1) -> Floats:
-        """Middles (rows * finer, columns * finer, 2) of the cells, or of cells cut into `finer` x `finer`: x, y [m]."""
+        """Return the middles (rows * finer, columns * finer, 2) of the cells cut into `finer` x `finer`: x, y [m]."""
         ahead = (np.arange(self.rows * finer) + 0.5) / (self.rows * finer)
         aside = (np.arange(self.columns * finer) + 0.5) / (self.columns * finer) * 2.0 - 1.0
         x = -self.behind_m + (self.behind_m + self.ahead_m) * ahead
@@ -68,7 +68,7 @@ class BevSpec:
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).astype(np.float32)
 
     def sizes(self, *, finer: int = 1) -> Floats:
-        """Length and width (rows * finer, columns * finer, 2) of the cells [m]."""
+        """Return the length and width (rows * finer, columns * finer, 2) of the cells [m]."""
         edges = np.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / math.sinh(self.bend)
         width = self.aside_m * np.diff(edges)
         length = np.full(self.rows * finer, (self.behind_m + self.ahead_m) / (self.rows * finer))
@@ -89,7 +89,7 @@ class CameraView:
 
 
 def camera_views(spec: BevSpec) -> tuple[CameraView, ...]:
-    """The view of each camera of the rig, in order."""
+    """Return the view of each camera of the rig, in order."""
     return tuple(_view(spec, camera) for camera in spec.rig())
 
 
@@ -114,7 +114,9 @@ def _view(spec: BevSpec, camera: CameraSpec) -> CameraView:
 def project(
     camera: CameraSpec, x_m: NDArray[np.float64], y_m: NDArray[np.float64], z_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Where points of the ego frame at height `z_m` are seen: (u, v) in pixels and whether they are before the camera.
+    """Return where points of the ego frame at height `z_m` are seen.
+
+    Gives (u, v) in pixels and whether they lie before the camera.
 
     The centre of pixel (row, column) is (column + 0.5, row + 0.5). Values behind the camera mean nothing.
     """

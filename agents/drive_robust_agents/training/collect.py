@@ -51,7 +51,7 @@ class Collection:
     settings: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raises `UsageError` for what cannot be collected."""
+        """Raise `UsageError` for what cannot be collected."""
         agent_rig(self.agent)
         training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
         for name in ("episodes", "shard_routes"):
@@ -71,7 +71,7 @@ class Collection:
             agent_of(self._mixture)  # an agent that cannot be made is said at once
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
-        """All shards of it."""
+        """Return all shards of the collection."""
         keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
         step, seed, mixture = self.shard_routes, self.data_seed, self._mixture
         return tuple(
@@ -113,7 +113,7 @@ def collect(wish: Collection, out: Path, *, workers: int = 1, progress: bool = T
 
 
 def _done(shard: Shard) -> dict[str, Any] | None:
-    """What `done.json` says of a shard that is complete and holds these routes."""
+    """Return what `done.json` says of a shard that is complete and holds these routes."""
     found = read_done(shard.folder, shard.number)
     return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
 
@@ -137,7 +137,7 @@ def _claim(wish: Collection, out: Path) -> None:
 
 
 def draws_of(folder: Path) -> dict[str, Any]:
-    """Which routes and moments are in a folder, for a manifest: seeds and numbers; empty for frames of another origin.
+    """Return which routes and moments are in a folder, for a manifest; empty for frames of another origin.
 
     `expert_share` is below 1 where an agent drove, too; which one is left out, as its weights are somebody's file.
     """
@@ -171,7 +171,7 @@ class _Bar:
         self._progress.stop()
 
     def add(self, written: WrittenShard) -> None:
-        """One more shard."""
+        """Count one more shard."""
         self._rows += written.rows
         self._bytes += written.size_bytes
         seconds = self._progress.tasks[0].elapsed or 1.0
@@ -181,7 +181,7 @@ class _Bar:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `collect`."""
+    """Add the options of `collect`."""
     parser.add_argument("--agent", required=True, help="whose cameras: tcp, uniad, vad or simlingo")
     parser.add_argument("--out", type=Path, required=True, help="folder of the data; goes on where it stopped")
     parser.add_argument("--route-seed", type=int, default=1, help="seed of the route generator, never 0")
@@ -201,7 +201,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def collection_of(given: argparse.Namespace) -> Collection:
-    """The options as a `Collection`."""
+    """Turn the options into a `Collection`."""
     return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
         given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
@@ -220,7 +220,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.collect", description=__doc__)
     add_arguments(parser)
     given = parser.parse_args(argv)

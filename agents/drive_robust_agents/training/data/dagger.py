@@ -50,12 +50,12 @@ class Mixture:
     settings: tuple[str, ...] = ()
 
     def setting(self, rng: np.random.Generator) -> Setting:
-        """That of an episode. Raises `RequirementError` for a sentence that is none."""
+        """Draw the setting of an episode. Raises `RequirementError` for a sentence that is none."""
         return Setting.parse(self.settings[rng.integers(len(self.settings))]) if self.settings else Setting.CLEAN
 
 
 def agent_of(mixture: Mixture) -> Agent:
-    """A new agent. Raises `UsageError` where it does not load."""
+    """Return a new agent. Raises `UsageError` where it does not load."""
     registry = default_registry()
     if mixture.driver.endswith(".safetensors"):
         file = Path(mixture.driver)
@@ -67,7 +67,7 @@ def agent_of(mixture: Mixture) -> Agent:
 
 
 def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np.bool_]:
-    """(ticks,) true where the agent drives; each turn of 1 to 3 s is the expert's with probability `beta`."""
+    """Return (ticks,) true where the agent drives; each turn of 1 to 3 s is the expert's with probability `beta`."""
     mine, at = np.zeros(ticks, dtype=bool), 0
     while at < ticks:
         last = at + int(rng.integers(_TURN_TICKS[0], _TURN_TICKS[1] + 1))
@@ -77,7 +77,7 @@ def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np
 
 
 def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: int, seed: int) -> list[Sample]:
-    """The samples of one episode: kept moments up to the first fault, labelled by what the expert does from there.
+    """Drive an episode and return its samples: kept moments up to the first fault, labelled by the expert.
 
     Moments from which even the expert cannot but break a rule are left out.
     """

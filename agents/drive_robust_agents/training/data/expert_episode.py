@@ -43,7 +43,7 @@ class ExpertEpisode:
     def begin(
         cls, route: Route, *, seed: int, cameras: Sequence[CameraSpec] = (), stuck_s: float = STUCK_S
     ) -> ExpertEpisode:
-        """The first moment of an episode."""
+        """Start an episode and return its first moment."""
         simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s))
         simulator.reset(route, seed=seed, cameras=cameras)
         expert, plan = Expert(), simulator.plan()
@@ -58,16 +58,16 @@ class ExpertEpisode:
         return self.simulator.done is not None or faults(self.simulator) > 0
 
     def targets(self) -> tuple[Target, Target]:
-        """What the planners say here; they drop what is reached, as in every tick."""
+        """Ask the planners for their targets here; they drop what is reached, as in every tick."""
         at = self.told or self.simulator.frame.ego
         return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
 
     def act(self) -> Control:
-        """The expert's control for this moment."""
+        """Return the expert's control for this moment."""
         return self.expert.act(seen_by_expert(self.simulator))
 
     def here(self, targets: tuple[Target, Target]) -> ExpertMoment:
-        """This moment; the expert has acted in it."""
+        """Return this moment; the expert has acted in it."""
         return ExpertMoment(self.simulator.truth(), self.expert.intent(), targets, self.night)
 
     def step(self, recorded: Control, applied: Control) -> None:
@@ -78,7 +78,7 @@ class ExpertEpisode:
 
 
 def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
-    """What the expert acts on; nothing is drawn for it."""
+    """Return what the expert acts on; nothing is drawn for it."""
     frame = simulator.frame
     tick, ego = frame.tick, frame.ego
     return Observation(
@@ -92,7 +92,7 @@ def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
 
 
 def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:
-    """How many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
+    """Return how many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
     state = simulator.world.state
     events = state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND]
     outside = lanes and state.criteria[c.C_OUTSIDE_M] > 0.0

@@ -56,14 +56,14 @@ class ExpertMoment:
 
 
 def to_ego(ego: EgoState, points: Floats) -> Floats:
-    """(n, 2) points of the route's frame as seen from the ego, metres (forward, right)."""
+    """Return (n, 2) points of the route's frame as seen from the ego, metres (forward, right)."""
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
     away = points[..., :2] - (ego.x_m, ego.y_m)
     return np.stack([away[..., 0] * c + away[..., 1] * s, away[..., 1] * c - away[..., 0] * s], axis=-1)
 
 
 def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
-    """What is known without the future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
+    """Return what is known without the future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
     ego = here.ego
     targets = [target.seen_from(ego.x_m, ego.y_m, ego.yaw_rad) for target in here.targets]
     gap_m, gap_mps = gap_ahead(here)
@@ -79,7 +79,7 @@ def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
 
 
 def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
-    """`future`, `future_ok` and `controls` of a drive that begins with the moment.
+    """Return `future`, `future_ok` and `controls` of a drive that begins with the moment.
 
     `frames` holds one frame a tick; `controls` holds what the expert answered to each but perhaps the last. A drive
     shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
@@ -100,7 +100,7 @@ def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> 
 
 
 def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
-    """(24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3), from the place on it that is beside the ego."""
+    """Return (24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3), counted from beside the ego."""
     at, _ = project(line, int(row) - 6, int(row) + 14, ego.x_m, ego.y_m)
     k = int(np.clip(at, 0, len(line) - 2))
     x, y, yaw = line[-1]
@@ -113,7 +113,7 @@ def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
 
 
 def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
-    """(metres from the front bumper, speed along the way) of the nearest thing on the expert's way.
+    """Return (metres from the front bumper, speed along the way) of the nearest thing on the expert's way.
 
     That is somebody in its corridor, or the place where it has to wait. With nothing within 100 m: 100 and the ego's
     own speed.
@@ -128,7 +128,7 @@ def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
 
 
 def body_ahead(here: ExpertMoment, actors: Floats) -> tuple[float, float]:
-    """(metres bumper to bumper, speed along the way) of the first of these actors in the corridor."""
+    """Return (metres bumper to bumper, speed along the way) of the first of these actors in the corridor."""
     ego, intent = here.ego, here.intent
     bodies = np.ascontiguousarray(actors[:, _BODY])
     found = nearest_ahead(intent.line, int(intent.row), (ego.x_m, ego.y_m, ego.length_m, ego.width_m), bodies)
@@ -136,7 +136,7 @@ def body_ahead(here: ExpertMoment, actors: Floats) -> tuple[float, float]:
 
 
 def _goes_on(ego: EgoState, seconds: float) -> EgoState:
-    """The ego later, at its speed and on its curvature."""
+    """Return the ego later, at its speed and on its curvature."""
     turn = ego.yaw_rate_radps * seconds
     half = 0.5 * turn
     chord = ego.speed_mps * seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)

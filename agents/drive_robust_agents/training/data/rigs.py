@@ -38,7 +38,7 @@ AGENT_RIGS: Mapping[str, AgentRig] = MappingProxyType(
 
 
 def agent_rig(agent: str) -> AgentRig:
-    """The agent_rig of an agent. Raises `UnknownNameError`."""
+    """Return the rig of an agent. Raises `UnknownNameError`."""
     if agent not in AGENT_RIGS:
         raise UnknownNameError.of("learned agent", agent, AGENT_RIGS)
     return AGENT_RIGS[agent]

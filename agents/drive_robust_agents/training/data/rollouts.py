@@ -48,7 +48,7 @@ class Sample:
 
 
 def is_kept(speed_mps: float, rng: np.random.Generator) -> bool:
-    """Is a moment kept? Of those in which the ego stands only some are."""
+    """Return whether a moment is kept; of those in which the ego stands only some are."""
     return speed_mps >= _STANDING_MPS or bool(rng.random() < _STANDING_SHARE)
 
 
@@ -72,7 +72,7 @@ def branch(course: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[Wo
 
 
 def sample_branch(course: ExpertEpisode, pose: Pose | None, source: int) -> Sample | None:
-    """The sample of a branch from a pose (None: from where the ego is); the course is as before afterwards."""
+    """Return the sample of a branch from a pose (None: from where the ego is); the episode is as before afterwards."""
     simulator, kept = course.simulator, course.simulator.snapshot()
     dropped = [planner.dropped for planner in course.planners]
     tick = simulator.frame.tick
@@ -90,7 +90,7 @@ def sample_branch(course: ExpertEpisode, pose: Pose | None, source: int) -> Samp
 
 
 def shifted(course: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
-    """A sample from a pose beside the way, or None where three draws found no room or no good end."""
+    """Return a sample from a pose beside the way, or None where three draws found no room or no good end."""
     frame = course.simulator.frame
     for _ in range(_TRIES):
         pose = draw_pose(frame.ego, rng)
@@ -102,7 +102,7 @@ def shifted(course: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
 
 
 def drive_expert(route: Route, *, data_seed: int, seed: int) -> list[Sample]:
-    """The samples of one episode of the expert, in the order of time; those with a fault in their future are left out.
+    """Return the samples of an episode of the expert in the order of time, without those with a fault ahead.
 
     `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own.
     """
@@ -136,13 +136,13 @@ def drive_expert(route: Route, *, data_seed: int, seed: int) -> list[Sample]:
 
 
 def _on_way(course: ExpertEpisode, here: ExpertMoment, at: int) -> Sample:
-    """The sample whose future is what was driven."""
+    """Return the sample whose future is what was driven."""
     frames, controls = course.frames[at : at + BRANCH_TICKS + 1], course.controls[at : at + BRANCH_TICKS]
     return Sample(here, frames, controls, ON_WAY, here.truth.frame.tick)
 
 
 def _last_good_tick(course: ExpertEpisode) -> int:
-    """The last tick whose next 3 s hold no fault."""
+    """Return the last tick whose next 3 s hold no fault."""
     tick = course.simulator.frame.tick
     if faults(course.simulator) == 0 and course.simulator.done is End.COMPLETED:
         return tick

@@ -36,11 +36,11 @@ class RigCameras:
         self._rig = CameraRig(lane_map, route.weather, cameras, around=way[:, :2])
 
     def look(self, frame: WorldState) -> dict[str, NDArray[Any]]:
-        """`cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
+        """Return `cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
         return {f"cam_{name}": pixels.copy() for name, pixels in self._rig.render(frame).items()}
 
     def seen(self, frame: WorldState) -> set[int]:
-        """The numbers (`WorldState.ID`) of the actors that some camera shows."""
+        """Return the numbers (`WorldState.ID`) of the actors that some camera shows."""
         found: set[int] = set()
         for passes in self._rig.render_passes(frame, ("instance",)).values():
             numbers = passes["instance"].astype(np.int64).ravel()
@@ -50,7 +50,7 @@ class RigCameras:
 
 
 def rows(samples: Sequence[Sample], route: Route, agent_rig: AgentRig, *, tag: int, episode: int) -> Iterator[Row]:
-    """One row for each sample, as in the contract of `frames`."""
+    """Return one row for each sample, as in the contract of `frames`."""
     if not samples:
         return
     truth = samples[0].here.truth
