@@ -9,7 +9,7 @@ It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, 
 3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
    signs and junctions make it wait (`right_of_way`).
 
-Nobody's intentions are known to it: where traffic goes at a fork it learns by watching.
+It knows no actor's intentions: where traffic goes at a fork it learns by watching.
 """
 
 from __future__ import annotations

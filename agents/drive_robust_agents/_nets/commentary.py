@@ -1,4 +1,4 @@
-"""What `simlingo` says about its driving: a grammar of an action and its reason. No torch here.
+"""The grammar of what `simlingo` says about its driving: an action and its reason. No torch here.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What every learned agent shares at run time: numpy in, numpy out, the same bits in any company.
+"""Networks at run time: numpy in, numpy out, the same bits for a row whatever other rows there are.
 
 One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last one filled up with
 copies: so the bits of a row depend neither on its neighbours nor on how many they are. Networks are shared by all
@@ -52,7 +52,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _PolicyKey:
-    """Everything that tells one policy from another."""
+    """Everything that distinguishes one policy from another."""
 
     name: str
     build: store.Build

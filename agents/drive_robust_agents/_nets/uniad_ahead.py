@@ -1,7 +1,7 @@
 """The heads of the compact UniAD that look ahead: motion, occupancy and the plan, in this order.
 
 Everything is in the ego frame (x forward, y right), metres and m/s; a `MapView` holds tokens of the map below. Outputs
-are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations

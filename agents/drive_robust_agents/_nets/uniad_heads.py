@@ -2,7 +2,7 @@
 
 Everything is in the ego frame (x forward, y right), metres and m/s. `cells` are tokens (N, cells, d) of the bird's-eye
 map; a `MapView` holds tokens of the same map at half the resolution, which is what queries attend to.
-Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+Outputs are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The heads of the compact VAD: agents, map vectors, motion and plan, each a set of queries.
 
 Everything is in the ego frame (x forward, y right), metres and m/s. A head takes the bird's-eye features as tokens
-(N, cells, d). Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+(N, cells, d). Outputs are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What will happen if the ego drives like this? Its plans, tried against the tracks of everybody else. Compiled."""
+"""Try the ego's plans against the tracks of everybody else: when is there trouble? Compiled."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _BESIDE_M = 60.0
 
 
 class LaneChanges:
-    """The lane changes of the route, one after the other, each as soon as somebody says that it is free."""
+    """The lane changes of the route, one after the other, each as soon as it is found free."""
 
     def __init__(self, scene: StaticScene) -> None:
         self._scene = scene
@@ -98,7 +98,7 @@ class Siren:
 
     @property
     def active(self) -> bool:
-        """Is the ego out of the way now?"""
+        """Whether the ego is out of the way now."""
         return self._aside is not None
 
     def shifts(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> list[Floats]:

@@ -43,7 +43,7 @@ class Obstacle:
 
     @property
     def moving(self) -> bool:
-        """Does it crawl, rather than stand?"""
+        """Whether it crawls, rather than stands."""
         return self.speed_mps > 0.5
 
     def joined(self, other: Obstacle) -> Obstacle:

@@ -1,4 +1,4 @@
-"""What the two agents that look around with six cameras have in common: their inputs, and how they drive by waypoints.
+"""The base of the two agents with six cameras: their inputs, and how they drive by waypoints.
 
 They follow the wrappers of Bench2DriveZoo (`team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`).
 """

@@ -1,4 +1,4 @@
-"""What the learned agents have in common: they look, one network answers for all of them at once, they follow."""
+"""The base of the learned agents: each looks, one network answers for all of them at once, each follows."""
 
 from __future__ import annotations
 

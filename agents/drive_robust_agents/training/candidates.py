@@ -23,7 +23,7 @@ _ON_ONNX = "-onnx"
 
 
 class CandidateFactory:
-    """Makes agents of one weight file. Code, configuration and weights tell its episodes from those of others."""
+    """A factory of agents with one weight file. Their code, configuration and weights key their episodes."""
 
     def __init__(self, agent: str, file: Path) -> None:
         cls = default_registry().entry("agents", agent).load()

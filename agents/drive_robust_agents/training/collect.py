@@ -1,7 +1,7 @@
-"""Collects data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
+"""Collect data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
 
 What is written follows from the arguments alone, not from the number of workers or from how often the run was broken
-off: shards that are complete are skipped, one that is not is done again.
+off: complete shards are skipped, others are done again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Collected", "Collection", "add_arguments", "collect", "collection_of
 
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
-"""More routes come behind those that are there."""
+"""These may grow later: more routes come behind those that are there."""
 _DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator")
 
 
@@ -86,23 +86,23 @@ class Collection:
 
 @dataclass(frozen=True, slots=True)
 class Collected:
-    """What the folder holds of it now."""
+    """What a folder holds of a collection now."""
 
     rows: int
     shards: int
 
 
-def collect(wish: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
+def collect(collection: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
     """Collect into a folder, going on where an earlier run stopped.
 
-    With one worker everything happens in this process. Raises `UsageError` for a wish that cannot be, and for a folder
-    that holds something else.
+    With one worker everything happens in this process. Raises `UsageError` for a collection that cannot be made, and
+    for a folder that holds something else.
     """
-    wish.check()
+    collection.check()
     if workers < 1:
         raise UsageError(f"--workers is {workers}, expected at least 1.")
-    _claim(wish, out)
-    shards = wish.shards(out)
+    _claim(collection, out)
+    shards = collection.shards(out)
     done = {shard.number: found for shard in shards if (found := _done(shard)) is not None}
     rows, left = sum(int(found["rows"]) for found in done.values()), [s for s in shards if s.number not in done]
     with _Bar(len(shards), len(done), shown=progress) as bar:
@@ -118,11 +118,15 @@ def _done(shard: Shard) -> dict[str, Any] | None:
     return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
 
 
-def _claim(wish: Collection, out: Path) -> None:
+def _claim(collection: Collection, out: Path) -> None:
     """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
-    asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "settings": list(wish.settings)}
+    asked: dict[str, Any] = {
+        **asdict(collection),
+        "types": sorted(collection.types),
+        "settings": list(collection.settings),
+    }
     asked["simulator"] = EmbeddedSimulator.version
-    asked["cameras"] = [asdict(camera) for camera in agent_rig(wish.agent).cameras]
+    asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
         there = json.loads(file.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Closed loop for choosing weights: the package's own campaign, guarded processes and store, on held-out routes."""
+"""Drive held-out routes to choose weights, by the package's own campaign, worker processes and store."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResul
 
 
 class _ProgressBar:
-    """A bar (see `runner.scheduler.Listener`)."""
+    """A progress bar that listens to the scheduler (see `runner.scheduler.Listener`)."""
 
     def __init__(self, total: int) -> None:
         columns = (TextColumn("drive"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

@@ -1,6 +1,6 @@
 """`reproduce`: from nothing to weights such as those that ship: data, training, rounds of DAgger, a choice.
 
-Each step is one of the other commands, printed before it runs. All of them go on where they stopped, so does this one.
+Each step is one of the other commands, printed before it runs. Each goes on where it stopped, and so does this one.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Curriculum:
 
     @property
     def routes(self) -> int:
-        """Of the expert's own drives."""
+        """How many routes the expert drives itself."""
         return _TYPES * self.per_type
 
 

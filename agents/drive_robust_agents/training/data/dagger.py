@@ -33,7 +33,7 @@ __all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
 
 _TURN_TICKS = (20, 60)
 _STUCK_S = 15.0
-"""A learner that stands so long teaches nothing new."""
+"""Nothing new is learnt from a learner that has stood so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,23 +82,23 @@ def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: in
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    course = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
-    simulator = course.simulator
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
     turns = agent_turns(draws(data_seed, route.id, seed, "turns"), TICK_CAP + 1, mixture.beta)
     rng = draws(data_seed, route.id, seed, "moments")
     phase, found = int(rng.integers(KEEP_TICKS)), list[Sample]()
     agent_reset(agent, simulator.plan(), seed)
-    while not course.over:
+    while not episode.over:
         tick, ego = simulator.frame.tick, simulator.frame.ego
         seen = failures.observe(simulator.observe())
-        course.told = seen.gps
+        episode.told = seen.gps
         if tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng):
-            sample = sample_branch(course, None, DAGGER)
+            sample = sample_branch(episode, None, DAGGER)
             found += [sample] if sample is not None else []
-        course.targets()
-        wanted, said = course.act(), None
+        episode.targets()
+        wanted, said = episode.act(), None
         if failures.wants_inference(tick):
             truth = private_truth(simulator.truth()) if is_privileged(agent) else None
             said = agent_act(agent, replace(seen.private(), truth=truth))

@@ -1,4 +1,4 @@
-"""One episode under way, with an expert that drives or watches: what samples are taken from."""
+"""An episode under way with an expert that drives or watches; samples are taken from it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ TICK_CAP, STUCK_S = 4000, 40.0
 
 @dataclass(slots=True)
 class ExpertEpisode:
-    """One episode under way: the world, the expert that watches or drives it, and the two route planners.
+    """An episode under way: the world, the expert that watches or drives it, and the two route planners.
 
-    `told` is where the planners think that the ego is; None: where it is.
+    `told` is where the planners think that the ego is; None means where it really is.
     """
 
     simulator: EmbeddedSimulator
@@ -54,7 +54,7 @@ class ExpertEpisode:
 
     @property
     def over(self) -> bool:
-        """Has the episode ended, or has anybody broken a rule?"""
+        """Whether the episode has ended or somebody has broken a rule."""
         return self.simulator.done is not None or faults(self.simulator) > 0
 
     def targets(self) -> tuple[Target, Target]:

@@ -1,4 +1,4 @@
-"""What a sentence about a moment can be made of: the numbers behind SimLingo's commentary."""
+"""The numbers behind SimLingo's commentary: facts about a moment from which its sentence is made."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a learner should answer at one moment: where the expert drives from here, and what it does and sees.
+"""Labels of one moment: where the expert drives from here, and what it does and sees.
 
 All points are in the ego frame of the moment: x forward, y right, metres; yaw clockwise. Perception (boxes, map
 vectors) is in `perception`, what sentences are made of in `facts`.
@@ -30,12 +30,12 @@ Row = Mapping[str, NDArray[Any]]
 """One sample: an array for each name."""
 
 FUTURE_TICKS = tuple(range(5, 61, 5))
-"""The future is told at these ticks from now: 0.25, 0.5 ... 3 s."""
+"""The future is labelled at these ticks from now: 0.25, 0.5 ... 3 s."""
 BRANCH_TICKS = FUTURE_TICKS[-1]
 CONTROL_TICKS = (0, 10, 20, 30, 40)
 PATH_POINTS = 24
 LOOK_M = 100.0
-"""What is farther ahead than this is not there."""
+"""Whatever is farther ahead than this is left out."""
 _DT_S = 0.05
 _BODY = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 
@@ -81,8 +81,8 @@ def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
 def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
     """Return `future`, `future_ok` and `controls` of a drive that begins with the moment.
 
-    `frames` holds one frame a tick; `controls` holds what the expert answered to each but perhaps the last. A drive
-    shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
+    `frames` holds one state of the world a tick; `controls` holds what the expert answered to each but perhaps the
+    last. A drive shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
     """
     ego = frames[0].ego
     poses, ok = np.empty((len(FUTURE_TICKS), 4)), np.zeros(len(FUTURE_TICKS), dtype=bool)

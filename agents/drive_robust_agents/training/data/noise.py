@@ -12,7 +12,7 @@ __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
-"""So many of the episodes have bursts."""
+"""The share of episodes that have bursts."""
 _WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 

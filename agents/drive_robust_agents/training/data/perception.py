@@ -1,4 +1,4 @@
-"""What there is to see: boxes of the actors that a camera can see, where they go, and the lines of the map."""
+"""Labels of perception: boxes of the actors that a camera can see, where they go, and the lines of the map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROUTE, LANE, STRIPED, SOLID, STOP, CROSSWALK = range(6)
 _AHEAD_M, _BEHIND_M, _ASIDE_M = 64.0, 24.0, 32.0
 _LANES_BEHIND_M = 16.0
 _FASTEST_M = 20.0
-"""Nobody gets farther than this in half a second: it is another actor with the same number."""
+"""No actor gets farther than this in half a second: beyond, it is another one with the same number."""
 _SHORTEST_M = 3.0
 _BEND_M_PER_RAD = 15.0
 """A bend of one radian gets as many points as so many metres of straight line."""

@@ -1,4 +1,4 @@
-"""Shards written by several processes, in whatever order they are ready."""
+"""Write shards in several processes, in whatever order they are ready."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses beside the expert's way, from which a learner has to know the way back too."""
+"""Poses beside the expert's way: a learner has to know the way back from them, too."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NEAR_M = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where an ego is put: metres and radians in the route's frame, m/s. `start`: at rest, though the way was free."""
+    """Where an ego is put: metres and radians in the route's frame, m/s; with `start` it is at rest on a free way."""
 
     x_m: float
     y_m: float
@@ -55,7 +55,7 @@ def draw_pose(ego: EgoState, rng: np.random.Generator) -> Pose:
 
 
 class FreeSpace:
-    """Where an ego has room: on the roads of a map, between whoever is there."""
+    """The free space for an ego: on the roads of a map, between the actors."""
 
     def __init__(self, lane_map: LaneMap) -> None:
         lanes = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]

@@ -1,4 +1,4 @@
-"""From samples to rows of arrays: labels, and the pictures that the agent's cameras take of each moment."""
+"""Turn samples into rows of arrays: labels, and the pictures of the agent's cameras."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEEN_PX = 4
 
 
 class RigCameras:
-    """The cameras of an agent in one episode; what they see follows from the frame alone.
+    """The cameras of an agent in one episode; what they see follows from the state of the world alone.
 
     So moments can be drawn in any order, and only those that are kept. `way` is the (n, 4) route of the ground truth.
     """

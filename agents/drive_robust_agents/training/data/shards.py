@@ -35,7 +35,7 @@ class Shard:
 
 @dataclass(frozen=True, slots=True)
 class WrittenShard:
-    """What became of a shard."""
+    """The result of writing a shard."""
 
     number: int
     rows: int

@@ -20,7 +20,7 @@ from drive_robust_agents.training.recipes.failures import gps_errors, hang, misr
 __all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remembered"]
 
 Recall = Callable[[Tensor, Tensor], Mapping[str, Tensor]]
-"""From pictures and can bus to what is remembered of them."""
+"""Turns pictures and can bus into what is remembered of them."""
 
 _IMAGES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")

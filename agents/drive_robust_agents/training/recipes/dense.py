@@ -1,7 +1,7 @@
-"""A picture from above as labels: what lies in each cell of the bird's-eye grid.
+"""Labels from above: what lies in each cell of the bird's-eye grid.
 
-It is the cheapest gradient that camera features can get, from the first step on, while sets of queries still quarrel
-about who stands for what (after the segmentation heads of BEVFormer-like networks).
+It is the cheapest gradient that camera features can get, from the first step on, while the matching of queries to
+labels still changes (after the segmentation heads of BEVFormer-like networks).
 """
 
 from __future__ import annotations

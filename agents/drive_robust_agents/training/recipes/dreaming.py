@@ -1,7 +1,7 @@
 """Action dreaming: what a driver would do who was told something else, made kinematically from one real moment.
 
-One picture becomes many samples: (instruction, path, speeds). The instruction then is the only thing that tells them
-apart, so the network has to listen. Nobody reacts to the dream: it is a replay (SimLingo, section on action dreaming;
+One picture becomes many samples: (instruction, path, speeds). Only the instruction tells them apart, so the
+network has to listen. No actor reacts to the dream: it is a replay (SimLingo, section on action dreaming;
 `dataset_generation/dreamer_data`, re-written from its idea). Ego frame: x forward, y right, metres.
 """
 
@@ -38,8 +38,9 @@ _USUAL = frozenset({Kind.FASTER, Kind.SLOWER, Kind.STOP, Kind.LEFT, Kind.RIGHT})
 
 @dataclass(frozen=True, slots=True)
 class DreamStart:
-    """What a dream begins with: the expert's line (n >= 20, 2) one point a metre, its speed now and its speeds every
-    0.25 s from now on (n >= 10), and the facts by name.
+    """The start of a dream: the expert's line, its speed now, its speeds from now on, and the facts by name.
+
+    The line is (n >= 20, 2), one point a metre; the speeds are (n >= 10) at every 0.25 s.
     """
 
     line: Floats

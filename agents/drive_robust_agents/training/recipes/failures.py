@@ -1,7 +1,7 @@
 """What deployment does to the inputs of a network, for `train --robust`: some rows of a batch suffer, others do not.
 
-Labels stay those of the truth, so that a network learns to look through what is wrong. Equal generators give equal
-failures.
+Labels stay those of the truth, so that a network learns to be right in spite of wrong inputs. Equal generators give
+equal failures.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ Floats = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
 MOST_HIDDEN = 0.85
-"""Of either side of an image; the paper hides up to 0.8."""
+"""The largest share of either side of an image that is hidden; the paper hides up to 0.8."""
 
 _SHARE = 1.0 / 3.0
-"""Of the rows suffer from each failure but mud, which is in every second one."""
+"""The share of rows that suffer from each failure but mud, which is in every second one."""
 
 _MOST_GPS_M = 15.0
 _HANGS = 0.4
@@ -47,7 +47,7 @@ def misread(speed: Floats, generator: np.random.Generator) -> Floats:
 def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) -> None:
     """Black out a rectangle of every camera of every second row (N, cameras, H, W, 3), each at its own place.
 
-    So does its picture of before: mud stays. Both are changed in place.
+    Its picture of before loses the same one: mud stays. Both are changed in place.
     """
     rows = generator.random(len(images)) < 0.5
     for pictures in (images, old_images):

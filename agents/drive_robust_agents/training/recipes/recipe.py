@@ -34,7 +34,7 @@ class TrainingStage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Defaults:
-    """RunOptions of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
+    """Options of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
 
     batch: int = 64
     lr: float = 1e-3

@@ -57,7 +57,7 @@ Floats = NDArray[np.float32]
 MIX = {"comment": 0.24, "given": 0.06, "follow": 0.42, "safety": 0.2, "command": 0.08}
 """Kinds of the second prompt. As published, a fifth of the commentary is given in the prompt, four are to be said."""
 _SILENT = 0.5
-"""So often an answer that could be said is not, because the agent can also be told to be silent."""
+"""How often an answer that could be said is left out, because the agent can also be told to be silent."""
 _BETA_M = 0.25
 """Errors below this count by their square, others by their length."""
 

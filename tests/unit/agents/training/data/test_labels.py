@@ -122,8 +122,8 @@ def test_the_path_goes_on_straight_behind_the_end_of_the_line() -> None:
 
 
 def test_targets_and_commands_are_those_of_the_planners_of_the_agents(samples: tuple[Sample, ...]) -> None:
-    course = ExpertEpisode.begin(route_of(LIGHT), seed=0)
-    planners = [RoutePlanner(course.simulator.plan(), min_m=m) for m in (MIN_M, MIN_SIMLINGO_M)]
+    episode = ExpertEpisode.begin(route_of(LIGHT), seed=0)
+    planners = [RoutePlanner(episode.simulator.plan(), min_m=m) for m in (MIN_M, MIN_SIMLINGO_M)]
     way = [sample for sample in samples if sample.source == ON_WAY]
     frames = {frame.tick: frame for sample in way for frame in sample.frames}
     kept = {sample.tick: sample for sample in way}
