@@ -54,7 +54,8 @@ def is_kept(speed_mps: float, rng: np.random.Generator) -> bool:
 def branch(episode: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[WorldState], list[Control]] | None:
     """Let `expert` (a fork) drive on for 3 s from the world as it is: the moment, a state a tick, the controls.
 
-    It ends early where the episode does. Returns None where somebody gets hurt or a rule is broken. Neither the planners nor the world are put back.
+    It ends early where the episode does. Returns None where somebody gets hurt or a rule is broken. Neither the
+    planners nor the world are put back.
     """
     simulator = episode.simulator
     before, targets = faults(simulator, lanes=False), episode.targets()

@@ -13,11 +13,11 @@ from drive_robust_agents.training.data import expert_episode
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import ExpertEpisode, faults
 from drive_robust_agents.training.data.labels import BRANCH_TICKS
-from drive_robust_agents.training.data.noise import burst_plan, burst_steer
-from drive_robust_agents.training.data.poses import FreeSpace, Pose, draw_pose
+from drive_robust_agents.training.data.noise import burst_plan
+from drive_robust_agents.training.data.poses import Pose
 from drive_robust_agents.training.data.rollouts import ON_WAY, SHIFTED, START, drive_expert, sample_branch
 from pytest_drive_robust import Control, Observation
-from pytest_drive_robust.domain.truth import EgoState, WorldState
+from pytest_drive_robust.domain.truth import WorldState
 
 WAY = "ControlLoss"
 
@@ -157,49 +157,3 @@ def test_a_branch_that_ends_in_a_collision_is_no_sample() -> None:
     before = episode.simulator.frame
     assert sample_branch(episode, inside, SHIFTED) is None
     assert same(episode.simulator.frame, before)
-
-
-# --- noise and poses ---
-
-
-def test_four_in_ten_episodes_have_bursts_of_half_a_second_to_a_second() -> None:
-    plans = [burst_plan(draws("plan", k), 600) for k in range(300)]
-    noisy = [plan for plan in plans if plan.any()]
-    assert 0.3 < len(noisy) / len(plans) < 0.5
-    for plan in noisy:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], (plan != 0.0).astype(int), [0]]))).reshape(-1, 2)
-        whole = edges[edges[:, 1] < 600]
-        assert ((whole[:, 1] - whole[:, 0] >= 10) & (whole[:, 1] - whole[:, 0] <= 20)).all()
-        assert np.abs(plan).max() <= 1.0
-
-
-def test_noise_turns_the_wheels_by_seven_degrees_at_most_and_less_at_speed() -> None:
-    assert burst_steer(1.0, 5.0) == pytest.approx(0.12 / 0.61)
-    assert burst_steer(-1.0, 20.0) * 0.61 * 20.0**2 / 2.85 == pytest.approx(-3.0)
-
-
-def test_drawn_poses_keep_their_ranges() -> None:
-    ego = EgoState(3.0, 4.0, 0.7, 6.0, 0.0, 0.0, 0.0, 4.9, 1.8)
-    rng = draws("poses")
-    poses = [draw_pose(ego, rng) for _ in range(400)]
-    aside = np.array([(p.y_m - 4.0) * math.cos(0.7) - (p.x_m - 3.0) * math.sin(0.7) for p in poses])
-    assert np.abs(aside).min() >= 0.3
-    assert np.abs(aside).max() <= 1.5
-    assert 0.4 < (aside > 0.0).mean() < 0.6
-    assert max(abs(p.yaw_rad - 0.7) for p in poses) <= math.radians(15.0)
-    assert 0.05 < np.mean([p.start for p in poses]) < 0.16
-    assert all(p.speed_mps == 0.0 for p in poses if p.start)
-    changed = np.mean([p.speed_mps != 6.0 and not p.start for p in poses])
-    assert 0.25 < changed < 0.42
-    fast = EgoState(0.0, 0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 4.9, 1.8)
-    assert max(abs(draw_pose(fast, rng).yaw_rad) for _ in range(200)) <= 0.125
-
-
-def test_there_is_room_on_the_road_but_not_beside_it_nor_in_somebody() -> None:
-    simulator = ExpertEpisode.begin(route_of("ParkedObstacle"), seed=0).simulator
-    room, frame = FreeSpace(simulator.world.lane_map), simulator.frame
-    x, y, yaw, _ = simulator.truth().route[30]
-    assert room.is_free(frame, Pose(x, y, yaw, 0.0))
-    assert not room.is_free(frame, Pose(x - 30.0 * math.sin(yaw), y + 30.0 * math.cos(yaw), yaw, 0.0))
-    body = frame.actors[0]
-    assert not room.is_free(frame, Pose(body[WorldState.X], body[WorldState.Y], body[WorldState.YAW], 0.0))
