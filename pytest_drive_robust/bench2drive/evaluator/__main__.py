@@ -81,7 +81,9 @@ def _run(options: argparse.Namespace) -> int:
     print(f"{len(routes)} routes of {file} under {setting}, seed {options.seed}, into {folder}", flush=True)
     driven, interrupted = _drive_all(setup, routes, run_folder, slots=options.slots, gpus=tuple(options.gpu or (0,)))
     unscored = [item for item in driven if item.record is None]
-    print(f"{len(driven) - len(unscored)} of {len(routes)} routes have a score: drive-robust score {run_folder.results}")
+    print(
+        f"{len(driven) - len(unscored)} of {len(routes)} routes have a score: drive-robust score {run_folder.results}"
+    )
     if interrupted:
         print("interrupted; the same command goes on from here")
         return _INTERRUPTED
