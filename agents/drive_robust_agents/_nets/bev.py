@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from drive_robust_agents._nets.attention import attend
-from drive_robust_agents._nets.bev_grid import BevSpec, CameraView, camera_views
+from drive_robust_agents._nets.bev_grid import BevSpec, TokensInSight, camera_views
 from drive_robust_agents._nets.blocks import BasicBlock, ImageNorm, MiniResNet, Mlp
 
 __all__ = ["BevEncoder", "BevLift", "CameraEncoder", "TemporalFusion", "columns_of", "rows_of", "warp"]
@@ -115,7 +115,7 @@ class BevLift(nn.Module):
         return attend(q, k, v, mask=bias).transpose(1, 2).flatten(2)
 
 
-def _merging(views: tuple[CameraView, ...], cells: int) -> tuple[Tensor, Tensor]:
+def _merging(views: tuple[TokensInSight, ...], cells: int) -> tuple[Tensor, Tensor]:
     """Return where the outputs of all cameras, in a row, belong: (cells, most) rows, and 1 / count (cells, 1).
 
     Cells that fewer cameras see are filled with the row after the last, which is zero.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.camera_rigs import rig
 
-__all__ = ["OUT_OF_SIGHT", "BevSpec", "CameraView", "camera_views", "project"]
+__all__ = ["OUT_OF_SIGHT", "BevSpec", "TokensInSight", "camera_views", "project"]
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -76,7 +76,7 @@ class BevSpec:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraView:
+class TokensInSight:
     """Which cells one camera sees, and at which image tokens.
 
     `cells` (n,) are numbers of cells (row * columns + column); `bias` (heads, n, tokens) is what is added to the
@@ -88,12 +88,12 @@ class CameraView:
     bias: Floats
 
 
-def camera_views(spec: BevSpec) -> tuple[CameraView, ...]:
+def camera_views(spec: BevSpec) -> tuple[TokensInSight, ...]:
     """Return the view of each camera of the rig, in order."""
     return tuple(_view(spec, camera) for camera in spec.rig())
 
 
-def _view(spec: BevSpec, camera: CameraSpec) -> CameraView:
+def _view(spec: BevSpec, camera: CameraSpec) -> TokensInSight:
     points = spec.centres().reshape(-1, 2).astype(np.float64)
     pixels, inside = np.zeros((len(spec.heights_m), len(points), 2)), np.zeros(len(points), np.bool_)
     for head, height_m in enumerate(spec.heights_m):
@@ -108,7 +108,7 @@ def _view(spec: BevSpec, camera: CameraSpec) -> CameraView:
     middle = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
     near = (np.abs(np.floor(at)[:, :, None] - middle) <= 1.0).all(axis=-1)
     away = ((at[:, :, None] - (middle + 0.5)) ** 2).sum(axis=-1)
-    return CameraView(cells, np.where(near, -0.5 * away, OUT_OF_SIGHT).astype(np.float32))
+    return TokensInSight(cells, np.where(near, -0.5 * away, OUT_OF_SIGHT).astype(np.float32))
 
 
 def project(

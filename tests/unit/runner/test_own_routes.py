@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.options.table import DEFAULT_ROUTES
+from pytest_drive_robust.options.run import DEFAULT_ROUTES, RunOptions
 from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import FakeSimulator, fake_route
