@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.campaign import Campaign, Judgement
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.runner.scopes import Scopes
-    from pytest_drive_robust.verdict.bracket import Bracket
     from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.model import Requirement
-    from pytest_drive_robust.verdict.shrink import MinimalFailure
+    from pytest_drive_robust.verdict.largest_severity import Bracket
+    from pytest_drive_robust.verdict.requirement import Requirement
+    from pytest_drive_robust.verdict.smallest_stack import MinimalFailure
 
 __all__ = [
     "DRIVER",
@@ -83,7 +83,7 @@ class Estimate(float):
     def of(cls, verdict: Verdict) -> Estimate:
         """The value of a verdict."""
         estimate = cls(verdict.value)
-        estimate.metric = verdict.requirement.metric
+        estimate.metric = verdict.requirement.metric.name
         estimate.setting = str(verdict.requirement.setting)
         estimate.low, estimate.high = float(verdict.low), float(verdict.high)
         estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
@@ -133,7 +133,7 @@ class Drive:
         """
         __tracebackhide__ = True
         from pytest_drive_robust.options.marker import MarkerOptions
-        from pytest_drive_robust.verdict.model import Requirement
+        from pytest_drive_robust.verdict.requirement import Requirement
 
         if not isinstance(requirement, Requirement):
             raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
@@ -186,11 +186,12 @@ class Drive:
         """
         __tracebackhide__ = True
         from pytest_drive_robust.perturbations.ladder import ladder_of
-        from pytest_drive_robust.runner.search.largest_severity import largest, searched
+        from pytest_drive_robust.runner.record import searched
+        from pytest_drive_robust.verdict.largest_severity import largest
 
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
             ladder = ladder_of(perturbation, dt_s=self._driver.scopes.dt_s, levels=levels)
-            bracket = largest(ladder, self._driver.campaign, scope=self._scope, metric=metric, limit=limit)
+            bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
         self._driver.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
         return bracket
@@ -200,25 +201,22 @@ class Drive:
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
         """
         __tracebackhide__ = True
-        from pytest_drive_robust.runner.search.smallest_stack import minimal_failure
+        from pytest_drive_robust.verdict.smallest_stack import minimal_failure
 
         with self._errors_of(str(requirement)):
-            return minimal_failure(
-                requirement,
-                self._driver.campaign,
-                scope=self._scope,
-                verdict_rule=self._ruling,
-                dt_s=self._driver.scopes.dt_s,
-            )
+            return minimal_failure(requirement, self._decide, verdict_rule=self._ruling, dt_s=self._driver.scopes.dt_s)
+
+    def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
+        return self._driver.campaign.decide(requirement, self._scope, verdict_rule).verdict
 
     def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
         """The limit is only there because a verdict needs one; the test has its own."""
         __tracebackhide__ = True
-        from pytest_drive_robust.verdict.model import Requirement
+        from pytest_drive_robust.verdict.requirement import Requirement
 
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, _as_setting(setting), comparison, limit)
-            return Estimate.of(self._driver.campaign.measure(requirement, self._scope).verdict)
+            return Estimate.of(self._driver.campaign.measure(requirement, self._scope))
 
     @contextmanager
     def _errors_of(self, what: str) -> Iterator[None]:
@@ -274,11 +272,11 @@ class Drive:
 
     def _reach(self, requirement: Requirement) -> str:
         """How far the agent does get, where a margin was asked for."""
-        from pytest_drive_robust.verdict.margin import MarginRequirement
+        from pytest_drive_robust.verdict.requirement import MarginRequirement
 
         if not isinstance(requirement, MarginRequirement):
             return ""
-        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric, limit=requirement.limit)}"
+        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)}"
 
 
 @pytest.fixture

@@ -114,7 +114,7 @@ class _Questions:
 
     def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
         from pytest_drive_robust.options.marker import MarkerOptions
-        from pytest_drive_robust.runner.reading import routes_in_order
+        from pytest_drive_robust.runner.plan import routes_in_order
 
         scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
         need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.campaign import Observer
     from pytest_drive_robust.runner.plan import Scope
     from pytest_drive_robust.store.base import EpisodeStore
-    from pytest_drive_robust.verdict.model import Requirement
+    from pytest_drive_robust.verdict.requirement import Requirement
 
 __all__ = ["drive", "drive_agent"]
 
@@ -112,7 +112,7 @@ def pytest_unconfigure() -> None:
 
 def pytest_make_parametrize_id(val: object) -> str | None:
     """Requirements name their test cases."""
-    model = sys.modules.get("pytest_drive_robust.verdict.model")  # not loaded: then it cannot be one
+    model = sys.modules.get("pytest_drive_robust.verdict.requirement")  # not loaded: then it cannot be one
     return val.id if model is not None and isinstance(val, model.Requirement) else None
 
 
@@ -347,8 +347,7 @@ def _help_others(config: pytest.Config, folder: Path) -> None:
 
 def _plan(driver: Driver, session: pytest.Session) -> None:
     """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
-    from pytest_drive_robust.verdict.forms import by_evidence
-    from pytest_drive_robust.verdict.model import Requirement
+    from pytest_drive_robust.verdict.requirement import Requirement, by_evidence
 
     _check(session.config, "", driver.scopes.check)
     requests: dict[str, Any] = {}
@@ -385,10 +384,8 @@ def _plan(driver: Driver, session: pytest.Session) -> None:
 
 def _advice(driver: Driver, item: pytest.Item, requirement: Requirement, routes: int) -> list[str]:
     """What the routes of a test cannot show. Raises `UsageError` where they can show next to nothing."""
-    from pytest_drive_robust.verdict.forms import advice_on
-
     verdict_rule = _marker_of(item).verdict_rule(driver.settings.verdict_rule).for_routes(routes)
-    advice = advice_on(requirement, verdict_rule, routes)
+    advice = requirement.advice(verdict_rule, routes)
     if advice.level == "refuse":
         raise errors.UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
     return [advice.text] if advice.text else []

@@ -118,7 +118,7 @@ def _outcome(item: Mapping[str, Any]) -> str:
     from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
     from pytest_drive_robust.domain.result import EpisodeResult, Trace
-    from pytest_drive_robust.verdict.describe import describe_outcome
+    from pytest_drive_robust.verdict.explain import describe_outcome
 
     return describe_outcome(
         EpisodeResult(

@@ -158,7 +158,7 @@ def _story(word: str, score: RouteScore) -> str:
 
 
 def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
-    from pytest_drive_robust.verdict.worst import WorstRoute
+    from pytest_drive_robust.verdict.explain import WorstRoute
 
     fingerprint = score.fingerprint
     settings = RunOptions(

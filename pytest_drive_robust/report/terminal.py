@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import legible, shown
-from pytest_drive_robust.verdict.touched import immunity
+from pytest_drive_robust.verdict.evaluate import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table
