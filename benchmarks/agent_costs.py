@@ -29,17 +29,17 @@ from rich.table import Table
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.training import candidates
 from drive_robust_agents.training.candidates import candidate_name
-from drive_robust_agents.training.export import write_weights
-from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import RunOptions
+from drive_robust_agents.training.loop.export import write_weights
+from drive_robust_agents.training.loop.trainer import TrainingOptions
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust import Control, Observation, Setting
 from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
@@ -81,7 +81,7 @@ class Timed:
     """An agent with a clock around `act`."""
 
     def __init__(self, agent: Agent) -> None:
-        self.agent, self.spent_s, self.ticks = agent, 0.0, 0
+        self.agent, self.spent_s, self.calls = agent, 0.0, 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.agent, name)
@@ -90,7 +90,7 @@ class Timed:
         start = time.process_time()
         control = self.agent.act(observation)
         self.spent_s += time.process_time() - start
-        self.ticks += 1
+        self.calls += 1
         return control
 
 
@@ -108,9 +108,9 @@ def _learned(name: str, folder: Path) -> Subject:
     cls: Any = default_registry().entry("agents", name).load()
     file, weights = cls.weights[0], "shipped"
     if not file.is_file():
-        settings = RunOptions(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
+        options = TrainingOptions(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
         torch.manual_seed(0)
-        file = write_weights(recipe_of(name).make(), folder / name, settings=settings, step=0)
+        file = write_weights(recipe_of(name).make(), folder / name, options=options, step=0)
         weights = "random"
     _, entry = locate(name, file)
 
@@ -130,12 +130,12 @@ def alone(agent: Agent, ticks: int) -> tuple[float, float]:
         if result.outcome is Outcome.AGENT_ERROR:
             raise SystemExit(result.end_detail)
     whole_s = time.process_time() - start
-    return 1e3 * timed.spent_s / timed.ticks, timed.spent_s / whole_s
+    return 1e3 * timed.spent_s / timed.calls, timed.spent_s / whole_s
 
 
 def seen_by(agent: Agent, ticks: int) -> Recording:
-    task = EpisodeRequest(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
-    recording = record(EmbeddedSimulator(SimulatorOptions()), agent, task, count=ticks, every=1)
+    request = EpisodeRequest(Episode("timed", ROUTES[0].id, "clean", 0), ROUTES[0], Setting.CLEAN)
+    recording = record(EmbeddedSimulator(SimulatorOptions()), agent, request, count=ticks, every=1)
     assert recording is not None
     return recording
 
@@ -152,7 +152,7 @@ def together(crew: Sequence[Any], recording: Recording) -> float:
 
 def memory(subject: Subject, ticks: int) -> tuple[float, float]:
     """(private, resident) MB of a guarded child after an episode on each route. Linux only."""
-    recipe = Recipe(
+    worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=str(Path.cwd()),
         plugins=(plugin_source(candidates),),
@@ -160,15 +160,15 @@ def memory(subject: Subject, ticks: int) -> tuple[float, float]:
         options=SimulatorOptions(tick_cap=ticks),
         preload_agents=(subject.name,),
     )
-    nursery = Nursery(recipe)
-    guard = Guard(nursery, Limits())
+    fork_server = ForkServer(worker_setup)
+    supervisor = Supervisor(fork_server, Limits())
     try:
         for route in ROUTES:
-            guard.drive(EpisodeRequest(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
-        lines = Path(f"/proc/{guard.pid}/smaps_rollup").read_text().splitlines()[1:]
+            supervisor.drive(EpisodeRequest(Episode(subject.name, route.id, "clean", 0), route, Setting.CLEAN))
+        lines = Path(f"/proc/{supervisor.pid}/smaps_rollup").read_text().splitlines()[1:]
     finally:
-        guard.close()
-        nursery.close()
+        supervisor.close()
+        fork_server.close()
     sizes = {line.split(":")[0]: int(line.split()[1]) / 1e3 for line in lines}
     return sizes["Private_Clean"] + sizes["Private_Dirty"], sizes["Rss"]
 

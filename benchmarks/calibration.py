@@ -28,8 +28,8 @@ from rich.table import Table
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.processes import ProcessExecutor
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.pool import ProcessExecutor
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
@@ -108,12 +108,12 @@ class Watch:
         self._progress = progress
         self._bar = progress.add_task("episodes", total=total)
 
-    def started(self, task: EpisodeRequest) -> None: ...
+    def started(self, request: EpisodeRequest) -> None: ...
 
-    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
+    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
         self._progress.advance(self._bar)
 
-    def reused(self, task: EpisodeRequest) -> None:
+    def reused(self, request: EpisodeRequest) -> None:
         self._progress.advance(self._bar)
 
     def ticked(self) -> None: ...
@@ -126,14 +126,14 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
     )
     registry = default_registry()
     scopes = Scopes(chosen, registry, resolve_routes)
-    tasks = [
-        task
+    requests = [
+        request
         for agent in agents
         for setting in settings
-        for task in scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).requests
+        for request in scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).requests
     ]
     store = FolderStore(given.store, run=uuid.uuid4().hex)
-    recipe = Recipe(
+    worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
         plugins=(),
@@ -141,24 +141,24 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
         options=SimulatorOptions(stuck_stop_s=given.stuck_stop),
         preload_agents=tuple(agents),
     )
-    executor = ProcessExecutor(lambda: recipe, Limits(), slots=given.workers)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    executor = ProcessExecutor(lambda: worker_setup, Limits(), slots=given.workers)
+    columns = (TextColumn("{request.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
-        scheduler = Scheduler(store, executor, Watch(progress, len(tasks)))
+        scheduler = Scheduler(store, executor, Watch(progress, len(requests)))
         try:
-            scheduler.ensure(tasks)
+            scheduler.ensure(requests)
         finally:
             scheduler.close()
-    return [score_of(task, store) for task in tasks]
+    return [score_of(request, store) for request in requests]
 
 
-def score_of(task: EpisodeRequest, store: FolderStore) -> Score:
-    result = store.get(task.key)
+def score_of(request: EpisodeRequest, store: FolderStore) -> Score:
+    result = store.get(request.key)
     assert result is not None
     require_scorable([result])
-    episode = task.episode
+    episode = request.episode
     return Score(
-        episode.agent, result.scenario, task.route.id, episode.setting, episode.seed, is_success(result),
+        episode.agent, result.scenario, request.route.id, episode.setting, episode.seed, is_success(result),
         driving_score(result),
     )  # fmt: skip
 

@@ -36,8 +36,8 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.processes import ProcessExecutor
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.pool import ProcessExecutor
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.episode.loop import drive_episode
@@ -49,7 +49,7 @@ from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.store.events import Event
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.record import encode_episode
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record_files import RecordFiles
 
 AGENT = "classical"
 OPTIONS = SimulatorOptions(stuck_stop_s=30.0)
@@ -110,8 +110,8 @@ def framework(rounds: int) -> Rows:
 
     bare(), driven()
     once = [(bare(), driven()) for _ in range(rounds)]
-    tasks = [_task(route, 0) for route in routes]
-    shares = [marginal_cpu_of_children(tasks) / driven() for _ in range(max(1, rounds // 2))]
+    requests = [_task(route, 0) for route in routes]
+    shares = [marginal_cpu_of_children(requests) / driven() for _ in range(max(1, rounds // 2))]
     return [
         ("drive_episode / bare loop", f"{statistics.median(mine / bare for bare, mine in once):.3f}"),
         ("guarded children / this process", f"{statistics.median(shares):.3f}"),
@@ -127,30 +127,30 @@ def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
     world.score()
 
 
-def marginal_cpu_of_children(tasks: list[EpisodeRequest]) -> float:
+def marginal_cpu_of_children(requests: list[EpisodeRequest]) -> float:
     """CPU seconds of these episodes in a guarded child that runs already."""
-    return (cpu_of_children(tasks * 3) - cpu_of_children(tasks)) / 2
+    return (cpu_of_children(requests * 3) - cpu_of_children(requests)) / 2
 
 
-def cpu_of_children(tasks: list[EpisodeRequest]) -> float:
+def cpu_of_children(requests: list[EpisodeRequest]) -> float:
     """CPU seconds of these episodes in one guarded child, with its start and with what this process does for it."""
     start = used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF)
-    drive_all(ProcessExecutor(recipe, Limits(), slots=1), tasks)
+    drive_all(ProcessExecutor(worker_setup, Limits(), slots=1), requests)
     return used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF) - start
 
 
 def scaling(rounds: int) -> Rows:
-    tasks = [_task(route, seed) for seed in range(4) for route in named_routes("dev10")]
+    requests = [_task(route, seed) for seed in range(4) for route in named_routes("dev10")]
 
     def pool(slots: int) -> float:
-        return drive_all(ProcessExecutor(recipe, Limits(), slots=slots), tasks)
+        return drive_all(ProcessExecutor(worker_setup, Limits(), slots=slots), requests)
 
     yield "two children / one, 40 episodes", ratio_of([(pool(1), pool(2)) for _ in range(rounds)])
     if importlib.util.find_spec("ray") is not None:
-        from pytest_drive_robust.engine.ray_executor import RayExecutor
+        from pytest_drive_robust.engine.ray.executor import RayExecutor
 
         def ray() -> float:
-            return drive_all(RayExecutor(recipe, Limits(), address="local", slots=2), tasks)
+            return drive_all(RayExecutor(worker_setup, Limits(), address="local", slots=2), requests)
 
         ray()
         yield "children / Ray, two each", ratio_of([(pool(2), ray()) for _ in range(rounds)])
@@ -183,14 +183,14 @@ def judging(rounds: int) -> Rows:
     world, agent = EmbeddedSimulator(OPTIONS), default_registry().agent(AGENT)
     need = scope.need(ASKED.setting, clean=True)
     with tempfile.TemporaryDirectory() as folder:
-        shelf = Shelf(Path(folder))
-        for tasks, setting in ((need.clean, ASKED.setting.baseline), (need.perturbed, ASKED.setting)):
+        files = RecordFiles(Path(folder))
+        for requests, setting in ((need.clean, ASKED.setting.baseline), (need.perturbed, ASKED.setting)):
             driven = drive_episode(world, agent, route=routes[0], setting=setting, seed=0, agent_name=AGENT)
-            for task in tasks:
-                path = shelf.path(task.key)
+            for request in requests:
+                path = files.path(request.key)
                 path.parent.mkdir(parents=True, exist_ok=True)
-                result = dataclasses.replace(driven, episode=task.episode)
-                path.write_bytes(encode_episode(result, {"key": task.key}))
+                result = dataclasses.replace(driven, episode=request.episode)
+                path.write_bytes(encode_episode(result, {"key": request.key}))
         times = [judged(Path(folder), scope) for _ in range(rounds)]
     verdict, table = (statistics.median(side) for side in zip(*times, strict=True))
     return [
@@ -257,8 +257,8 @@ def ratio_of(pairs: list[tuple[float, float]]) -> str:
     return f"{statistics.median(one / other for one, other in pairs):.2f} times as fast"
 
 
-def recipe() -> Recipe:
-    return Recipe(tuple(sys.path), os.getcwd(), (), "embedded", OPTIONS, preload_agents=(AGENT,))
+def worker_setup() -> WorkerSetup:
+    return WorkerSetup(tuple(sys.path), os.getcwd(), (), "embedded", OPTIONS, preload_agents=(AGENT,))
 
 
 def _task(route: Route, seed: int) -> EpisodeRequest:
@@ -273,17 +273,17 @@ def _closing(executor: Executor) -> Iterator[Executor]:
         executor.close(cancel=True)
 
 
-def drive_all(executor: Executor, tasks: list[EpisodeRequest]) -> float:
+def drive_all(executor: Executor, requests: list[EpisodeRequest]) -> float:
     """Wall seconds of these episodes by children that have started: two episodes in each slot come before."""
     with _closing(executor):
-        _drive(executor, tasks[: 2 * executor.slots])
+        _drive(executor, requests[: 2 * executor.slots])
         start = time.perf_counter()
-        _drive(executor, tasks)
+        _drive(executor, requests)
         return time.perf_counter() - start
 
 
-def _drive(executor: Executor, tasks: list[EpisodeRequest]) -> None:
-    for future in [executor.submit(task) for task in tasks]:
+def _drive(executor: Executor, requests: list[EpisodeRequest]) -> None:
+    for future in [executor.submit(request) for request in requests]:
         future.result()
 
 

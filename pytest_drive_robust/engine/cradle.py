@@ -1,7 +1,7 @@
-"""One process for all workers of a run that loads the world once: their nurseries are forked from it.
+"""One process for all workers of a run that loads the world once: their fork_servers are forked from it.
 
 It belongs to the process that starts the workers and ends with it. A worker that finds none, or one with another Python
-or another environment, starts a nursery of its own, so nothing but time depends on it.
+or another environment, starts a fork_server of its own, so nothing but time depends on it.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
 
 __all__ = ["Adopted", "Cradle", "Knock", "knock", "surroundings_of"]
 
 _CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from pytest_drive_robust.engine.forking import cradle; cradle({}, {})"
+    "from pytest_drive_robust.engine.worker.forking import cradle; cradle({}, {})"
 )
 _READ_WHEN_LOADED = (
     *("GOMP", "KMP", "LANG", "LC_", "LD_PRELOAD", "LLVM", "MALLOC", "MKL", "MPL", "NPY", "NUMBA", "NUMEXPR", "NUMPY"),
@@ -41,31 +41,31 @@ _WAITING = 64
 
 
 class Knock(NamedTuple):
-    """What a worker asks the cradle for: a nursery of this recipe, with this environment.
+    """What a worker asks the cradle for: a fork_server of this worker_setup, with this environment.
 
     `surroundings` must be those of the cradle.
     """
 
     surroundings: str
     environment: dict[str, str]
-    recipe: Recipe
+    worker_setup: WorkerSetup
 
 
-def surroundings_of(recipe: Recipe) -> str:
+def surroundings_of(worker_setup: WorkerSetup) -> str:
     """A digest of what a process cannot change any more when it has loaded its libraries."""
-    fixed = sorted(item for item in recipe.environment().items() if item[0].startswith(_READ_WHEN_LOADED))
-    known = (sys.executable, sys.version, __file__, recipe.simulator, recipe.threads, fixed)
+    fixed = sorted(item for item in worker_setup.environment().items() if item[0].startswith(_READ_WHEN_LOADED))
+    known = (sys.executable, sys.version, __file__, worker_setup.simulator, worker_setup.threads, fixed)
     return hashlib.sha256(repr(known).encode("utf-8", "surrogateescape")).hexdigest()
 
 
-def knock(recipe: Recipe, output: int) -> socket.socket | None:
-    """Ask for a nursery whose output goes to that descriptor. Its channel, None when nobody is at home."""
-    if not recipe.cradle or sys.platform != "linux":
+def knock(worker_setup: WorkerSetup, output: int) -> socket.socket | None:
+    """Ask for a fork_server whose output goes to that descriptor. Its channel, None when nobody is at home."""
+    if not worker_setup.cradle or sys.platform != "linux":
         return None
-    asked = Knock(surroundings_of(recipe), recipe.environment(), recipe)
+    asked = Knock(surroundings_of(worker_setup), worker_setup.environment(), worker_setup)
     channel = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
-        channel.connect(recipe.cradle)
+        channel.connect(worker_setup.cradle)
         socket.send_fds(channel, [pickle.dumps(asked)], [output])
     except OSError:
         channel.close()
@@ -74,7 +74,7 @@ def knock(recipe: Recipe, output: int) -> socket.socket | None:
 
 
 class Adopted:
-    """A nursery that is no child of ours: it lives as long as the other end of its channel is open."""
+    """A fork_server that is no child of ours: it lives as long as the other end of its channel is open."""
 
     def __init__(self, channel: socket.socket, pid: int) -> None:
         self.pid = pid
@@ -97,7 +97,7 @@ class Adopted:
             select.select([self._channel], [], [], timeout)
         code = self.poll()
         if code is None:
-            raise subprocess.TimeoutExpired("nursery", timeout or 0.0)
+            raise subprocess.TimeoutExpired("fork_server", timeout or 0.0)
         return code
 
     def kill(self) -> None:
@@ -113,8 +113,8 @@ class Cradle:
     `place` is where they find it. Nothing is started before `begin`, or the first worker that knocks after `wait`.
     """
 
-    def __init__(self, recipe: Recipe, place: Path) -> None:
-        self._recipe = replace(recipe, cradle="")
+    def __init__(self, worker_setup: WorkerSetup, place: Path) -> None:
+        self._setup = replace(worker_setup, cradle="")
         self._place = place
         self._door: socket.socket | None = None
         self._lifeline: tuple[int, int] | None = None
@@ -140,7 +140,7 @@ class Cradle:
             self._thread.start()
 
     def close(self) -> None:
-        """End it, and with it the nurseries that are left. Calling it twice does no harm."""
+        """End it, and with it the fork_servers that are left. Calling it twice does no harm."""
         lifeline, self._lifeline = self._lifeline, None
         if lifeline is None:
             return
@@ -173,17 +173,17 @@ class Cradle:
         code = _CODE.format(door.fileno(), lifeline[0])
         with contextlib.suppress(OSError, UsageError):
             self._process = subprocess.Popen(
-                [sys.executable, "-c", code, json.dumps(self._recipe.python_path)],
+                [sys.executable, "-c", code, json.dumps(self._setup.python_path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 pass_fds=(door.fileno(), lifeline[0]),
-                env=self._recipe.environment(),
-                cwd=self._recipe.folder,
+                env=self._setup.environment(),
+                cwd=self._setup.folder,
                 start_new_session=True,
             )
             assert self._process.stdin is not None
             with self._process.stdin as request:
-                request.write(pickle.dumps(self._recipe))
+                request.write(pickle.dumps(self._setup))
         door.close()  # when the process dies, nobody waits at its door
         self._door = None

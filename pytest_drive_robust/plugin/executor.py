@@ -13,7 +13,7 @@ from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.cradle import Cradle
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.options.execution import ExecutionOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.runner.executors import Executor
@@ -54,29 +54,29 @@ def executor_of(
             )
         return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.processes import ProcessExecutor
+    from pytest_drive_robust.engine.pool import ProcessExecutor
 
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
     if execution.executor == "ray":
-        from pytest_drive_robust.engine.ray_executor import RayExecutor
+        from pytest_drive_robust.engine.ray.executor import RayExecutor
 
         address, most = execution.ray_address, execution.workers
-        return RayExecutor(lambda: _recipe_of(config, settings, agents()), limits, address=address, slots=most)
+        return RayExecutor(lambda: _setup_of(config, settings, agents()), limits, address=address, slots=most)
     slots = execution.slots(shared=shared)
     if width is not None:
-        from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+        from pytest_drive_robust.engine.lockstep.lockstep_processes import LockstepProcessExecutor
         from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep
 
         return LockstepProcessExecutor(
-            lambda: _recipe_of(config, settings, agents()),
+            lambda: _setup_of(config, settings, agents()),
             limits,
             workers=slots,
             width=width,
             shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
         )
-    return ProcessExecutor(lambda: _recipe_of(config, settings, agents()), limits, slots=slots)
+    return ProcessExecutor(lambda: _setup_of(config, settings, agents()), limits, slots=slots)
 
 
 def cradle_for(settings: RunOptions, execution: ExecutionOptions, place: Path) -> Cradle | None:
@@ -88,30 +88,30 @@ def cradle_for(settings: RunOptions, execution: ExecutionOptions, place: Path) -
         return None
     from pytest_drive_robust.engine.cradle import Cradle
 
-    return Cradle(_recipe(settings), place)
+    return Cradle(_setup(settings), place)
 
 
-def _recipe_of(config: pytest.Config, settings: RunOptions, agents: tuple[str, ...]) -> Recipe:
+def _setup_of(config: pytest.Config, settings: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
     """How a fresh process comes to know the names that this one knows."""
     from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 
     return replace(
-        _recipe(settings),
+        _setup(settings),
         plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
         preload_agents=agents,
         cradle=getattr(config, "workerinput", {}).get(CRADLE, ""),
     )
 
 
-def _recipe(settings: RunOptions) -> Recipe:
+def _setup(settings: RunOptions) -> WorkerSetup:
     """With nothing but what is installed."""
     import os
     import sys
 
-    from pytest_drive_robust.engine.recipe import Recipe
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.simulators.base import SimulatorOptions
 
-    return Recipe(
+    return WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
         plugins=(),

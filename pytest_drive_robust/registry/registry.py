@@ -21,7 +21,7 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.template import kebab_name
+from pytest_drive_robust.perturbations.sentences import kebab_name
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
@@ -41,8 +41,9 @@ _SIMULATORS = "pytest_drive_robust.simulators"
 _BUILTIN_SIMULATORS = (
     ("embedded", "embedded:EmbeddedSimulator", ""),
     ("gymnasium", "gymnasium:gymnasium_simulator", "ID"),
-    ("highway-env", "gymnasium:compiled_simulator", "ID"),
 )
+_RENAMED = {"highway-env": "gymnasium"}
+"""Simulators of earlier versions, and what to give instead of them."""
 _BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),)
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
@@ -185,6 +186,9 @@ class Registry:
         if colon and bare in known and known[bare][0].argument:
             name = bare
         if name not in known:
+            if kind == "simulators" and bare in _RENAMED:
+                instead = f"{_RENAMED[bare]}:{argument or 'ID'}"
+                raise UnknownNameError(f"there is no simulator named {name!r} any more. Give {instead!r}.")
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.generators import borrowed_generators
+from pytest_drive_robust.runner.episode.generators import borrowed_for
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -73,7 +74,7 @@ class InlineExecutor:
         future: Future[EpisodeResult] = Future()
         for _ in range(1 + DRIVEN_AGAIN):
             try:
-                with borrowed_generators(request.episode):
+                with borrowed_for(request.episode):
                     result = self._drive(request)
             except UsageError as error:
                 future.set_exception(error)
@@ -99,7 +100,7 @@ class InlineExecutor:
         if self._simulator is None:
             self._simulator = self._registry.simulator(self._simulator_name, self._options)
         if episode.agent not in self._agents:
-            self._agents[episode.agent] = self._registry.agent(episode.agent)
+            self._agents[episode.agent] = make_agent(self._registry, episode.agent)
         agent = self._agents[episode.agent]
         result = drive_episode(
             self._simulator,

@@ -15,8 +15,7 @@ from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.idle import idle_reason
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.stats.evidence import fail_p_value
 from pytest_drive_robust.stats.intervals import (
     evidence_interval,
@@ -240,7 +239,7 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
     if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
         return
     dt_s, seen = driven[0].dt_s, receptions[0]
-    reasons = [f"{item}: {idle_reason(item, seen.cameras, dt_s)}" for item in setting.perturbations]
+    reasons = [f"{item}: {item.idle_reason(seen.cameras, dt_s)}" for item in setting.perturbations]
     episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
     raise ComparisonError(
         "\n  ".join(

@@ -10,9 +10,8 @@ from typing import Literal
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
 from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 

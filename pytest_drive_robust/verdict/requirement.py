@@ -14,9 +14,8 @@ from typing import NoReturn
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError, nearest
 from pytest_drive_robust.metrics.table import METRICS, Metric
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
 from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise

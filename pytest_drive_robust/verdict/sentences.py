@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from textwrap import indent
 
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.nearest import nearest_sentence
 from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, known_metric

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, PerturbationError
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.verdict.evaluate import Decide
 from pytest_drive_robust.verdict.requirement import Requirement
 

@@ -8,9 +8,7 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import check_simulator
 
 
-@pytest.mark.parametrize(
-    "name", ["gymnasium:roundabout-v0", "gymnasium:intersection-v1", "highway-env:merge-generic-v1"]
-)
+@pytest.mark.parametrize("name", ["gymnasium:roundabout-v0", "gymnasium:intersection-v1", "gymnasium:merge-generic-v1"])
 def test_a_gymnasium_world_keeps_the_contract(name):
     registry = Registry()
     route = registry.simulator(name).routes(())[4]  # type: ignore[attr-defined]

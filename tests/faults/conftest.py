@@ -1,45 +1,45 @@
-"""Guards for the tests of this folder, their children forked from one nursery."""
+"""Supervisors for the tests of this folder, their workers forked from one fork server."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
 import pytest
-from guarded_worlds import recipe
+from guarded_worlds import worker_setup
 
-from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery
+from pytest_drive_robust.engine.supervisor import Supervisor
 
 LIMITS = Limits(episode_s=20.0, act_s=0.5)
 
 
 @pytest.fixture(scope="session")
-def nursery() -> Iterator[Nursery]:
-    made = Nursery(recipe())
+def fork_server() -> Iterator[ForkServer]:
+    made = ForkServer(worker_setup())
     yield made
     made.close()
 
 
 @pytest.fixture
-def make_guard(nursery: Nursery) -> Iterator[Callable[..., Guard]]:
-    """`make_guard(limits)`, or `make_guard(limits, simulator, ...)` for one with a nursery of its own."""
-    guards: list[Guard] = []
-    nurseries: list[Nursery] = []
+def make_supervisor(fork_server: ForkServer) -> Iterator[Callable[..., Supervisor]]:
+    """`make_supervisor(limits)`, or `make_supervisor(limits, simulator, ...)` for one with a fork server of its own."""
+    supervisors: list[Supervisor] = []
+    fork_servers: list[ForkServer] = []
 
-    def make(limits: Limits = LIMITS, simulator: str | None = None, **changes: object) -> Guard:
+    def make(limits: Limits = LIMITS, simulator: str | None = None, **changes: object) -> Supervisor:
         if simulator is not None:
-            nurseries.append(Nursery(recipe(simulator, **changes)))
-        guards.append(Guard(nurseries[-1] if simulator is not None else nursery, limits))
-        return guards[-1]
+            fork_servers.append(ForkServer(worker_setup(simulator, **changes)))
+        supervisors.append(Supervisor(fork_servers[-1] if simulator is not None else fork_server, limits))
+        return supervisors[-1]
 
     yield make
-    for guard in guards:
-        guard.close()
-    for own in nurseries:
+    for supervisor in supervisors:
+        supervisor.close()
+    for own in fork_servers:
         own.close()
 
 
 @pytest.fixture
-def guard(make_guard: Callable[..., Guard]) -> Guard:
-    return make_guard()
+def supervisor(make_supervisor: Callable[..., Supervisor]) -> Supervisor:
+    return make_supervisor()

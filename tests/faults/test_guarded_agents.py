@@ -11,12 +11,12 @@ from collections.abc import Callable
 import guarded_agents
 import numpy as np
 import pytest
-from guarded_worlds import ROUTE, task
+from guarded_worlds import ROUTE, request
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.guard import Guard
 from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.testing import FakeSimulator
@@ -41,9 +41,9 @@ def assert_lost_in_act(result: EpisodeResult, end: End) -> None:
     assert result.reception == raised.reception
 
 
-def assert_still_fine(guard: Guard) -> None:
-    """The next episode of the same guard is what it is in a fresh process."""
-    result = guard.drive(task("Steady"))
+def assert_still_fine(supervisor: Supervisor) -> None:
+    """The next episode of the same supervisor is what it is in a fresh process."""
+    result = supervisor.drive(request("Steady"))
     assert (result.outcome, result.trace.digest) == (Outcome.COMPLETED, inline(guarded_agents.Steady).trace.digest)
 
 
@@ -61,14 +61,16 @@ def assert_still_fine(guard: Guard) -> None:
         ("GivesTooMuch", "brake is 1.5"),
     ],
 )
-def test_what_is_raised_or_returned_ends_the_episode_and_not_the_process(guard: Guard, agent: str, detail: str) -> None:
-    assert_still_fine(guard)
-    pid = guard.pid
-    result = guard.drive(task(agent))
+def test_what_is_raised_or_returned_ends_the_episode_and_not_the_process(
+    supervisor: Supervisor, agent: str, detail: str
+) -> None:
+    assert_still_fine(supervisor)
+    pid = supervisor.pid
+    result = supervisor.drive(request(agent))
     assert_lost_in_act(result, End.AGENT_CRASHED)
     assert detail in result.end_detail
-    assert_still_fine(guard)
-    assert guard.pid == pid
+    assert_still_fine(supervisor)
+    assert supervisor.pid == pid
 
 
 @pytest.mark.parametrize(
@@ -82,101 +84,103 @@ def test_what_is_raised_or_returned_ends_the_episode_and_not_the_process(guard: 
         ("WritesToEveryDescriptor", "wrote to the descriptors of its process"),
     ],
 )
-def test_what_ends_the_process_is_scored_up_to_there(guard: Guard, agent: str, detail: str) -> None:
-    result = guard.drive(task(agent))
+def test_what_ends_the_process_is_scored_up_to_there(supervisor: Supervisor, agent: str, detail: str) -> None:
+    result = supervisor.drive(request(agent))
     assert detail in result.end_detail
     if detail.startswith("wrote"):  # noticed a moment later
         assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED_HARD)
         assert result.ticks >= FAULT_TICK
     else:
         assert_lost_in_act(result, End.AGENT_CRASHED_HARD)
-    assert_still_fine(guard)
+    assert_still_fine(supervisor)
 
 
-def test_the_last_line_that_was_printed_is_told(guard: Guard) -> None:
-    result = guard.drive(task("Aborts"))
+def test_the_last_line_that_was_printed_is_told(supervisor: Supervisor) -> None:
+    result = supervisor.drive(request("Aborts"))
     assert "it last printed 'cannot go on'" in result.end_detail
-    assert "cannot go on" in guard.output
+    assert "cannot go on" in supervisor.output
 
 
 @pytest.mark.parametrize(
     ("agent", "call"),
     [("SegfaultsInReset", "reset"), ("SegfaultsInSensors", "reset"), ("SegfaultsWhenMade", "its constructor")],
 )
-def test_an_agent_that_dies_before_it_drives_has_driven_nothing(guard: Guard, agent: str, call: str) -> None:
-    result = guard.drive(task(agent))
+def test_an_agent_that_dies_before_it_drives_has_driven_nothing(supervisor: Supervisor, agent: str, call: str) -> None:
+    result = supervisor.drive(request(agent))
     assert (result.outcome, result.end, result.ticks) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED_HARD, 0)
     assert f"SIGSEGV in {call} at tick 0" in result.end_detail
-    assert_still_fine(guard)
+    assert_still_fine(supervisor)
 
 
 @pytest.mark.parametrize("agent", ["Hangs", "HangsDeaf", "HangsInC", "StopsItself"])
-def test_a_call_that_does_not_return_is_cut_off_in_time(guard: Guard, agent: str) -> None:
-    assert_still_fine(guard)
-    result = guard.drive(task(agent))
+def test_a_call_that_does_not_return_is_cut_off_in_time(supervisor: Supervisor, agent: str) -> None:
+    assert_still_fine(supervisor)
+    result = supervisor.drive(request(agent))
     assert_lost_in_act(result, End.AGENT_TIMED_OUT)
     assert result.end_detail.startswith("took longer than 0.5 s in act at tick 30")
-    assert_still_fine(guard)
+    assert_still_fine(supervisor)
 
 
 @pytest.mark.parametrize("agent", ["Hangs", "HangsInC"])
-def test_where_a_call_hung_is_told(guard: Guard, agent: str) -> None:
-    assert "(tests/helpers/guarded_agents.py:" in guard.drive(task(agent)).end_detail
+def test_where_a_call_hung_is_told(supervisor: Supervisor, agent: str) -> None:
+    assert "(tests/helpers/guarded_agents.py:" in supervisor.drive(request(agent)).end_detail
 
 
-def test_a_reset_that_does_not_return_is_cut_off(guard: Guard) -> None:
-    result = guard.drive(task("HangsInReset"))
+def test_a_reset_that_does_not_return_is_cut_off(supervisor: Supervisor) -> None:
+    result = supervisor.drive(request("HangsInReset"))
     assert (result.outcome, result.end, result.ticks) == (Outcome.AGENT_ERROR, End.AGENT_TIMED_OUT, 0)
     assert "in reset at tick 0" in result.end_detail
 
 
-def test_many_slow_calls_are_too_slow_together(make_guard: Callable[..., Guard]) -> None:
-    result = make_guard(Limits(episode_s=0.5)).drive(task("Dawdles"))
+def test_many_slow_calls_are_too_slow_together(make_supervisor: Callable[..., Supervisor]) -> None:
+    result = make_supervisor(Limits(episode_s=0.5)).drive(request("Dawdles"))
     assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, End.AGENT_TIMED_OUT)
     assert "the episode took longer than 0.5 s, the agent used 0." in result.end_detail
     assert 5 <= result.ticks <= 25
     assert result.route_completion_pct > 0.0
 
 
-def test_memory_without_end_is_refused(make_guard: Callable[..., Guard]) -> None:
-    guard = make_guard(Limits(episode_s=20.0, memory_bytes=700_000_000))
-    result = guard.drive(task("TakesTooMuchMemory"))
+def test_memory_without_end_is_refused(make_supervisor: Callable[..., Supervisor]) -> None:
+    supervisor = make_supervisor(Limits(episode_s=20.0, memory_bytes=700_000_000))
+    result = supervisor.drive(request("TakesTooMuchMemory"))
     assert_lost_in_act(result, End.AGENT_CRASHED_HARD)
     assert "MemoryError" in result.end_detail
     assert "may allocate 700 MB" in result.end_detail
-    assert_still_fine(guard)
+    assert_still_fine(supervisor)
 
 
-@pytest.mark.parametrize("agent", ["KillsItself", "KillsTheNursery"])
-def test_a_process_that_is_killed_every_time_is_the_agents_failure_in_the_end(guard: Guard, agent: str) -> None:
-    result = guard.drive(task(agent))
+@pytest.mark.parametrize("agent", ["KillsItself", "KillsTheForkServer"])
+def test_a_process_that_is_killed_every_time_is_the_agents_failure_in_the_end(
+    supervisor: Supervisor, agent: str
+) -> None:
+    result = supervisor.drive(request(agent))
     assert_lost_in_act(result, End.AGENT_CRASHED_HARD)
     assert "killed by SIGKILL in act at tick 30 (perhaps out of memory), 3 times" in result.end_detail
-    assert_still_fine(guard)
+    assert_still_fine(supervisor)
 
 
-def test_a_process_that_somebody_kills_once_is_driven_again(guard: Guard) -> None:
-    assert_still_fine(guard)
+def test_a_process_that_somebody_kills_once_is_driven_again(supervisor: Supervisor) -> None:
+    assert_still_fine(supervisor)
     killed: list[int] = []
 
     def kill_when_under_way() -> None:
-        while guard.ticks < 5:
+        while supervisor.ticks < 5:
             time.sleep(0.001)
-        killed.append(guard.pid or 0)
+        killed.append(supervisor.pid or 0)
         os.kill(killed[0], signal.SIGKILL)
 
     killer = threading.Thread(target=kill_when_under_way)
     killer.start()
-    result = guard.drive(task("Dawdles"))
+    result = supervisor.drive(request("Dawdles"))
     killer.join()
     assert killed
-    assert killed[0] != guard.pid
+    assert killed[0] != supervisor.pid
     assert (result.outcome, result.trace.digest) == (Outcome.COMPLETED, inline(guarded_agents.Steady).trace.digest)
 
 
-def test_a_score_after_a_death_counts_what_the_setting_did(guard: Guard) -> None:
+def test_a_score_after_a_death_counts_what_the_setting_did(supervisor: Supervisor) -> None:
     setting = Setting.of(InferenceLatency(ms=200.0))
-    result = guard.drive(task("Segfaults", setting=setting))
+    result = supervisor.drive(request("Segfaults", setting=setting))
     raised = inline(guarded_agents.Raises, setting)
     assert (result.trace.digest, result.schedule) == (raised.trace.digest, raised.schedule)
     assert result.schedule
@@ -184,15 +188,15 @@ def test_a_score_after_a_death_counts_what_the_setting_did(guard: Guard) -> None
     assert result.episode.setting == "200 ms latency"
 
 
-def test_a_score_after_a_death_survives_measured_latency(guard: Guard) -> None:
+def test_a_score_after_a_death_survives_measured_latency(supervisor: Supervisor) -> None:
     setting = Setting.parse("measured latency")
-    result = guard.drive(task("Segfaults", setting=setting))
+    result = supervisor.drive(request("Segfaults", setting=setting))
     assert (result.outcome, result.ticks) == (Outcome.AGENT_ERROR, FAULT_TICK)
     assert result.route_completion_pct > 0.0
 
 
-def test_observations_belong_to_the_agent(guard: Guard) -> None:
-    first, second = guard.drive(task("Scribbles")), guard.drive(task("Scribbles"))
+def test_observations_belong_to_the_agent(supervisor: Supervisor) -> None:
+    first, second = supervisor.drive(request("Scribbles")), supervisor.drive(request("Scribbles"))
     assert first.outcome is Outcome.COMPLETED
     assert first.trace.digest == second.trace.digest == inline(guarded_agents.Scribbles).trace.digest
     assert np.ptp(first.trace.column("throttle")) == 0.0

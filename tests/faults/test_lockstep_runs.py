@@ -7,14 +7,14 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
-from guarded_worlds import recipe, task
+from guarded_worlds import request, worker_setup
 from lockstep_suite import LOCKSTEP_CONFTEST
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.lockstep_processes import LockstepProcessExecutor
+from pytest_drive_robust.engine.lockstep.lockstep_processes import LockstepProcessExecutor
+from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import fake_route
 
@@ -144,16 +144,16 @@ def test_lockstep_and_ray_exclude_each_other(suite):
 
 
 def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:
-    made = recipe()
+    made = worker_setup()
     hanging, alone = "lockstep_suite:HangsTogether", "guarded_agents:Steady"
     executor = LockstepProcessExecutor(
         lambda: made, Limits(), workers=2, width=4, shares=lambda agent: agent == hanging
     )
     assert executor.slots == 8
-    early = executor.submit(task(hanging))
+    early = executor.submit(request(hanging))
     assert early.result().versions["lockstep"] == "4"
-    late = [executor.submit(task(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
-    single = executor.submit(task(alone))
+    late = [executor.submit(request(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
+    single = executor.submit(request(alone))
     assert single.done() or executor.slots == 5, "what is driven alone takes the place of a batch"
     assert single.result().outcome is Outcome.COMPLETED
     executor.close(cancel=True)

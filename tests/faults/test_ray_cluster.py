@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ray_project import MODULE, load_project, recipe_of, write_project
+from ray_project import MODULE, load_project, setup_of, write_project
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.guard import Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.ray_executor import RayExecutor
+from pytest_drive_robust.engine.ray.executor import RayExecutor
+from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.executors import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
@@ -54,16 +54,16 @@ class Project:
         routes = [fake_route(str(number), length_m=500.0) for number in range(count)]
         return [EpisodeRequest(Episode(agent, route.id, str(setting), 0), route, setting) for route in routes]
 
-    def inline(self, task: EpisodeRequest) -> EpisodeResult:
-        recipe = recipe_of(self.file)
+    def inline(self, request: EpisodeRequest) -> EpisodeResult:
+        worker_setup = setup_of(self.file)
         executor = InlineExecutor(
-            self.registry, simulator=recipe.simulator, options=recipe.options, ticked=lambda: None
+            self.registry, simulator=worker_setup.simulator, options=worker_setup.options, ticked=lambda: None
         )
-        return executor.submit(task).result()
+        return executor.submit(request).result()
 
     def ray(self, address: str | None) -> RayExecutor:
         limits = Limits(act_s=2.0)
-        return RayExecutor(lambda: recipe_of(self.file), limits, address=address, registry=self.registry)
+        return RayExecutor(lambda: setup_of(self.file), limits, address=address, registry=self.registry)
 
     def begun(self) -> list[list[str]]:
         """Route and folder of the code of every episode that began, retries too."""
@@ -105,17 +105,17 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
         "hangs": End.AGENT_TIMED_OUT,
     }
     good = project.requests("steady", 3) + project.requests("steady", 3, "halved throttle")
-    bad = [task for agent in broken for task in project.requests(agent, 1)]
+    bad = [request for agent in broken for request in project.requests(agent, 1)]
     executor = project.ray(cluster.address)
-    futures = [executor.submit(task) for task in (*good[:3], *bad, *good[3:])]
+    futures = [executor.submit(request) for request in (*good[:3], *bad, *good[3:])]
     found = {future.result(DEADLINE_S).episode: future.result() for future in futures}
     assert executor.slots == 2
     executor.close()
-    for task in (*good, *project.requests("raises", 1)):
-        assert same_bytes(found[task.episode]) == same_bytes(project.inline(task))
-    for task in bad:
-        result = found[task.episode]
-        assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, broken[task.episode.agent]), result.end_detail
+    for request in (*good, *project.requests("raises", 1)):
+        assert same_bytes(found[request.episode]) == same_bytes(project.inline(request))
+    for request in bad:
+        result = found[request.episode]
+        assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, broken[request.episode.agent]), result.end_detail
         assert result.ticks == 29
     on_cluster = [Path(folder) for _, folder in project.begun() if Path(folder) != project.folder.resolve()]
     assert len(on_cluster) >= len(futures)  # the copy that travelled drove, not the folder that happens to be here too
@@ -148,7 +148,7 @@ def test_weights_that_did_not_travel_are_refused(cluster, project):
 def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.5)
     executor = project.ray(cluster.address)
-    futures = [executor.submit(task) for task in project.requests("steady", 3)]
+    futures = [executor.submit(request) for request in project.requests("steady", 3)]
     wait_for(lambda: len(project.begun()) == 2)
     started = time.monotonic()
     executor.close(cancel=True)
@@ -161,29 +161,29 @@ def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
 
 def test_a_lost_node_costs_only_its_running_episodes(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.02)
-    tasks = project.requests("steady", 10)
+    requests = project.requests("steady", 10)
     executor = project.ray(cluster.address)
-    futures = [executor.submit(task) for task in tasks]
+    futures = [executor.submit(request) for request in requests]
     wait_for(lambda: sum(future.done() for future in futures) >= 4)
     cluster.remove_node(cluster.nodes[1], allow_graceful=False)
     results = [future.result(DEADLINE_S) for future in futures]
     wait_for(lambda: executor.slots == 1)
     executor.close()
-    assert len(project.begun()) <= len(tasks) + 1  # two in flight, one of them on the node that went
-    assert [same_bytes(result) for result in results] == [same_bytes(project.inline(task)) for task in tasks]
+    assert len(project.begun()) <= len(requests) + 1  # two in flight, one of them on the node that went
+    assert [same_bytes(result) for result in results] == [same_bytes(project.inline(request)) for request in requests]
 
 
 def test_a_cluster_that_ends_is_told_once(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.05)
     executor = project.ray(cluster.address)
-    first, *others = [executor.submit(task) for task in project.requests("steady", 3)]
+    first, *others = [executor.submit(request) for request in project.requests("steady", 3)]
     first.result(DEADLINE_S)
     cluster.shutdown()
     assert {future.result(DEADLINE_S).outcome for future in others} == {Outcome.INFRA_ERROR}
-    task = project.requests("steady", 1)[0]
-    wait_for(lambda: isinstance(executor.submit(task).exception(DEADLINE_S), UsageError))
+    request = project.requests("steady", 1)[0]
+    wait_for(lambda: isinstance(executor.submit(request).exception(DEADLINE_S), UsageError))
     with pytest.raises(UsageError, match=r"no Ray cluster can be used at"):
-        executor.submit(task).result(0)
+        executor.submit(request).result(0)
     executor.close()
 
 

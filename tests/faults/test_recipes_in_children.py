@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from guarded_worlds import recipe, task
+from guarded_worlds import request, worker_setup
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery
+from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Perturbation, Setting
 from pytest_drive_robust.registry.plugins import plugin_source
@@ -54,14 +54,14 @@ OPTIONS = SimulatorOptions(tick_cap=120)
 
 @pytest.fixture
 def drive_with() -> Iterator[Driving]:
-    """`drive_with(task, **changes of the recipe)`: one episode in a child of its own."""
-    open_now: list[Guard | Nursery] = []
+    """`drive_with(request, **changes of the worker_setup)`: one episode in a child of its own."""
+    open_now: list[Supervisor | ForkServer] = []
 
     def drive(wanted: object, **changes: object) -> EpisodeResult:
-        nursery = Nursery(replace(recipe(), **changes))  # type: ignore[arg-type]
-        guard = Guard(nursery, Limits(episode_s=60.0))
-        open_now.extend((nursery, guard))
-        return guard.drive(wanted)  # type: ignore[arg-type]
+        fork_server = ForkServer(replace(worker_setup(), **changes))  # type: ignore[arg-type]
+        supervisor = Supervisor(fork_server, Limits(episode_s=60.0))
+        open_now.extend((fork_server, supervisor))
+        return supervisor.drive(wanted)  # type: ignore[arg-type]
 
     yield drive
     for item in reversed(open_now):
@@ -81,9 +81,9 @@ def two_conftests(tmp_path: Path) -> tuple[tuple[str, str], ...]:
 
 
 def test_names_of_conftest_files_are_known(drive_with: Driving, two_conftests: tuple[tuple[str, str], ...]) -> None:
-    clean = drive_with(task("own1"), plugins=two_conftests)
+    clean = drive_with(request("own1"), plugins=two_conftests)
     assert clean.outcome is Outcome.COMPLETED
-    assert drive_with(task("own2"), plugins=two_conftests).trace.digest == clean.trace.digest
+    assert drive_with(request("own2"), plugins=two_conftests).trace.digest == clean.trace.digest
 
 
 def test_a_perturbation_that_does_not_pickle_is_found_by_its_sentence(
@@ -94,8 +94,8 @@ def test_a_perturbation_that_does_not_pickle_is_found_by_its_sentence(
         share: float = 1.0
         phrase = "weaker1 {share}"
 
-    clean = drive_with(task("own1"), plugins=two_conftests)
-    weaker = drive_with(task("own1", setting=Setting.of(Weaker1(share=0.5))), plugins=two_conftests)
+    clean = drive_with(request("own1"), plugins=two_conftests)
+    weaker = drive_with(request("own1", setting=Setting.of(Weaker1(share=0.5))), plugins=two_conftests)
     assert weaker.ticks > clean.ticks
 
 
@@ -105,13 +105,13 @@ def test_a_perturbation_that_nobody_can_send_is_the_users_error(drive_with: Driv
         phrase = "local trouble"
 
     with pytest.raises(UsageError, match=r"'local trouble' cannot be sent .* give --drive-executor inline"):
-        drive_with(task("Steady", setting=Setting.of(Local())))
+        drive_with(request("Steady", setting=Setting.of(Local())))
 
 
 def test_a_plugin_that_does_not_load_is_the_users_error(drive_with: Driving, tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text("import sys\nsys.exit('not here')\n")
     with pytest.raises(UsageError, match=r"the plugin broken .* SystemExit: not here"):
-        drive_with(task("Steady"), plugins=(("broken", str(tmp_path / "broken.py")),))
+        drive_with(request("Steady"), plugins=(("broken", str(tmp_path / "broken.py")),))
 
 
 def test_a_plugin_object_is_refused_with_advice() -> None:
@@ -134,8 +134,8 @@ def test_an_agent_module_that_cannot_be_preloaded_does_not_harm_the_others(
     drive_with: Driving, tmp_path: Path, trouble: str
 ) -> None:
     (tmp_path / "troublesome.py").write_text(trouble)
-    path = (str(tmp_path), *recipe().python_path)
-    result = drive_with(task("Steady"), python_path=path, preload_agents=("troublesome:Agent",))
+    path = (str(tmp_path), *worker_setup().python_path)
+    result = drive_with(request("Steady"), python_path=path, preload_agents=("troublesome:Agent",))
     assert result.outcome is Outcome.COMPLETED
 
 
@@ -143,7 +143,7 @@ def test_a_plugin_that_starts_threads_costs_only_time(drive_with: Driving, tmp_p
     (tmp_path / "busy.py").write_text(
         "import threading, time\nthreading.Thread(target=time.sleep, args=(600,), daemon=True).start()\n"
     )
-    result = drive_with(task("Steady"), plugins=(("busy", str(tmp_path / "busy.py")),))
+    result = drive_with(request("Steady"), plugins=(("busy", str(tmp_path / "busy.py")),))
     assert result.outcome is Outcome.COMPLETED
 
 
@@ -155,36 +155,36 @@ def test_libraries_get_one_thread(drive_with: Driving, tmp_path: Path) -> None:
         "        raise RuntimeError(f\"{os.environ['OMP_NUM_THREADS']} {os.environ['MKL_NUM_THREADS']} "
         "{cv2.getNumThreads()} {len(os.listdir('/proc/self/task'))}\")\n"
     )
-    path = (str(tmp_path), *recipe().python_path)
-    result = drive_with(task("counting:Counts"), python_path=path)
+    path = (str(tmp_path), *worker_setup().python_path)
+    result = drive_with(request("counting:Counts"), python_path=path)
     assert "RuntimeError: 1 1 1 1 (" in result.end_detail
 
 
 @pytest.fixture(scope="module")
-def embedded() -> Iterator[Guard]:
-    nursery = Nursery(recipe("embedded", options=OPTIONS, preload_agents=("classical",)))
-    guard = Guard(nursery, Limits(episode_s=60.0))
-    yield guard
-    guard.close()
-    nursery.close()
+def embedded() -> Iterator[Supervisor]:
+    fork_server = ForkServer(worker_setup("embedded", options=OPTIONS, preload_agents=("classical",)))
+    supervisor = Supervisor(fork_server, Limits(episode_s=60.0))
+    yield supervisor
+    supervisor.close()
+    fork_server.close()
 
 
 @pytest.mark.parametrize("sentence", ["clean", "gps noise 5 m", "200 ms latency"])
-def test_the_embedded_world_gives_the_same_bits_in_a_child(embedded: Guard, sentence: str) -> None:
+def test_the_embedded_world_gives_the_same_bits_in_a_child(embedded: Supervisor, sentence: str) -> None:
     route, setting = resolve_routes("dev10")[0], Setting.parse(sentence)
     registry = default_registry()
     simulator, agent = registry.simulator("embedded", OPTIONS), registry.agent("classical")
     here = drive_episode(simulator, agent, route=route, setting=setting, seed=1, agent_name="classical")
     here = with_machine(here, agent)
-    there = embedded.drive(task("classical", setting=setting, route=route, seed=1))
+    there = embedded.drive(request("classical", setting=setting, route=route, seed=1))
     assert there.trace.digest == here.trace.digest
     assert encode_episode(replace(there, wall_s=0.0)) == encode_episode(replace(here, wall_s=0.0))
     assert here.ticks == 120
     assert max(here.trace.column("speed_mps")) > 1.0
 
 
-def test_a_fault_in_the_embedded_world_is_told_by_us_and_not_by_its_libraries(embedded: Guard) -> None:
-    result = embedded.drive(task("Segfaults", route=resolve_routes("dev10")[0]))
+def test_a_fault_in_the_embedded_world_is_told_by_us_and_not_by_its_libraries(embedded: Supervisor) -> None:
+    result = embedded.drive(request("Segfaults", route=resolve_routes("dev10")[0]))
     assert result.end_detail.startswith("SIGSEGV in act at tick 30 (tests/helpers/guarded_agents.py:")
     assert "parachute" not in embedded.output
     assert result.route_completion_pct > 0.0

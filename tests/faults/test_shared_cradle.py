@@ -1,4 +1,4 @@
-"""One process of a run from which the nurseries of its workers are forked: who gets one, and what stays behind."""
+"""One process of a run from which the fork_servers of its workers are forked: who gets one, and what stays behind."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from guarded_worlds import alive, gone_within, recipe, task
+from guarded_worlds import alive, gone_within, request, worker_setup
 from killed_campaign import descendants
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.cradle import Cradle
-from pytest_drive_robust.engine.guard import Guard
+from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.nursery import Nursery
+from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.store.record import encode_episode
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at processes in /proc")
@@ -41,7 +41,7 @@ def place(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def cradle(place: Path) -> Iterator[Cradle]:
-    made = Cradle(recipe(), place)
+    made = Cradle(worker_setup(), place)
     made.open(at_once=False)
     yield made
     made.close()
@@ -51,19 +51,19 @@ def parent_of(pid: int) -> int:
     return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
 
 
-def driven(nursery: Nursery) -> tuple[Outcome, int]:
-    """How an episode of it ended, and the parent of the nursery."""
-    guard = Guard(nursery, Limits())
+def driven(fork_server: ForkServer) -> tuple[Outcome, int]:
+    """How an episode of it ended, and the parent of the fork_server."""
+    supervisor = Supervisor(fork_server, Limits())
     try:
-        ended = guard.drive(task("Steady"))
-        assert nursery.pid is not None
-        return ended.outcome, parent_of(nursery.pid)
+        ended = supervisor.drive(request("Steady"))
+        assert fork_server.pid is not None
+        return ended.outcome, parent_of(fork_server.pid)
     finally:
-        guard.close()
+        supervisor.close()
 
 
 def test_two_nurseries_have_one_parent_which_is_not_us_and_end_with_their_owners(cradle, place):
-    first, second = (Nursery(replace(recipe(), cradle=str(place))) for _ in range(2))
+    first, second = (ForkServer(replace(worker_setup(), cradle=str(place))) for _ in range(2))
     ended, parent = driven(first)
     assert ended is Outcome.COMPLETED
     assert parent != os.getpid()
@@ -81,48 +81,50 @@ def test_two_nurseries_have_one_parent_which_is_not_us_and_end_with_their_owners
 
 def test_an_episode_gives_the_same_bits_from_either(cradle, place):
     results = []
-    for made in (recipe(), replace(recipe(), cradle=str(place))):
-        nursery = Nursery(made)
-        guard = Guard(nursery, Limits())
-        results.append(replace(guard.drive(task("Steady")), wall_s=0.0, inference_s=()))
-        guard.close()
-        nursery.close()
+    for made in (worker_setup(), replace(worker_setup(), cradle=str(place))):
+        fork_server = ForkServer(made)
+        supervisor = Supervisor(fork_server, Limits())
+        results.append(replace(supervisor.drive(request("Steady")), wall_s=0.0, inference_s=()))
+        supervisor.close()
+        fork_server.close()
     one, other = map(encode_episode, results)
     assert one == other
 
 
 def test_the_environment_of_the_worker_is_that_of_its_children(cradle, place, monkeypatch):
-    driven(first := Nursery(replace(recipe(), cradle=str(place))))  # the cradle runs, and knows nothing of what follows
+    driven(
+        first := ForkServer(replace(worker_setup(), cradle=str(place)))
+    )  # the cradle runs, and knows nothing of what follows
     first.close()
     monkeypatch.setenv("DRIVE_ROBUST_TEST_NOTE", "of the worker")
-    nursery = Nursery(replace(recipe(), cradle=str(place)))
-    guard = Guard(nursery, Limits())
-    told = guard.drive(task("TellsItsSurroundings")).end_detail
-    guard.close()
-    nursery.close()
+    fork_server = ForkServer(replace(worker_setup(), cradle=str(place)))
+    supervisor = Supervisor(fork_server, Limits())
+    told = supervisor.drive(request("TellsItsSurroundings")).end_detail
+    supervisor.close()
+    fork_server.close()
     assert "of the worker" in told
 
 
 @pytest.mark.parametrize("change", ["environment", "threads", "dead", "nobody"])
 def test_who_cannot_share_starts_one_of_his_own(cradle, place, monkeypatch, change):
-    made = replace(recipe(), cradle=str(place))
+    made = replace(worker_setup(), cradle=str(place))
     if change == "environment":  # numba reads it once
         cradle.close()
-        again = Cradle(recipe(), place)
+        again = Cradle(worker_setup(), place)
         again.open(at_once=True)
         monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     elif change == "threads":
         made = replace(made, threads=2)
     elif change == "dead":
-        first = Nursery(made)
+        first = ForkServer(made)
         _, parent = driven(first)
         os.kill(parent, signal.SIGKILL)
         first.close()
     else:
         made = replace(made, cradle=str(place) + "-not")
-    nursery = Nursery(made)
-    assert driven(nursery) == (Outcome.COMPLETED, os.getpid())
-    nursery.close()
+    fork_server = ForkServer(made)
+    assert driven(fork_server) == (Outcome.COMPLETED, os.getpid())
+    fork_server.close()
     if change == "environment":
         again.close()
 
@@ -130,10 +132,10 @@ def test_who_cannot_share_starts_one_of_his_own(cradle, place, monkeypatch, chan
 def test_a_worker_that_dies_takes_its_nursery_along(cradle, place):
     code = (
         "import sys, time; sys.path[:0] = sys.argv[2:]; from dataclasses import replace\n"
-        "from guarded_worlds import recipe\nfrom pytest_drive_robust.engine.limits import Limits\n"
-        "from pytest_drive_robust.engine.nursery import Nursery\n"
-        "nursery = Nursery(replace(recipe(), cradle=sys.argv[1])); child = nursery.child(Limits())\n"
-        "print(nursery.pid, child.pid, flush=True); time.sleep(600)"
+        "from guarded_worlds import worker_setup\nfrom pytest_drive_robust.engine.limits import Limits\n"
+        "from pytest_drive_robust.engine.fork_server import ForkServer\n"
+        "fork_server = ForkServer(replace(worker_setup(), cradle=sys.argv[1])); child = fork_server.child(Limits())\n"
+        "print(fork_server.pid, child.pid, flush=True); time.sleep(600)"
     )
     command = [sys.executable, "-c", code, str(place), str(Path(__file__).parents[1] / "helpers")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker:
@@ -167,8 +169,10 @@ def test_two_workers_share_it_and_a_controller_that_ends_leaves_nobody(tmp_path,
             time.sleep(0.02)
         below = descendants(process.pid)
         cradles = [pid for pid in below if b"forking import cradle" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-        nurseries = [pid for pid in cradles if parent_of(pid) in cradles and parent_of(parent_of(pid)) not in cradles]
-        assert len(nurseries) == 2
+        fork_servers = [
+            pid for pid in cradles if parent_of(pid) in cradles and parent_of(parent_of(pid)) not in cradles
+        ]
+        assert len(fork_servers) == 2
         if number == signal.SIGINT:
             os.killpg(process.pid, number)
         else:

@@ -160,7 +160,7 @@ class KillsItself(Steady):
         return FULL
 
 
-class KillsTheNursery(Steady):
+class KillsTheForkServer(Steady):
     def fault(self, observation: Observation) -> object:
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(600.0)

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -25,14 +25,14 @@ ROUTE = fake_route()
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
 
 
-def recipe(simulator: str = FAKE, **changes: object) -> Recipe:
+def worker_setup(simulator: str = FAKE, **changes: object) -> WorkerSetup:
     """How the child of a test comes to its registry; worlds of this file by their bare name."""
     name = simulator if ":" in simulator or simulator == "embedded" else f"guarded_worlds:{simulator}"
-    made = Recipe((str(HERE), *sys.path), str(Path.cwd()), (), name, SimulatorOptions(tick_cap=2000))
+    made = WorkerSetup((str(HERE), *sys.path), str(Path.cwd()), (), name, SimulatorOptions(tick_cap=2000))
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
-def task(agent: str, *, setting: Setting = Setting.CLEAN, route: Route = ROUTE, seed: int = 0) -> EpisodeRequest:
+def request(agent: str, *, setting: Setting = Setting.CLEAN, route: Route = ROUTE, seed: int = 0) -> EpisodeRequest:
     """An episode of an agent of `guarded_agents`, by its bare name, or of any other agent by its reference."""
     name = agent if ":" in agent or agent.islower() else f"guarded_agents:{agent}"
     return EpisodeRequest(Episode(name, route.id, str(setting), seed), route, setting)

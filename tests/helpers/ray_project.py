@@ -6,7 +6,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
@@ -124,8 +124,8 @@ def load_project(file: Path) -> Registry:
     return registry
 
 
-def recipe_of(file: Path) -> Recipe:
+def setup_of(file: Path) -> WorkerSetup:
     """How another process comes to the same."""
     folder = str(file.parent)
     options = SimulatorOptions(tick_cap=60)
-    return Recipe((folder, *sys.path), folder, ((MODULE, str(file)),), "slow", options)
+    return WorkerSetup((folder, *sys.path), folder, ((MODULE, str(file)),), "slow", options)

@@ -16,8 +16,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from drive_robust_agents.training import candidates
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.processes import ProcessExecutor
-from pytest_drive_robust.engine.recipe import Recipe
+from pytest_drive_robust.engine.pool import ProcessExecutor
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
@@ -70,15 +70,15 @@ def drive(
     }
     tasks = [task for part in plan.values() for task in part]
     held = FolderStore(store, run=uuid.uuid4().hex)
-    recipe = Recipe(
+    worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
         plugins=(plugin_source(candidates),),
         simulator=chosen.simulator,
         options=SimulatorOptions(stuck_stop_s=_STUCK_STOP_S),
     )
-    with _Watch(len(tasks)) as watch:
-        scheduler = Scheduler(held, ProcessExecutor(lambda: recipe, Limits(), slots=workers), watch)
+    with _ProgressBar(len(tasks)) as watch:
+        scheduler = Scheduler(held, ProcessExecutor(lambda: worker_setup, Limits(), slots=workers), watch)
         try:
             scheduler.ensure(tasks)
         finally:
@@ -122,7 +122,7 @@ def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResul
     return {"rd": 1.0 - fsum(after) / fsum(before), "rd_interval": known}
 
 
-class _Watch:
+class _ProgressBar:
     """A bar (see `runner.scheduler.Listener`)."""
 
     def __init__(self, total: int) -> None:
@@ -130,7 +130,7 @@ class _Watch:
         self._progress = Progress(*columns)
         self._bar = self._progress.add_task("", total=total)
 
-    def __enter__(self) -> _Watch:
+    def __enter__(self) -> _ProgressBar:
         self._progress.start()
         return self
 

@@ -100,7 +100,7 @@ class Bench2DriveExecutor:
         self._pool.shutdown(wait=True, cancel_futures=cancel)
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
-        from pytest_drive_robust.engine.nursery import Stopped
+        from pytest_drive_robust.engine.fork_server import Stopped
 
         self.check((request,))
         agent, config = read_agent(request.episode.agent)

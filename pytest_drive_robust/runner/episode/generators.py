@@ -1,4 +1,4 @@
-"""The global generators of random numbers, which an agent may draw from: seeded from the name of the episode.
+"""The global generators of random numbers, which an agent may draw from: seeded from a name.
 
 Nothing of ours draws from them.
 """
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
 
-__all__ = ["borrowed_generators", "seed_for", "seed_generators"]
+__all__ = ["borrowed_for", "borrowed_generators", "seed_for", "seed_generators"]
 
 
 def seed_for(episode: Episode) -> None:
@@ -28,20 +28,26 @@ def seed_for(episode: Episode) -> None:
 
 
 @contextmanager
-def borrowed_generators(episode: Episode) -> Iterator[None]:
-    """`seed_for` in a process that is not only ours: afterwards the generators are as they were."""
+def borrowed_for(episode: Episode) -> Iterator[None]:
+    """Do what `seed_for` does in a process that is not only ours: afterwards the generators are as they were."""
+    with borrowed_generators(repr(episode)):
+        yield
+
+
+@contextmanager
+def borrowed_generators(text: str) -> Iterator[None]:
+    """Seed the global generators from a name and put them back afterwards, torch's also when it was imported inside."""
     import numpy.random
 
-    torch: Any = sys.modules.get("torch")
-    states = random.getstate(), numpy.random.get_state(), None if torch is None else torch.get_rng_state()
-    seed_for(episode)
+    python, numbers, late_seed = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed
+    torch_before = _torch_state()
+    seed_generators(text)
     try:
         yield
     finally:
-        random.setstate(states[0])
-        numpy.random.set_state(states[1])
-        if states[2] is not None:
-            torch.set_rng_state(states[2])
+        random.setstate(python)
+        numpy.random.set_state(numbers)
+        _put_torch_back(torch_before, late_seed)
 
 
 def seed_generators(text: str) -> None:
@@ -54,30 +60,57 @@ def seed_generators(text: str) -> None:
     torch: Any = sys.modules.get("torch")
     if torch is not None:
         torch.manual_seed(seed)
-        return
-    _LATE_TORCH.seed = seed
-    if _LATE_TORCH not in sys.meta_path:
-        sys.meta_path.insert(0, _LATE_TORCH)
+    else:
+        _LATE_TORCH.wait(seed)
+
+
+def _torch_state() -> Any:
+    torch: Any = sys.modules.get("torch")
+    return None if torch is None else torch.get_rng_state()
+
+
+def _put_torch_back(state: Any, late_seed: int | None) -> None:
+    """`state` is None when torch was not loaded before; `late_seed` is then what it was to be seeded with."""
+    torch: Any = sys.modules.get("torch")
+    if torch is None:
+        _LATE_TORCH.wait(late_seed)
+    elif state is not None:
+        torch.set_rng_state(state)
+    elif late_seed is not None:
+        torch.manual_seed(late_seed)
+    elif _LATE_TORCH.first_state is not None:
+        torch.set_rng_state(_LATE_TORCH.first_state)
 
 
 class _LateTorch(MetaPathFinder):
-    """Finds torch as usual, and has it seeded as soon as it is loaded."""
+    """Finds torch as usual, and has it seeded as soon as it is loaded. `first_state` is how it came."""
 
-    seed = 0
+    seed: int | None = None
+    first_state: Any = None
+
+    def wait(self, seed: int | None) -> None:
+        """Seed torch with this when it is loaded, with nothing for None."""
+        self.seed = seed
+        if seed is None and self in sys.meta_path:
+            sys.meta_path.remove(self)
+        elif seed is not None and self not in sys.meta_path:
+            sys.meta_path.insert(0, self)
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         if fullname != "torch":
             return None
-        sys.meta_path.remove(self)
+        seed = self.seed
+        self.wait(None)
         spec = importlib.util.find_spec(fullname)
         loader: Any = None if spec is None else spec.loader
         if loader is not None:
-            load, seed = loader.exec_module, self.seed
+            load = loader.exec_module
 
             def load_and_seed(module: Any) -> None:
                 load(module)
+                self.first_state = module.get_rng_state()
                 module.manual_seed(seed)
 
             loader.exec_module = load_and_seed

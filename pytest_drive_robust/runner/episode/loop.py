@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import Injection
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
-    from pytest_drive_robust.perturbations.running import RunningStack
-    from pytest_drive_robust.perturbations.setting import Setting
-    from pytest_drive_robust.simulators.base import Score, Simulator
+    from pytest_drive_robust.perturbations.base import RunningStack, Setting
+    from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
     OnTick = Callable[[int, WorldState, Observation, Control], object]
 
@@ -206,7 +205,7 @@ class Drive:
 
     def result(self, episode: Episode) -> EpisodeResult:
         """Close the books. A world that cannot even report its score makes the episode an `infra_error`."""
-        score: Score | None = None
+        score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
         try:
@@ -245,7 +244,7 @@ class Drive:
         if self._watch is not None:
             self._watch.phase(phase, self.recorder.ticks)
 
-    def _end(self, score: Score | None) -> tuple[End, str]:
+    def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
             return End.AGENT_CRASHED, str(self.crash)
         if self.crash is not None or score is None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.generators import borrowed_generators
+from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN, InlineExecutor
 from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep, refused, vet
@@ -125,16 +126,14 @@ class InlineLockstepExecutor:
         return with_machine(result, self._sample)
 
     def _make_agent(self) -> Agent:
-        """One more, the same as the others: what it draws from global generators is seeded."""
         assert self._agent is not None
-        with self._seeded():
-            agent = self._sample = self._registry.agent(self._agent)
+        agent = self._sample = make_agent(self._registry, self._agent)
         return agent
 
     def _seeded(self) -> AbstractContextManager[None]:
         """Around everything that runs code of the agent: the global generators of this process are not ours."""
         assert self._agent is not None
-        return borrowed_generators(Episode(self._agent, "", "", 0))
+        return borrowed_for(Episode(self._agent, "", "", 0))
 
     def _may_share(self, agent: str, request: EpisodeRequest) -> bool:
         """False when the episode has nothing to ask about. Raises `UsageError` for an agent that is refused."""

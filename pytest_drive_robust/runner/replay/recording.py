@@ -8,9 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.agent import PlannedPath, is_privileged
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.runner.episode.contract import blame
+from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.replay.tape import Moment, Picture, PictureFile, Tape, main_camera
 
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
-    from pytest_drive_robust.perturbations.setting import Setting
-    from pytest_drive_robust.simulators.base import Score, Simulator
+    from pytest_drive_robust.perturbations.base import Setting
+    from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
 __all__ = ["difference", "record_episode"]
 
@@ -42,7 +44,7 @@ def record_episode(
     agent_name: str,
     ticked: Callable[[int], object] | None = None,
 ) -> Tape:
-    """Drive one episode as `drive_episode` does and record it; the trajectory is the same bit for bit.
+    """Drive one episode as a run does and record it; the trajectory is the same bit for bit.
 
     Where the agent has no camera, one is mounted whose images only the film gets. `ticked(tick)` is called after every
     tick. Raises `SimulationError` when not even the world could be built.
@@ -70,9 +72,10 @@ def record_episode(
             ticked(tick)
 
     try:
-        result = drive_episode(
-            world, driver, route=route, setting=setting, seed=seed, agent_name=agent_name, on_tick=keep
-        )
+        with borrowed_for(Episode(agent_name, route.id, str(setting), seed)):
+            result = drive_episode(
+                world, driver, route=route, setting=setting, seed=seed, agent_name=agent_name, on_tick=keep
+            )
         if world.frame is None or world.start is None:
             raise SimulationError(f"{result.episode} has nothing to show: {result.end_detail}")
     except BaseException:
@@ -147,7 +150,7 @@ class _WatchedSimulator:
     def progress_m(self) -> float:
         return self._inner.progress_m
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         return self._inner.score()
 
     def versions(self) -> Mapping[str, str]:

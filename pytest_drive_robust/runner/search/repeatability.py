@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.replay.recording import difference
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.simulators.base import SimulatorOptions
+    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 __all__ = ["Probe", "probe"]
 
@@ -72,10 +75,13 @@ def probe(
     """
     world = registry.simulator(simulator, options)
     try:
-        first, second = (
-            drive_episode(world, registry.agent(agent), route=route, setting=Setting.CLEAN, seed=seed, agent_name=agent)
-            for _ in range(2)
-        )
+        first, second = (_drive_clean(world, registry, agent=agent, route=route, seed=seed) for _ in range(2))
     finally:
         world.close()
     return Probe(first, second)
+
+
+def _drive_clean(world: Simulator, registry: Registry, *, agent: str, route: Route, seed: int) -> EpisodeResult:
+    made = make_agent(registry, agent)
+    with borrowed_for(Episode(agent, route.id, str(Setting.CLEAN), seed)):
+        return drive_episode(world, made, route=route, setting=Setting.CLEAN, seed=seed, agent_name=agent)

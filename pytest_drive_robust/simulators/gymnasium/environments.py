@@ -1,4 +1,4 @@
-"""Making an environment that we can drive: 20 Hz, two continuous actions, no observation, no reward."""
+"""Make an environment that we can drive: 20 Hz, two continuous actions, no observation, no reward."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pytest_drive_robust.simulators.gymnasium.vehicles import (
     EgoAction,
 )
 
-__all__ = ["RATE_HZ", "Driven", "Environment", "find_spec", "make_environment"]
+__all__ = ["RATE_HZ", "DrivableEnvironment", "Environment", "find_spec", "make_environment"]
 
 Environment = gymnasium.Env[Any, Any]
 
@@ -53,8 +53,8 @@ _EXPECTED = (
 )
 
 
-class Driven:
-    """Mixed into an environment's class before its own methods.
+class DrivableEnvironment:
+    """A mix-in for an environment's class, before its own methods.
 
     Nobody reads the reward, so none is computed: those of merge, roundabout and two-way raise for continuous actions.
     """
@@ -72,7 +72,7 @@ class Driven:
         return {}
 
 
-def find_spec(identifier: str, prefix: str = "gymnasium") -> EnvSpec:
+def find_spec(identifier: str) -> EnvSpec:
     """The registered environment of that id, or of `"module:id"` after importing the module.
 
     Raises `UnknownNameError` for one that nobody registered, `UsageError` for one that we refuse.
@@ -82,18 +82,18 @@ def find_spec(identifier: str, prefix: str = "gymnasium") -> EnvSpec:
         try:
             importlib.import_module(module)
         except ImportError as error:
-            raise UsageError(f"the module {module!r} of {prefix}:{identifier} does not load: {error}") from error
-    reason = refusal_of(name, prefix)
+            raise UsageError(f"the module {module!r} of gymnasium:{identifier} does not load: {error}") from error
+    reason = refusal_of(name)
     if reason is not None:
         raise UsageError(reason)
     try:
         return gymnasium.spec(name)
     except gymnasium.error.Error:
-        hint = f"Give '{prefix}:module:ID' for one that a module of yours registers."
-        raise UnknownNameError.of("gymnasium environment", identifier, working_ids(prefix), hint=hint) from None
+        hint = "Give 'gymnasium:module:ID' for one that a module of yours registers."
+        raise UnknownNameError.of("gymnasium environment", identifier, working_ids(), hint=hint) from None
 
 
-def make_environment(spec: EnvSpec, *, name: str, mixin: type = Driven) -> Environment:
+def make_environment(spec: EnvSpec, *, name: str) -> Environment:
     """A new environment, at 20 Hz; `name` is for messages.
 
     Raises `UsageError` when it cannot be made so, or is not like highway-env's.
@@ -101,7 +101,7 @@ def make_environment(spec: EnvSpec, *, name: str, mixin: type = Driven) -> Envir
     spec = copy.deepcopy(spec)
     creator = load_env_creator(spec.entry_point) if isinstance(spec.entry_point, str) else spec.entry_point
     if isinstance(creator, type) and issubclass(creator, AbstractEnv):
-        spec.entry_point = _driven(creator, mixin)
+        spec.entry_point = _drivable(creator)
     try:
         env: Environment = gymnasium.make(spec, max_episode_steps=-1, disable_env_checker=True, config=dict(_CONFIG))
     except Exception as error:  # whatever a stranger's constructor raises
@@ -132,5 +132,5 @@ def _check(env: Any, name: str) -> None:
 
 
 @functools.cache
-def _driven(creator: type, mixin: type) -> type:
-    return type(f"{mixin.__name__}{creator.__name__}", (mixin, creator), {"__module__": __name__})
+def _drivable(creator: type) -> type:
+    return type(f"Drivable{creator.__name__}", (DrivableEnvironment, creator), {"__module__": __name__})

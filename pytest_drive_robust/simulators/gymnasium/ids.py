@@ -22,7 +22,6 @@ _WORKING = (
 _PARKING = "it has no lane to drive along and needs a reverse gear, which throttle, steer and brake do not have"
 _SEVERAL = "it has several egos, and here one agent drives one"
 _OWN_STEP = "it steers a car of constant speed by a step of its own, without traffic"
-_RULES = "its cars yield by rules that the compiled copy of highway-env leaves out"
 _REFUSED = {
     "intersection-multi-agent-v0": (_SEVERAL, "gymnasium:intersection-v0"),
     "intersection-multi-agent-v1": (_SEVERAL, "gymnasium:intersection-v1"),
@@ -33,26 +32,20 @@ _REFUSED = {
     "parking-parked-v0": (_PARKING, "gymnasium:roundabout-v0"),
 }
 """Why not, and the nearest that can."""
-_REFUSED_COMPILED = {
-    identifier: (_RULES, f"gymnasium:{identifier}")
-    for identifier in ("intersection-v0", "intersection-v1", "intersection-v2")
-}
 
 
-def working_ids(prefix: str = "gymnasium") -> tuple[str, ...]:
-    """highway-env's ids that can be driven as `prefix:ID`, sorted."""
-    refused = _REFUSED_COMPILED if prefix == "highway-env" else {}
-    return tuple(sorted(identifier for identifier in _WORKING if identifier not in refused))
+def working_ids() -> tuple[str, ...]:
+    """highway-env's ids that can be driven, sorted."""
+    return tuple(sorted(_WORKING))
 
 
-def refusal_of(identifier: str, prefix: str = "gymnasium") -> str | None:
+def refusal_of(identifier: str) -> str | None:
     """Why we do not drive one of highway-env's ids, with those that work and the nearest of them; None for others."""
-    refused = _REFUSED | _REFUSED_COMPILED if prefix == "highway-env" else _REFUSED
-    if identifier not in refused:
+    if identifier not in _REFUSED:
         return None
-    reason, instead = refused[identifier]
-    working = ", ".join(working_ids(prefix))
-    return f"{prefix}:{identifier} cannot be driven: {reason}. The nearest is {instead}. With {prefix}: {working}."
+    reason, instead = _REFUSED[identifier]
+    working = ", ".join(working_ids())
+    return f"gymnasium:{identifier} cannot be driven: {reason}. The nearest is {instead}. With gymnasium: {working}."
 
 
 def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:

@@ -14,11 +14,11 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
-from pytest_drive_robust.errors import SimulationError, UsageError
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
-from pytest_drive_robust.simulators.gymnasium.criteria import Judge
+from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
 from pytest_drive_robust.simulators.gymnasium.destinations import itinerary_of
 from pytest_drive_robust.simulators.gymnasium.environments import (
     RATE_HZ,
@@ -31,7 +31,7 @@ from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
 from pytest_drive_robust.simulators.gymnasium.road_map import RoadMap, junction_keys
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line
 
-__all__ = ["CompiledSimulator", "GymnasiumSimulator"]
+__all__ = ["GymnasiumSimulator"]
 
 
 @dataclass
@@ -41,7 +41,7 @@ class _Episode:
     road: LiveRoad
     line: RouteLine
     lane_map: LaneMap
-    judge: Judge
+    judge: EpisodeCriteria
     sensors: Sensors
     frame: WorldState
 
@@ -55,20 +55,19 @@ class GymnasiumSimulator:
     `UsageError` for one that we cannot drive, both with what can be driven.
     """
 
-    prefix = "gymnasium"
     version = "1"
     dt_s = 1.0 / RATE_HZ
 
     def __init__(self, identifier: str, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
-        self._spec = find_spec(identifier, self.prefix)
-        self.name = f"{self.prefix}:{identifier}"
+        self._spec = find_spec(identifier)
+        self.name = f"gymnasium:{identifier}"
         self._classes = ClassAttributes()
         self._env: Environment | None = None
         self._episode: _Episode | None = None
-        if self._spec.id not in working_ids(self.prefix):  # a stranger's: tell now whether it can be driven
+        if self._spec.id not in working_ids():  # a stranger's: tell now whether it can be driven
             with self._classes.inside():
-                self._env = self._make()
+                self._env = make_environment(self._spec, name=self.name)
 
     @property
     def environment(self) -> Environment:
@@ -95,7 +94,7 @@ class GymnasiumSimulator:
         self._classes.begin()
         with self._classes.inside():
             if self._env is None:
-                self._env = self._make()
+                self._env = make_environment(self._spec, name=self.name)
             self._env.reset(seed=number)
             self._episode = self._begin(self._env, route, cameras)
         return self._episode.frame
@@ -133,7 +132,7 @@ class GymnasiumSimulator:
         """Metres of the route that are behind the ego."""
         return self._now.judge.progress_m
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
         self._classes.check()
         episode = self._now
@@ -168,9 +167,6 @@ class GymnasiumSimulator:
     def _reset_seed(self, route: Route, seed: int) -> int:
         return reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
 
-    def _make(self) -> Environment:
-        return make_environment(self._spec, name=self.name)
-
     @property
     def _now(self) -> _Episode:
         if self._episode is None:
@@ -187,30 +183,9 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=road_map.lane_map,
-            judge=Judge(road, line, road_map.lane_map, road_map.index),
+            judge=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
             sensors=Sensors(
                 cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
             ),
             frame=road.frame(),
         )
-
-
-class CompiledSimulator(GymnasiumSimulator):
-    """`highway-env:ID`: the same world, whose road is stepped by our compiled copy (`simulators.compat`)."""
-
-    prefix = "highway-env"
-
-    def _make(self) -> Environment:
-        """The environment. Raises `UsageError` for roads, lanes or vehicles that the copy does not know."""
-        from pytest_drive_robust.simulators.compat import CompatRoad
-        from pytest_drive_robust.simulators.gymnasium.compiled import Compiled
-
-        env = make_environment(self._spec, name=self.name, mixin=Compiled)
-        inner: Any = env.unwrapped
-        try:
-            CompatRoad.from_road(inner.road, ego=inner.vehicle)
-        except SimulationError as error:
-            raise UsageError(
-                f"{self.name} cannot be driven: {error} Give gymnasium:{self._spec.id} instead."
-            ) from error
-        return env

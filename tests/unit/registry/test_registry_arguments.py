@@ -34,7 +34,7 @@ def test_what_follows_the_colon_is_passed_to_the_factory(registry):
 
 def test_the_list_shows_the_syntax(registry):
     names = [name for name, _ in registry.names("simulators")]
-    assert names == ["embedded", "gymnasium:ID", "highway-env:ID", "plain", "towns:TOWN"]
+    assert names == ["embedded", "gymnasium:ID", "plain", "towns:TOWN"]
 
 
 def test_the_factory_s_own_refusal_comes_through(registry):

@@ -17,7 +17,7 @@ from fake_bench2drive import MARK, left_behind, make
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.nursery import Stopped
+from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.perturbations import GpsNoise, Setting
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="CARLA's evaluator is watched through /proc")

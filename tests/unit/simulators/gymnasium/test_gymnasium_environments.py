@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.simulators.gymnasium import compiled_simulator, gymnasium_simulator
+from pytest_drive_robust.simulators.gymnasium import gymnasium_simulator
 from pytest_drive_robust.simulators.gymnasium.ids import refusal_of, working_ids
 from pytest_drive_robust.testing import fake_route
 
@@ -146,9 +146,3 @@ def test_numbers_and_seeds_are_different_traffic():
     assert drawn == [traffic(0, 0), traffic(1, 0), traffic(0, 1)]
     assert drawn[0] != drawn[1] != drawn[2] != drawn[0]
     simulator.close()
-
-
-def test_the_compiled_road_refuses_what_it_does_not_know():
-    with pytest.raises(UsageError, match="The nearest is gymnasium:intersection-v1"):
-        compiled_simulator(SimulatorOptions(), "intersection-v1")
-    assert "merge-v0" in working_ids("highway-env")

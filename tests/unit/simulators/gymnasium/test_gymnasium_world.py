@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.route import RoadOption
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.simulators.gymnasium import compiled_simulator, gymnasium_simulator
+from pytest_drive_robust.simulators.gymnasium import gymnasium_simulator
 from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
 from pytest_drive_robust.simulators.gymnasium.environments import find_spec, make_environment
 from pytest_drive_robust.simulators.gymnasium.vehicles import acceleration_and_steering
@@ -33,8 +33,8 @@ CONFIG = {
 ACTIONS = [np.array([0.3, 0.02 * math.sin(k / 5.0)]) for k in range(60)]
 
 
-def made(identifier, factory=gymnasium_simulator, **options):
-    return factory(SimulatorOptions(**options), identifier)
+def made(identifier, **options):
+    return gymnasium_simulator(SimulatorOptions(**options), identifier)
 
 
 def follow(simulator, *, speed_mps=9.0, ticks=1000):
@@ -83,21 +83,6 @@ def test_the_ego_is_predicted_without_a_copy_and_with_the_same_numbers():
     assert np.array_equal(positions, expected[0])
     assert headings == expected[1]
     assert all(before[name] is value for name, value in vars(ego).items())
-
-
-@pytest.mark.parametrize("identifier", ["merge-v0", "roundabout-v1"])
-def test_the_compiled_road_drives_the_same_bits(identifier):
-    digests = []
-    for factory in (gymnasium_simulator, compiled_simulator):
-        simulator = made(identifier, factory)
-        simulator.reset(simulator.routes()[0], seed=0, cameras=[])
-        seen = []
-        for k in range(80):
-            frame = simulator.step(Control(throttle=0.2) if k < 40 else Control(brake=0.9))
-            seen.append((frame.ego, frame.actors.tolist()))
-        digests.append(seen)
-        simulator.close()
-    assert digests[0] == digests[1]
 
 
 def test_a_brake_is_no_reverse_gear():

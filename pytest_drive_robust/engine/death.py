@@ -1,0 +1,144 @@
+"""Why an episode has no answer: whose fault it is, what to call it, and whether to try again."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.engine.shared_state import StateReading
+
+__all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
+
+_FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
+_FRAME = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
+_LONGEST_LINE = 200
+
+
+class Cause(Enum):
+    """How it came to an end without an answer."""
+
+    DIED = "the process ended"
+    SILENT = "the channel was closed"
+    GARBAGE = "the channel carried something else"
+    ACT_DEADLINE = "one call took too long"
+    EPISODE_DEADLINE = "the episode took too long"
+
+
+class Blame(Enum):
+    """Whose doing it was."""
+
+    AGENT = "agent"
+    OURS = "the simulator or we"
+    OUTSIDE = "somebody outside, or the kernel"
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """What is known. `status` is as `os.waitpid` tells it; `faults` is what faulthandler wrote, `said` the last output.
+
+    `lasted_s` is how long the phase of `moment` had lasted, `limit_s` the limit that was reached.
+    """
+
+    cause: Cause
+    moment: StateReading
+    status: int | None = None
+    limit_s: float = 0.0
+    lasted_s: float = 0.0
+    elapsed_s: float = 0.0
+    faults: str = ""
+    said: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The verdict over a death."""
+
+    blame: Blame
+    end: End
+    detail: str
+
+
+def explain(death: Death) -> Explanation:
+    """Who is to blame, and the sentence that people read."""
+    phase, tick = death.moment.phase, death.moment.tick
+    where = f"in {phase.call} at tick {tick}" if phase.is_agent else f"at tick {tick}"
+    place = place_of_fault(death.faults) or place_of_fault(death.said)  # an agent may have a handler of its own
+    if death.cause in (Cause.ACT_DEADLINE, Cause.EPISODE_DEADLINE):
+        return _too_late(death, where, place)
+    if death.cause is Cause.SILENT or death.status == CUT_OFF << 8:
+        return _agent(f"closed the descriptors of its process {where}")
+    if death.cause is Cause.GARBAGE:
+        return _agent(f"wrote to the descriptors of its process, noticed {where}")
+    assert death.status is not None
+    ending, number = _ending(death.status)
+    last = f"; it last printed {_last_line(death.said)!r}" if _last_line(death.said) else ""
+    if number in _FROM_OUTSIDE:
+        if tick == 0 and not phase.is_agent:
+            return _ours(f"killed by {ending} before the episode began")
+        perhaps = " (perhaps out of memory)" if number == signal.SIGKILL else ""
+        return Explanation(Blame.OUTSIDE, End.AGENT_CRASHED_HARD, f"killed by {ending} {where}{perhaps}{last}")
+    if phase.is_agent:
+        return _agent(f"{ending} {where}{place}{last}")
+    return _ours(f"the simulation ended its process: {ending} {where}{place}{last}")
+
+
+def place_of_fault(faults: str) -> str:
+    """`" (agent.py:12 in act)"` from what faulthandler wrote, the deepest line that is no installed library."""
+    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _FRAME.finditer(faults)]
+    outside = [frame for frame in frames if not _is_library(frame[0])] or frames
+    if not outside:
+        return ""
+    path, line, name = outside[0]
+    here = Path.cwd()
+    return f" ({path.relative_to(here) if path.is_relative_to(here) else path}:{line} in {name})"
+
+
+def _too_late(death: Death, where: str, place: str) -> Explanation:
+    phase, moment = death.moment.phase, death.moment
+    if death.cause is Cause.ACT_DEADLINE:
+        return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, f"took longer than {death.limit_s:g} s {where}{place}")
+    agent_s = moment.agent_s + (death.lasted_s if phase.is_agent else 0.0)
+    if agent_s * 2.0 >= death.elapsed_s:
+        share = f"the agent used {agent_s:.1f} s of it"
+        detail = f"the episode took longer than {death.limit_s:g} s, {share}; it was {where}{place}"
+        return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, detail)
+    return _ours(
+        f"the episode took longer than {death.limit_s:g} s, most of it in the simulation; it was {where}{place}"
+    )
+
+
+def _agent(detail: str) -> Explanation:
+    return Explanation(Blame.AGENT, End.AGENT_CRASHED_HARD, detail)
+
+
+def _ours(detail: str) -> Explanation:
+    return Explanation(Blame.OURS, End.SIMULATION_CRASHED, detail)
+
+
+def _ending(status: int) -> tuple[str, int | None]:
+    """`("SIGSEGV", 11)`, `("exit code 3", None)`."""
+    if not os.WIFSIGNALED(status):
+        return f"left the process with exit code {os.waitstatus_to_exitcode(status)}", None
+    number = os.WTERMSIG(status)
+    try:
+        return signal.Signals(number).name, number
+    except ValueError:
+        return f"signal {number}", number
+
+
+def _last_line(said: str) -> str:
+    lines = [line for line in said.strip().splitlines() if not line.startswith("Extension modules:")]
+    return lines[-1][:_LONGEST_LINE] if lines else ""
+
+
+def _is_library(path: Path) -> bool:
+    return "site-packages" in path.parts or any(part.startswith("python3") for part in path.parts[:-1])

@@ -1,0 +1,1 @@
+"""Episodes on a Ray cluster; the only room that imports Ray."""

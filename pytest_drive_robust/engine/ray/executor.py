@@ -1,0 +1,142 @@
+"""The executor of a cluster: Ray hands episodes to supervisors on its nodes."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import os
+import pickle
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.engine.pickled_request import PickledRequest
+from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
+from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
+from pytest_drive_robust.engine.ray.worker import ClusterRequest
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.worker_setup import WorkerSetup
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.plan import EpisodeRequest
+
+__all__ = ["RayExecutor", "needs_of"]
+
+
+class RayExecutor:
+    """Drives as many episodes at a time as the cluster has room for (see `runner.executors.Executor`).
+
+    `address` is `"local"`, `"auto"` (the cluster that this machine belongs to), `"host:port"` or `"ray://host:port"`;
+    None means the variable `RAY_ADDRESS`, or a cluster of our own. `slots` bounds the number of episodes; for a cluster
+    of our own it is the number of cores. The classes or functions that make agents may say what an episode takes, as
+    attributes `num_cpus` (1 when they do not) and `num_gpus` (0).
+
+    An episode that was lost with its node is driven again, twice at most, and is an `infra_error` after that. Nothing
+    is started, and `worker_setup` not called, before the first episode. Raises `UsageError` when Ray is not installed.
+    """
+
+    def __init__(
+        self,
+        worker_setup: Callable[[], WorkerSetup],
+        limits: Limits,
+        *,
+        address: str | None = None,
+        slots: int | None = None,
+        registry: Registry | None = None,
+    ) -> None:
+        _require_ray()
+        self._make_recipe = worker_setup
+        self._limits = limits
+        self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
+        self._most = slots
+        self._registry = registry
+        self._setup: WorkerSetup | None = None
+        self._packages: NodePackages | None = None
+        self._needs: dict[str, tuple[float, float]] = {}
+        self._latest: tuple[float, float] = (1.0, 0.0)
+        self._link: ClusterConnection | None = None
+        self._closed = False
+
+    @property
+    def slots(self) -> int:
+        """How many episodes like the last one fit on the cluster at this moment; before it is there, one."""
+        nodes = self._link.nodes if self._link is not None else ()
+        cores, gpus = self._latest
+        room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in nodes)
+        return max(1, room if self._most is None else min(room, self._most))
+
+    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
+        """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
+        agent = request.episode.agent
+        if agent not in self._needs:
+            self._needs[agent] = self._meet(agent)
+        self._latest = self._needs[agent]
+        if self._link is not None and self._link.is_lost:
+            self._link.close(cancel=True)
+            self._link = None
+        if self._link is None:
+            self._link = self._connected()
+        assert self._setup is not None  # _meet made it
+        cluster_request = ClusterRequest(
+            self._setup, self._limits, PickledRequest.of(request), request.identity, self._packages
+        )
+        return self._link.send(request, self._latest, pickle.dumps(cluster_request))
+
+    def close(self, *, cancel: bool = False) -> None:
+        """Leave the cluster. With `cancel`, what is under way there is killed; without, it comes to its end first."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._link is not None:
+            self._link.close(cancel=cancel)
+
+    def _meet(self, agent: str) -> tuple[float, float]:
+        """What an episode of this agent takes; and make sure that its code travels with every episode from now on."""
+        if self._registry is None:
+            from pytest_drive_robust.registry.registry import default_registry
+
+            self._registry = default_registry()
+        if self._setup is None:
+            self._setup = self._make_recipe()
+        factory = self._registry.entry("agents", agent).load()
+        needs = needs_of(factory, agent)
+        if self._address != LOCAL:
+            if self._packages is None:
+                agents = self._setup.preload_agents
+                others = (self._registry.entry("agents", other).load() for other in agents)
+                self._packages = NodePackages.of(self._setup, (factory, *others))
+            known = (*self._packages.contents, (agent, contents_of(self._registry, agent, worker_setup=self._setup)))
+            self._packages = replace(self._packages, contents=known)
+        return needs
+
+    def _connected(self) -> ClusterConnection:
+        cores = self._most or _cores()
+        runtime_env = self._packages.runtime_env() if self._packages is not None else {}
+        return ClusterConnection({"address": self._address, "cores": cores, "runtime_env": runtime_env})
+
+
+def needs_of(factory: object, agent: str) -> tuple[float, float]:
+    """Cores and GPUs that an episode of this agent takes. Raises `UsageError` for what is no such number."""
+    cores, gpus = getattr(factory, "num_cpus", 1), getattr(factory, "num_gpus", 0)
+    for name, given, least in (("num_cpus", cores, "> 0"), ("num_gpus", gpus, ">= 0")):
+        is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)
+        if not is_number or given < 0 or (given == 0 and least == "> 0"):
+            raise UsageError(f"the agent {agent!r} has {name} = {given!r}, expected a number {least}.")
+    return float(cores), float(gpus)
+
+
+def _cores() -> int:
+    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def _require_ray() -> None:
+    if importlib.util.find_spec("ray") is None:
+        raise UsageError(
+            "--drive-executor ray needs Ray, which is not installed: pip install 'pytest-drive-robust[ray]'. "
+            "Without a cluster, --drive-executor processes uses all cores of this machine."
+        )

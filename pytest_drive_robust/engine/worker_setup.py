@@ -1,0 +1,83 @@
+"""How a fresh process comes to the registry of this run."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.plugins import call_hook, imported_from
+from pytest_drive_robust.simulators.base import SimulatorOptions
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.registry.registry import Registry
+
+__all__ = ["WorkerSetup"]
+
+_THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerSetup:
+    """Everything that a process needs to drive the episodes of a run; plain data that pickles.
+
+    `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
+    `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
+    name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
+    are names whose modules are imported once for all processes. `cradle` is where a process of this run listens that
+    has loaded the simulator already (see `engine.cradle`), empty where there is none.
+    """
+
+    python_path: tuple[str, ...]
+    folder: str
+    plugins: tuple[tuple[str, str], ...]
+    simulator: str
+    options: SimulatorOptions = field(default_factory=SimulatorOptions)
+    threads: int = 1
+    preload_agents: tuple[str, ...] = ()
+    cradle: str = ""
+
+    def environment(self) -> dict[str, str]:
+        """The environment of the process: ours, with the number of threads for libraries that read it at import."""
+        return {**os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))}
+
+    def registry(self) -> Registry:
+        """In the new process: every name that the run knows. Raises `UsageError` for a plugin that does not load."""
+        from pytest_drive_robust.registry.registry import default_registry
+
+        sys.path[:] = self.python_path
+        os.chdir(self.folder)
+        registry = default_registry()
+        for module, file in self.plugins:
+            call_hook(_imported(module, file), registry)
+        return registry
+
+    def limit_threads(self) -> None:
+        """Tell the libraries that are loaded by now how many threads they may use."""
+        cv2: Any = sys.modules.get("cv2")
+        if cv2 is not None:
+            cv2.setNumThreads(self.threads)
+        torch: Any = sys.modules.get("torch")
+        if torch is not None:
+            torch.set_num_threads(self.threads)
+
+
+def _imported(module: str, file: str) -> ModuleType:
+    try:
+        return imported_from(module, file)
+    except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
+        raise UsageError(
+            f"the plugin {module} ({file}) does not load in the processes that drive episodes: "
+            f"{type(error).__name__}: {error}. What it needs must not depend on pytest having started; or give "
+            "--drive-executor inline."
+        ) from error

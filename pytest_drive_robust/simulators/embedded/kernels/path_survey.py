@@ -1,0 +1,84 @@
+"""Where everybody is along the lines that somebody drives on: computed once per tick, read by every driver."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.jit import inner
+from pytest_drive_robust.simulators.embedded.state import State, Statics
+
+__all__ = ["ON_PATH_M", "survey"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ON_PATH_M = 6.0
+"""Whoever is farther than this from a line is not on it."""
+
+
+@inner
+def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: float) -> tuple[float, float, float]:
+    """(metres along the path, metres to its right, yaw of the path there); -1 along for a place that is not on it."""
+    k = at = first
+    best = 1e18
+    while k < last:
+        dx, dy = x - paths[k, 0], y - paths[k, 1]
+        d = dx * dx + dy * dy
+        if d < best:
+            best, at = d, k
+        # the place cannot come nearer than ON_PATH_M before the path has gone the rest of the way towards it
+        k += 2 if d < 100.0 else max(2, int((math.sqrt(d) - ON_PATH_M) / step_m))
+    if best > ON_PATH_M * ON_PATH_M:
+        return -1.0, 0.0, 0.0
+    yaw = paths[at, 2]
+    dx, dy = x - paths[at, 0], y - paths[at, 1]
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return (at - first) * step_m + dx * cy + dy * sy, dy * cy - dx * sy, yaw
+
+
+@inner
+def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, width: float) -> None:
+    """How much room a body takes along and across the path, and how fast it moves along."""
+    turn = yaw - path_yaw
+    ct, st = abs(math.cos(turn)), abs(math.sin(turn))
+    row[c.S_LENGTH], row[c.S_WIDTH] = ct * length + st * width, ct * width + st * length
+    row[c.S_SPEED] = max(0.0, v * math.cos(turn))
+
+
+@inner
+def _is_driven(ints: Ints, path: int) -> bool:
+    """Does anybody drive on this path?"""
+    for i in range(len(ints)):
+        if ints[i, c.I_PATH] == path and ints[i, c.I_ACTIVE] == 1 and ints[i, c.I_MODE] == c.MODE_DRIVE:
+            return True
+    return False
+
+
+@inner
+def survey(statics: Statics, state: State) -> None:
+    """Fill `statics.survey` for every path that is driven on; bodies are the actors and, last, the ego."""
+    ints, ego, paths = state.actor_ints, state.ego, statics.paths
+    count = len(ints)
+    for path in range(len(statics.path_start) - 1):
+        if not _is_driven(ints, path):
+            continue
+        first, last, step = statics.path_start[path], statics.path_start[path + 1], statics.path_step[path]
+        for i in range(count):
+            actor, row = state.actors[i], statics.survey[path, i]
+            if ints[i, c.I_ACTIVE] != 1 or ints[i, c.I_SOLID] == 0:
+                row[c.S_ALONG] = -1.0
+            elif ints[i, c.I_PATH] == path and ints[i, c.I_MODE] == c.MODE_DRIVE:
+                row[c.S_ALONG], row[c.S_RIGHT] = actor[c.A_S], actor[c.A_LAT]
+                row[c.S_LENGTH], row[c.S_WIDTH], row[c.S_SPEED] = actor[c.A_LENGTH], actor[c.A_WIDTH], actor[c.A_V]
+            else:
+                row[c.S_ALONG], row[c.S_RIGHT], yaw = _project(paths, first, last, step, actor[c.A_X], actor[c.A_Y])
+                if row[c.S_ALONG] >= 0.0:
+                    _fill(row, actor[c.A_YAW], yaw, actor[c.A_V], actor[c.A_LENGTH], actor[c.A_WIDTH])
+        row = statics.survey[path, count]
+        row[c.S_ALONG], row[c.S_RIGHT], yaw = _project(paths, first, last, step, ego[c.EGO_X], ego[c.EGO_Y])
+        if row[c.S_ALONG] >= 0.0:
+            _fill(row, ego[c.EGO_YAW], yaw, ego[c.EGO_V], statics.ego_length_m, statics.ego_width_m)

@@ -1,0 +1,98 @@
+"""A junction where nobody is scripted: obey its lights and signs, give way to whoever comes."""
+
+from __future__ import annotations
+
+from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
+    cross_traffic,
+    end_behind_junction,
+    lights_turn_green,
+    lights_turn_red,
+)
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.stage import Stage
+
+__all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]
+
+_NEAR_M = (28.0, 36.0)
+_NEARER_M = (23.0, 30.0)
+"""Metres before a junction at which a route starts; plain turns are the shortest routes."""
+_TRIGGER_M = (3.0, 6.0)
+
+
+@scenario(
+    "T_Junction",
+    sites=(
+        Site("LightTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("StopTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("LightTee", "E.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+        Site("StopTee", "S.right0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+    ),
+    blocked_test_off=True,
+)
+def t_junction(stage: Stage) -> None:
+    """A junction of three arms with lights or a stop sign on the stem; the other arms carry traffic."""
+    lights = any(line.is_light for line in stage.dense.lane_map.stop_lines)
+    if lights:
+        lights_turn_green(stage, red_s=stage.draw("red", 4.0, 9.0))
+    cross_traffic(stage, lights=lights)
+    end_behind_junction(stage)
+
+
+@scenario(
+    "VanillaNonSignalizedTurn",
+    sites=(
+        Site("OpenCrossing", "E.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("OpenTee", "S.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("Roundabout", "W.straight0", (80.0, 95.0), trigger_m=_TRIGGER_M, before_m=_NEAR_M),
+        Site("OpenTee", "S.right0", (49.2, 62.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+    ),
+)
+def vanilla_turn(stage: Stage) -> None:
+    """A plain turn where nothing is controlled; there is traffic on the other road."""
+    cross_traffic(stage, gap_m=(24.0, 48.0))
+    end_behind_junction(stage)
+
+
+@scenario(
+    "VanillaNonSignalizedTurnEncounterStopsign",
+    sites=(
+        Site("StopCrossing", "E.right0", (49.2, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("StopCrossing", "W.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("StopTee", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("RuralCrossing", "N.right0", (52.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+    ),
+)
+def vanilla_stop_sign(stage: Stage) -> None:
+    """A plain turn behind a stop sign: come to rest, then go."""
+    end_behind_junction(stage)
+
+
+@scenario(
+    "VanillaSignalizedTurnEncounterGreenLight",
+    sites=(
+        Site("LightCrossing", "E.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+        Site("LightTee", "W.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+        Site("LightAvenueCrossing", "S.left0", (86.0, 100.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+    ),
+)
+def vanilla_green_light(stage: Stage) -> None:
+    """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes."""
+    lights_turn_red(stage)
+    cross_traffic(stage, lights=True)
+    end_behind_junction(stage)
+
+
+@scenario(
+    "VanillaSignalizedTurnEncounterRedLight",
+    sites=(
+        Site("LightCrossing", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("LightCrossing", "N.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("LightTee", "S.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+        Site("Grid", "W0.right0", (50.0, 62.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+    ),
+)
+def vanilla_red_light(stage: Stage) -> None:
+    """A plain turn; the light is red for five seconds, then green."""
+    lights_turn_green(stage)
+    cross_traffic(stage, lights=True)
+    end_behind_junction(stage)

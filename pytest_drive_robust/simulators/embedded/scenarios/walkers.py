@@ -1,0 +1,173 @@
+"""Somebody walks or rides into the road: stop in time.
+
+Sources: Bench2Drive `scenario_runner/srunner/scenarios/{object_crash_vehicle,pedestrian_crossing,
+object_crash_intersection}.py`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import ahead, right_hand, road_edge_m, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.triggers import Arrival
+
+__all__ = [
+    "dynamic_object_crossing",
+    "parking_crossing_pedestrian",
+    "pedestrian_crossing",
+    "vehicle_turning_route",
+    "vehicle_turning_route_pedestrian",
+]
+
+_BEFORE_M = (30.0, 40.0)
+_LATER_S = 0.02
+"""For every degree by which somebody does not walk straight across."""
+_PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
+"""RoutePlaces of a parked row, seen from where somebody steps out between two cars."""
+
+
+@scenario(
+    "DynamicObjectCrossing",
+    sites=(
+        Site("Street", "road.f0", (122.0, 142.0)),
+        Site("Avenue", "road.f1", (122.0, 142.0)),
+        Site("OneWayStreet", "road.f1", (122.0, 142.0)),
+        Site("RuralRoad", "road.f0", (130.0, 150.0)),
+    ),
+    parameters={"distance": (40.0, 50.0), "crossing_angle": (-8.0, 8.0)},
+)
+def dynamic_object_crossing(stage: Stage) -> None:
+    """A pedestrian at 2 m/s from behind a container; starts when the ego is 2.1 s or 6 m away.
+
+    Every 5 degrees of `crossing_angle` make it 0.1 s more.
+    """
+    at = ahead(stage, 45.0)
+    angle, side = _angle_deg(stage), right_hand(stage)
+    edge = _near_edge_m(stage, at)
+    stage.stand(ActorKind.CONTAINER, at - 2.2, side * (edge + 1.2))
+    stage.walker(
+        at,
+        from_right_m=side * (edge + 1.6),
+        walks_m=edge + 1.6 + road_edge_m(stage, _far_side(stage), at) + 1.5,
+        speed_mps=2.0,
+        trigger=Arrival(2.1 + _LATER_S * abs(angle), 6.0),
+        slant_rad=math.radians(angle),
+    )
+    scenery(stage)
+    stage.end_m = stage.trigger_m + at + 20.0
+
+
+@scenario(
+    "ParkingCrossingPedestrian",
+    sites=(
+        Site("ParkingStreet", "road.f0", (115.0, 133.0)),
+        Site("ParkingAvenue", "road.f1", (115.0, 133.0)),
+        Site("OneWayStreet", "road.f1", (115.0, 133.0)),
+    ),
+    parameters={"distance": (36.0, 45.0)},
+)
+def parking_crossing_pedestrian(stage: Stage) -> None:
+    """A pedestrian at 2 m/s from behind a parked van; starts when the ego is 2.15 s or 6 m away.
+
+    They cross the whole road, where Bench2Drive's vanish after 8 m. Every 5 degrees of `crossing_angle` make it 0.1 s
+    more.
+    """
+    at = ahead(stage, 40.0)
+    angle, side = _angle_deg(stage), right_hand(stage)
+    kerb = stage.lane_width_m / 2.0 + 1.2
+    for k, further in enumerate(_PARKED_M):
+        stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, side * kerb)
+    stage.walker(
+        at,
+        from_right_m=side * (kerb + 0.6),
+        walks_m=kerb + 0.6 + road_edge_m(stage, _far_side(stage), at) + 1.0,
+        speed_mps=2.0,
+        trigger=Arrival(2.15 + _LATER_S * abs(angle), 6.0),
+        slant_rad=math.radians(angle),
+    )
+    scenery(stage)
+    stage.end_m = stage.trigger_m + at + 20.0
+
+
+@scenario(
+    "PedestrianCrossing",
+    sites=(
+        Site("LightCrossing", "E.straight0", (72.0, 88.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
+        Site("OpenCrossing", "S.right0", (68.0, 82.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
+        Site("LightAvenueCrossing", "W.straight1", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
+        Site("OpenTee", "W.straight0", (68.0, 82.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
+    ),
+)
+def pedestrian_crossing(stage: Stage) -> None:
+    """Three pedestrians cross at the junction's entry, 1.3 to 2.0 m/s; they start at 3.5 s or 12 m."""
+    crosswalk = stage.junction_ahead_m() - 2.1
+    across = road_edge_m(stage, "right") + road_edge_m(stage, "left")
+    for k in range(3):
+        stage.walker(
+            crosswalk + 0.8 * (k - 1),
+            from_right_m=road_edge_m(stage, "right") + 1.5 + 0.7 * k,
+            walks_m=across + 3.0 + 0.7 * k,
+            speed_mps=stage.draw(f"walker speed {k}", 1.3, 2.0),
+            delay_s=stage.draw(f"walker idle {k}", 0.0, 1.5),
+            trigger=Arrival(3.5, 12.0),
+        )
+    stage.green_for_ego()
+    scenery(stage, (60.0, 120.0))
+    stage.end_m = stage.trigger_m + crosswalk + 20.0
+
+
+@scenario(
+    "VehicleTurningRoute",
+    sites=(
+        Site("OpenCrossing", "W.right0", (68.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightCrossing", "E.left0", (70.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightTee", "W.right0", (68.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("OpenCrossing", "N.left0", (70.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+    ),
+)
+def vehicle_turning_route(stage: Stage) -> None:
+    """A cyclist crosses 11 m after the turn at 1.8 m/s; starts when the ego is 1.8 s or 6 m away."""
+    _crosses_after_turn(stage, 11.0, ActorKind.BICYCLE, Arrival(1.8, 6.0))
+
+
+@scenario(
+    "VehicleTurningRoutePedestrian",
+    sites=(
+        Site("LightCrossing", "S.right0", (68.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("OpenCrossing", "E.left0", (70.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightTee", "S.left0", (70.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("Grid", "W0.right0", (68.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+    ),
+)
+def vehicle_turning_route_pedestrian(stage: Stage) -> None:
+    """A pedestrian crosses at the exit of the turn at 1.8 m/s; starts when the ego is 2.2 s or 6 m away."""
+    _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0))
+
+
+def _angle_deg(stage: Stage) -> float:
+    """The element `crossing_angle`, at most so much that somebody still gets across."""
+    return min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
+
+
+def _far_side(stage: Stage) -> str:
+    """Towards which side somebody walks."""
+    return "left" if right_hand(stage) > 0.0 else "right"
+
+
+def _near_edge_m(stage: Stage, at_m: float) -> float:
+    """From the middle of the ego's lane to where somebody comes from: its edge, to the left that of the road."""
+    return stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at_m)
+
+
+def _crosses_after_turn(stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival) -> None:
+    """Somebody starts beside the road that the ego turns into, and crosses all of it."""
+    at = stage.exit_ahead_m() + behind_exit_m
+    start = road_edge_m(stage, "right", at) + stage.draw("kerb", 1.2, 2.4)
+    across = start + road_edge_m(stage, "left", at) + 1.5
+    stage.walker(at, from_right_m=start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind)
+    stage.green_for_ego()
+    scenery(stage, (60.0, 120.0))
+    stage.end_m = stage.trigger_m + at + 10.0

@@ -1,0 +1,180 @@
+"""A junction where the waypoints leave one out: arms, the ways between them, lights or signs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
+from pytest_drive_robust.simulators.embedded.towns.junction import control_of, crosswalk
+from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
+from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
+from pytest_drive_robust.simulators.embedded.traced.lines import (
+    bridge,
+    crossing_point,
+    joined,
+    moved,
+    prolonged,
+    reversed_line,
+    shifted,
+    straight,
+)
+from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M
+from pytest_drive_robust.simulators.embedded.traced.schema import Roads
+from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
+
+__all__ = ["draw_junction"]
+
+Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+_ARM_M = 120.0
+_BIKING_M = 1.6
+_BOX_M = (9.5, 16.0)
+_SMALLEST_M = 7.0
+_TURN_RAD = math.radians(45.0)
+_WAKE_BEFORE_M = 9.5
+"""The scenario wakes up so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
+_WINDOW_M = 30
+_PLAIN = (LineType.NONE, LineType.NONE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """The ego's lane before and after the junction, and the junction's middle between the two ways of its roads."""
+
+    before: Floats
+    after: Floats
+    centre: tuple[float, float]
+    across_rad: tuple[float, float]
+    """Headings away from the middle of the two other arms, left one first where the ego goes straight on."""
+
+
+def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: float) -> tuple[Floats, float]:
+    """Draw the junction; the ego's way through it and where on it the scenario wakes up at the latest."""
+    if course.after is None:
+        course = _cut_out(course, trigger_m)
+    ways = _turning(course, trigger_m) or _straight_on(course, trigger_m)
+    arms = _arms(ways, roads)
+    for arm, line in arms:
+        trace_road(town, arm.name, line, arm.section)
+        crosswalk(town, arm)
+    inside = _connect(town, [arm for arm, _ in arms], roads)
+    entry_m = float(arc_lengths(ways.before)[-1])
+    return joined(ways.before, inside[1:-1], ways.after), max(entry_m - _WAKE_BEFORE_M, 0.0)
+
+
+def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
+    """Where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
+    line = course.before
+    first, last = round(trigger_m) + 12, len(line) - 12
+    if last - first < _WINDOW_M:
+        raise RouteError(
+            f"{len(line)} m with the trigger at {trigger_m:.0f} m leave no room for a junction, expected "
+            f"{_WINDOW_M + 24} m behind it"
+        )
+    turns = np.abs(line[first + _WINDOW_M : last, 2] - line[first : last - _WINDOW_M, 2])
+    k = int(np.argmax(turns))
+    start = first + k if turns[k] > _TURN_RAD else min(round(trigger_m) + 28, last - _WINDOW_M)
+    return RouteCourse(line[: start + 1], line[start + _WINDOW_M :], ())
+
+
+def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
+    """A junction where the ego turns: its two roads meet in the corner of their lanes. None where they do not."""
+    before, after = course.before, course.after
+    assert after is not None
+    start, end = tuple(before[-1]), tuple(after[0])
+    turn = math.remainder(end[2] - start[2], math.tau)
+    corner = crossing_point(start, end)
+    if corner is None or not _TURN_RAD < abs(turn) < math.pi - _TURN_RAD or min(corner) < 4.0:
+        return None
+    room = corner[0] - (trigger_m + _WAKE_BEFORE_M - course.start_m)
+    least = min(max(course.start_m + corner[0] - _WAKE_BEFORE_M - 0.5, _SMALLEST_M), _BOX_M[0])
+    box = min(max(min(*corner, room, _BOX_M[1]), least), max(min(corner), _SMALLEST_M))
+    entry = prolonged(before, after_m=corner[0] - box) if corner[0] > box else before
+    leave = prolonged(after, before_m=corner[1] - box) if corner[1] > box else after
+    own, onward = moved(tuple(entry[-1]), 0.0, -LANE_M / 2.0), moved(tuple(leave[0]), 0.0, -LANE_M / 2.0)
+    middle = crossing_point(own, onward)
+    assert middle is not None
+    centre = moved(own, middle[0])[:2]
+    return _Ways(entry, leave, centre, (own[2], onward[2] + math.pi))
+
+
+def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
+    """A junction straight ahead, in the middle of where waypoints are missing, or as far on as the trigger needs."""
+    line, s = course.whole(), arc_lengths(course.whole())
+    box = min(max(course.gap_m / 2.0 - 1.0, _BOX_M[0]), _BOX_M[1])
+    entry_m = max(course.start_m + course.gap_m / 2.0 - box, trigger_m + _WAKE_BEFORE_M)
+    entry_m = min(entry_m, course.start_m + max(course.gap_m - box, 1.0), s[-1] - 2.0 * box - 5.0)
+    if entry_m < 3.0:
+        raise RouteError(f"{s[-1]:.0f} m are too short for a junction on them")
+    first, last = (int(np.searchsorted(s, at)) for at in (entry_m, entry_m + 2.0 * box))
+    middle = line[(first + last) // 2]
+    centre = moved(tuple(middle), 0.0, -LANE_M / 2.0)[:2]
+    quarter = math.pi / 2.0
+    return _Ways(line[: first + 1], line[last:], centre, (middle[2] - quarter, middle[2] + quarter))
+
+
+def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
+    """(arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
+    plain = Section(1, 1, LANE_M, roads.speed_mps)
+    own = Section(1, 1, LANE_M, roads.speed_mps, biking_m=_BIKING_M if roads.biking else 0.0)
+    entry = reversed_line(shifted(prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
+    leave = shifted(prolonged(ways.after, after_m=_ARM_M), -LANE_M / 2.0)
+    turns = abs(math.remainder(leave[0, 2] - entry[0, 2] - math.pi, math.tau)) > _TURN_RAD
+    arms = [_arm("in", entry, ways.centre, own), _arm("out", leave, ways.centre, plain if turns else own)]
+    others = [("ahead", ways.across_rad[0], own), ("back", ways.across_rad[1], plain)]
+    if not turns:
+        others = [("left", ways.across_rad[0], plain), ("right", ways.across_rad[1], plain)]
+    for (name, heading, section), like in zip(others, tuple(arms), strict=True):
+        box = like[0].box_m if turns else max(arms[0][0].box_m, arms[1][0].box_m)
+        edge = moved((*ways.centre, heading), box)
+        arms.append(_arm(name, straight(edge, _ARM_M), ways.centre, section))
+    return arms if roads.arms == 4 else [*arms[:2], arms[3]]
+
+
+def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section) -> tuple[Arm, Floats]:
+    """The arm's own middle lies straight behind its edge."""
+    x, y, heading = (float(value) for value in line[0])
+    box = math.hypot(x - centre[0], y - centre[1])
+    behind = x - box * math.cos(heading), y - box * math.sin(heading)
+    return Arm(name, heading, box, section, behind), line
+
+
+def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
+    """Every way from arm to arm; the line of the ego's own."""
+    junction = town.new_junction()
+    own: Floats | None = None
+    for source in arms:
+        into = town.chains[source.inward("0")][-1]
+        for target in arms:
+            if target is not source:
+                lane = _way(town, source, target, "0", junction=junction)
+                own = lane.centre if own is None else own
+        if roads.control is not None:
+            town.controls.append(control_of(source, into, roads.control))
+    biking = [arm for arm in arms if arm.section.biking_m]
+    for source in biking:
+        for target in biking:
+            if target is not source:
+                _way(town, source, target, "bike", junction=junction)
+    assert own is not None
+    return own
+
+
+def _way(town: Town, source: Arm, target: Arm, lane: str, *, junction: int) -> TracedLane:
+    before, after = town.chains[source.inward(lane)][-1], town.chains[target.outward(lane)][0]
+    first, last = town.network.get_lane(before), town.network.get_lane(after)
+    drawn = TracedLane(
+        bridge(tuple(first.centre[-1]), tuple(last.centre[0])),
+        width=first.width, line_types=_PLAIN, speed_limit=min(first.speed_limit, last.speed_limit),
+    )  # fmt: skip
+    kind = LaneKind.DRIVING if lane == "0" else LaneKind.BIKING
+    town.add(before[1], after[0], drawn, kind=kind, junction=junction)
+    return drawn

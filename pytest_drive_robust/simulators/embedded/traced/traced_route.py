@@ -1,0 +1,100 @@
+"""An official route with the town that we build around it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.domain.route import Route, ScenarioSpec
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
+from pytest_drive_robust.simulators.embedded.map import CompiledTown
+from pytest_drive_robust.simulators.embedded.towns.town import Town
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, read_course
+from pytest_drive_robust.simulators.embedded.traced.open_roads import draw_street
+from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, draw_entry, draw_exit
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
+from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
+
+__all__ = ["TracedRoute", "trace_route"]
+
+Floats = NDArray[np.float64]
+_TRIGGER_OFF_M = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class TracedRoute:
+    """`line` (n, 3) is the route on the lanes of `town`, in the file's coordinates."""
+
+    town: CompiledTown
+    line: Floats
+    trigger_m: float
+    course: RouteCourse
+
+
+def trace_route(route: Route) -> TracedRoute:
+    """Build the town of an official route, once in a process. Raises `RouteError` with everything that is wrong."""
+    return _trace_route(_Key(route))
+
+
+class _Key:
+    """A route as something that can be hashed: parameters are mappings."""
+
+    def __init__(self, route: Route) -> None:
+        self.route = route
+        spec = route.scenario
+        parts = (route.id, route.town, route.waypoints, spec.type, spec.trigger, sorted(spec.texts.items()))
+        numbers = sorted((name, sorted(given.items())) for name, given in spec.parameters.items())
+        self.text = repr((*parts, numbers))
+        self._hash = hash(self.text)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.text == other.text
+
+
+@lru_cache(maxsize=64)
+def _trace_route(key: _Key) -> TracedRoute:
+    route, spec = key.route, key.route.scenario
+    problems = problems_of(spec)
+    if problems:
+        raise RouteError(f"route {route.id}: {'; '.join(problems)}")
+    digest = hashlib.blake2b(key.text.encode(), digest_size=4).hexdigest()
+    try:
+        return _build(Town(f"{route.town}-{route.id}-{digest}"), route, spec)
+    except RouteError as error:
+        raise RouteError(f"route {route.id}: {error}") from None
+
+
+def _build(town: Town, route: Route, spec: ScenarioSpec) -> TracedRoute:
+    course = read_course(route)
+    roads, direction = SCHEMA[spec.type].roads, spec.texts.get("direction")
+    trigger_m = _trigger_m(course.whole(), spec)
+    latest = np.inf
+    if roads.place is Place.STREET:
+        line = draw_street(town, course, roads, direction)
+    elif roads.place is Place.JUNCTION:
+        line, latest = draw_junction(town, course, roads, trigger_m)
+    elif roads.place is Place.EXIT:
+        line = draw_exit(town, course, roads, spec, trigger_m)
+    elif roads.place is Place.ENTRY:
+        line = draw_entry(town, course, roads, spec, trigger_m)
+    else:
+        line = draw_cut_in(town, course, roads, spec)
+    line = resample(line)
+    return TracedRoute(CompiledTown(town), line, min(_trigger_m(line, spec), latest), course)
+
+
+def _trigger_m(line: Floats, spec: ScenarioSpec) -> float:
+    at = spec.trigger
+    along, _ = project(line, at.x_m, at.y_m)
+    off = float(np.hypot(line[:, 0] - at.x_m, line[:, 1] - at.y_m).min())
+    if not off <= _TRIGGER_OFF_M:
+        raise RouteError(f"<trigger_point> is {off:.0f} m from its waypoints, expected {_TRIGGER_OFF_M:.0f} m at most")
+    return float(np.clip(along, 0.0, arc_lengths(line)[-1]))

@@ -1,0 +1,87 @@
+"""What a child writes on the board is what its parent reads, also after the child's death."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.engine.shared_state import Phase, SharedState, shared_file, state_bytes
+from pytest_drive_robust.runner.episode.rescore import Rig
+
+EGO = EgoState(1.5, -2.5, 0.1, 8.25, 0.0, 0.0, 0.0, 4.5, 1.9)
+ASKED, APPLIED = Control(0.5, -0.25, 0.0), Control(0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def boards() -> Iterator[tuple[SharedState, SharedState]]:
+    fd = shared_file("test", state_bytes(3))
+    ours, theirs = SharedState(fd), SharedState(fd)
+    os.close(fd)
+    yield ours, theirs
+    ours.close()
+    theirs.close()
+
+
+def test_rows_arrive_as_they_were_written(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    theirs.clear()
+    theirs.add(0, ASKED, APPLIED, EGO)
+    theirs.add(1, None, ASKED, EGO)
+    rows = ours.rows()
+    assert ours.ticks == 2
+    np.testing.assert_array_equal(rows[0], [0.5, -0.25, 0.0, 0.0, 0.0, 1.0, 1.5, -2.5, 8.25])
+    assert np.isnan(rows[1, :3]).all()
+
+
+def test_more_ticks_than_there_is_room_for_are_left_out(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    for tick in range(10):
+        theirs.add(tick, ASKED, APPLIED, EGO)
+    assert ours.ticks == len(ours.rows()) == 4
+
+
+def test_the_rig_arrives_as_it_is(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    rig = Rig((CameraSpec("front", fov_deg=100.5, width_px=64),), ("cameras", "speed"), privileged=True)
+    assert ours.rig() is None
+    theirs.equip(rig)
+    assert ours.rig() == rig
+    theirs.clear()
+    assert ours.rig() is None
+
+
+def test_a_rig_that_is_too_large_is_left_out(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    theirs.equip(Rig((CameraSpec("x" * 100_000),)))
+    assert ours.rig() is None
+
+
+def test_the_agents_time_is_what_passed_in_its_calls(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    theirs.clear()
+    theirs.phase("act", 0)
+    begun = ours.look()
+    assert begun.phase is Phase.ACT
+    assert begun.since_s <= time.monotonic()
+    time.sleep(0.02)
+    theirs.phase("sim", 0)
+    time.sleep(0.02)
+    theirs.phase("act", 1)
+    now = ours.look()
+    assert (now.phase, now.tick) == (Phase.ACT, 1)
+    assert 0.02 <= now.agent_s <= now.since_s - begun.since_s - 0.02
+
+
+def test_nonsense_on_the_board_is_no_phase(boards: tuple[SharedState, SharedState]) -> None:
+    ours, theirs = boards
+    theirs._memory[:64] = b"\xff" * 64
+    theirs._memory[8:32] = bytes(24)
+    assert ours.look().phase is Phase.IDLE
+    assert ours.ticks == 4

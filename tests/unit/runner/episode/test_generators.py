@@ -1,0 +1,126 @@
+"""An agent that draws from global generators draws the same in every process and order."""
+
+from __future__ import annotations
+
+import importlib
+import random
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.runner.episode import generators
+from pytest_drive_robust.runner.episode.generators import borrowed_generators, seed_for, seed_generators
+
+FAKE_TORCH = """
+seeds = ["first"]
+
+def manual_seed(seed):
+    seeds.append(seed)
+
+def get_rng_state():
+    return seeds[-1]
+
+set_rng_state = manual_seed
+"""
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    python, numbers, finders = random.getstate(), np.random.get_state(), list(sys.meta_path)
+    generators._LATE_TORCH.wait(None)
+    yield
+    random.setstate(python)
+    np.random.set_state(numbers)
+    sys.meta_path[:] = finders
+
+
+@pytest.fixture
+def fake_torch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A torch that is not imported yet."""
+    monkeypatch.setitem(sys.modules, "torch", None)  # put back at the end, whatever it was
+    del sys.modules["torch"]
+    (tmp_path / "torch.py").write_text(FAKE_TORCH)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def draws() -> tuple[float, float]:
+    return random.random(), float(np.random.rand())
+
+
+def test_an_episode_always_begins_alike() -> None:
+    seed_for(Episode("agent", "1", "clean", 0))
+    first = draws()
+    draws()
+    seed_for(Episode("agent", "1", "clean", 0))
+    assert draws() == first
+
+
+def test_another_episode_begins_otherwise() -> None:
+    found = []
+    for episode in (Episode("agent", "1", "clean", 0), Episode("agent", "1", "clean", 1)):
+        seed_for(episode)
+        found.append(draws())
+    assert found[0] != found[1]
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_torch_is_seeded_when_it_is_there() -> None:
+    torch = importlib.import_module("torch")
+    seed_generators("a")
+    seed_generators("b")
+    seed_generators("a")
+    assert torch.seeds[1] == torch.seeds[3] != torch.seeds[2]
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_torch_is_seeded_when_it_comes_late() -> None:
+    seed_generators("b")
+    seed_generators("a")
+    torch = importlib.import_module("torch")
+    assert len(torch.seeds) == 2
+    seed_generators("a")
+    assert torch.seeds[1] == torch.seeds[2]
+    assert torch.seeds[1] < 1 << 32
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_what_is_borrowed_is_put_back_also_when_torch_came_meanwhile() -> None:
+    seed_generators("mine")
+    expected = draws()
+    seed_generators("mine")
+    with borrowed_generators("an episode"), borrowed_generators("making an agent"):
+        torch = importlib.import_module("torch")
+    making, episode, mine = torch.seeds[1:]
+    assert draws() == expected
+    seed_generators("an episode")
+    seed_generators("mine")
+    assert torch.seeds[-2:] == [episode, mine]
+    assert making not in (episode, mine)
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_a_torch_that_nobody_seeded_is_left_as_it_came() -> None:
+    with borrowed_generators("an episode"):
+        torch = importlib.import_module("torch")
+    assert torch.seeds[-1] == "first" != torch.seeds[1]
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_a_torch_that_comes_after_what_was_borrowed_is_not_seeded() -> None:
+    with borrowed_generators("an episode"):
+        pass
+    assert importlib.import_module("torch").seeds == ["first"]
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_waiting_for_torch_hinders_no_other_import() -> None:
+    seed_generators("a")
+    finders = len(sys.meta_path)
+    seed_generators("b")
+    assert len(sys.meta_path) == finders
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("torch_that_is_nowhere")
