@@ -61,13 +61,14 @@ class _Wanted:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.options.run import positive_seconds
+    from pytest_drive_robust.options.option import Given
+    from pytest_drive_robust.options.parsers import seconds
     from pytest_drive_robust.registry.registry import default_registry
     from pytest_drive_robust.simulators.base import SimulatorOptions
 
     registry = default_registry()
     wanted = _wanted(options, registry)
-    stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)
+    stuck_stop_s = None if options.stuck_stop is None else seconds(Given("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
     before = before_of(options.run, wanted.stored)

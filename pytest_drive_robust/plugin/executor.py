@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.cradle import Cradle

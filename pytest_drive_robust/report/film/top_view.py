@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState, WorldState
-from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Box
+from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Rectangle
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
 from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, unpack
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["PATH", "ROUTE", "SPEED_POINT", "TARGET_POINT", "Ground", "View", "is_misplaced"]
+__all__ = ["PATH", "ROUTE", "SPEED_POINT", "TARGET_POINT", "GroundPicture", "TopView", "is_misplaced"]
 
 ROUTE: Colour = (178, 160, 255)
 PATH: Colour = (255, 40, 40)
@@ -68,7 +68,7 @@ def is_misplaced(moment: Moment) -> bool:
     return math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > _MISPLACED_M
 
 
-class Ground:
+class GroundPicture:
     """The map of a film painted once: everything that does not move, 75 m around the route."""
 
     def __init__(self, lane_map: LaneMap, route: Floats) -> None:
@@ -86,17 +86,17 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class TopView:
     """How to look at a moment: where in the picture, pixels per metre, and the share of the height behind the ego."""
 
-    box: Box
+    box: Rectangle
     px_per_m: float = 8.0
     behind: float = 0.24
 
     def draw(
         self,
         picture: Pixels,
-        ground: Ground,
+        ground: GroundPicture,
         moment: Moment,
         *,
         colour: Colour,
@@ -137,7 +137,7 @@ class View:
         middle = np.array((self.box.width / 2.0, self.box.height * (1.0 - self.behind)))
         return np.column_stack((rotation, middle - rotation @ (ego.x_m, ego.y_m)))
 
-    def _warped(self, ground: Ground, turn: Floats) -> Pixels:
+    def _warped(self, ground: GroundPicture, turn: Floats) -> Pixels:
         region = ground.region
         rotation = turn[:, :2] * region.texel_m
         corner = np.array((region.x_m, region.y_m)) + 0.5 * region.texel_m
