@@ -26,19 +26,19 @@ from dataclasses import dataclass
 from pytest_drive_robust.bench2drive.results.ability_rates import AbilityRate, ability_rates, mean_rate
 from pytest_drive_robust.bench2drive.results.comforts import Comforts
 from pytest_drive_robust.bench2drive.results.efficiencies import official_efficiency, true_efficiency
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.metrics.averages import mean
 from pytest_drive_robust.metrics.guards import require_mode
 
-__all__ = ["OFFICIAL_ROUTES", "Score", "score_results"]
+__all__ = ["OFFICIAL_ROUTES", "OfficialTotals", "score_results"]
 
 OFFICIAL_ROUTES = 220
 """What the official merge tool divides by, whatever was driven."""
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class OfficialTotals:
     """`ds` is 0..100, `sr` 0..1, `efficiency` and `comfort` percent; None where no route has data.
 
     `records` of `routes` routes were read; `comfort_records` of them had a log of their motion. `missing` are the ids
@@ -70,7 +70,7 @@ def score_results(
     mode: str = "bench2drive",
     scenarios: Mapping[str, str] | None = None,
     junctions: Mapping[str, float] | None = None,
-) -> Score:
+) -> OfficialTotals:
     """The totals. `scenarios` are the planned routes, id to scenario type, as a route file tells them;
     `junctions` is what `junctions.junction_shares` knows about some of them.
 
@@ -87,7 +87,7 @@ def score_results(
     ids, count = _missing(results, scenarios, otherwise=OFFICIAL_ROUTES if official else None)
     total = _over_220 if official else _over_routes
     average = _over_records if official else _over_routes
-    return Score(
+    return OfficialTotals(
         mode=mode,
         ds=total([(record, record.score) for record in counted]),
         sr=total([(record, float(record.is_success)) for record in counted]),
@@ -106,7 +106,7 @@ def score_results(
     )
 
 
-Values = Sequence[tuple[Record, float]]
+Values = Sequence[tuple[OfficialRecord, float]]
 
 
 def _over_220(values: Values) -> float | None:

@@ -15,7 +15,7 @@ from pytest_drive_robust.bench2drive.results.statuses import STATUSES, SUCCESSES
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["EXTENSION", "LISTS", "Record", "read_record"]
+__all__ = ["EXTENSION", "LISTS", "OfficialRecord", "read_record"]
 
 LISTS = tuple(kind.value for kind in InfractionKind)
 """The twelve lists of messages that every record has."""
@@ -27,7 +27,7 @@ _NUMBERED = re.compile(r"_[0-9]+\Z")
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class OfficialRecord:
     """`route` and `repetition` are the two parts of `route_id`; `route_pct` and `score` are 0..100, `penalty` 0..1.
 
     `scenario` is the type: the record's scenario name without its number. `game_s` and `wall_s` are at least 0.
@@ -68,7 +68,7 @@ class Record:
         return not any(self.infractions[kind.value] for kind in (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN))
 
 
-def read_record(given: object, where: str) -> Record:
+def read_record(given: object, where: str) -> OfficialRecord:
     """The record in a JSON value. Raises `UsageError` that names `where` and what was expected."""
     fields = _mapping(given, where)
     route_id = _text(fields, "route_id", where)
@@ -81,7 +81,7 @@ def read_record(given: object, where: str) -> Record:
         raise UsageError(f"{where}: {UnknownNameError.of('status', shown(status, quotes=False), STATUSES)}")
     scores, meta = _mapping(fields.get("scores"), f"{where}, scores"), _mapping(fields.get("meta"), f"{where}, meta")
     own = fields.get(EXTENSION)
-    return Record(
+    return OfficialRecord(
         where=where,
         route_id=route_id,
         route=parts.group(1),

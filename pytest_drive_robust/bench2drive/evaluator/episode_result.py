@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.evaluator.drive import Driven
-from pytest_drive_robust.bench2drive.evaluator.wire import DT_S
-from pytest_drive_robust.bench2drive.results.episodes import episode_of
+from pytest_drive_robust.bench2drive.evaluator.drive import DrivenRoute
+from pytest_drive_robust.bench2drive.evaluator.setting_json import DT_S
+from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
@@ -17,7 +17,7 @@ __all__ = ["episode_result"]
 
 
 def episode_result(
-    driven: Driven, episode: Episode, *, scenario: str, saved: Path, versions: Mapping[str, str]
+    driven: DrivenRoute, episode: Episode, *, scenario: str, saved: Path, versions: Mapping[str, str]
 ) -> EpisodeResult:
     """The episode; `infra_error` when no try gave a score. `saved` is where the agent's logs of motion are.
 
@@ -37,7 +37,7 @@ def episode_result(
     )
 
 
-def _broken(driven: Driven, episode: Episode, scenario: str, versions: Mapping[str, str]) -> EpisodeResult:
+def _broken(driven: DrivenRoute, episode: Episode, scenario: str, versions: Mapping[str, str]) -> EpisodeResult:
     import numpy as np
 
     return EpisodeResult(

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations import Setting, environment
+from pytest_drive_robust.perturbations import Setting, paper_variables
 
 ON = {"ROBUSTNESS_ENABLE": "1"}
 LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
@@ -186,7 +186,7 @@ def test_the_docstring_lists_every_variable_that_is_read() -> None:
     Setting.from_env(Spy({**ON, **LATE, **{f"{name}_ENABLE": "1" for name in switches}}))
     documented = {
         line.split("`")[1]
-        for line in (environment.perturbations_from.__doc__ or "").splitlines()
+        for line in (paper_variables.perturbations_from.__doc__ or "").splitlines()
         if line.startswith("    `")
     }
     assert Spy.asked == documented

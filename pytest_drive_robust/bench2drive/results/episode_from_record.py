@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pytest_drive_robust.bench2drive.results.efficiencies import ratios_pct
 from pytest_drive_robust.bench2drive.results.messages import place_of
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, read_log, trace_from
+from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, OfficialRecord
 from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
-from pytest_drive_robust.bench2drive.results.record import LISTS, SPEED_LIST, Record
 from pytest_drive_robust.bench2drive.results.scoring_rule import lane_shares_pct
 from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.bench2drive.results.writing import record_of
@@ -30,7 +30,7 @@ _VERSIONS = {"bench2drive": "results"}
 """Official records do not say what they were driven with; two sets of them compare."""
 
 
-def episode_of(record: Record, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
+def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
     """The episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
 
     Of records of others ticks of events are 0, controls and progress in the trace are 0 (without a log it is empty),
@@ -58,7 +58,7 @@ def episode_of(record: Record, *, agent: str, setting: str, folders: Sequence[Pa
     )
 
 
-def _infractions(record: Record) -> tuple[Infraction, ...]:
+def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
     """Lists that we do not know make a route a failure officially, so a record with something in one is refused."""
     unknown = [name for name, messages in record.infractions.items() if messages and name not in LISTS]
     if unknown:
@@ -81,7 +81,7 @@ def _infractions(record: Record) -> tuple[Infraction, ...]:
 
 
 def _own(
-    record: Record, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
+    record: OfficialRecord, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
 ) -> EpisodeResult:
     """What the export kept, when the official part still says the same."""
     where = f"{record.where}: what the export kept"
@@ -97,7 +97,7 @@ def _own(
     return episode_from_fields(fields, _logged(record, folders), where=where)
 
 
-def _require_same(record: Record, result: EpisodeResult) -> None:
+def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
     """Raises `UsageError` when the official part was changed after the export: which of the two is true?"""
     written = record_of(result, index=0, town="", stamp="")
     scores = record.route_pct, record.penalty, record.score
@@ -115,7 +115,7 @@ def _require_same(record: Record, result: EpisodeResult) -> None:
         raise UsageError(f"{record.where} was edited after its export: its scores and what it kept disagree.")
 
 
-def _stored(record: Record, folders: Sequence[Path]) -> EpisodeResult | None:
+def _stored(record: OfficialRecord, folders: Sequence[Path]) -> EpisodeResult | None:
     from pytest_drive_robust.store.record_files import read_episode
 
     for folder in folders:
@@ -129,7 +129,7 @@ def _stored(record: Record, folders: Sequence[Path]) -> EpisodeResult | None:
     return None
 
 
-def _logged(record: Record, folders: Sequence[Path]) -> Trace:
+def _logged(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
     log = next((path for folder in folders if (path := find_log(folder, record.save_name)) is not None), None)
     if log is None:
         return _empty()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["CAMERA", "GNSS", "IMU", "LIDAR", "MAP", "RADAR", "SPEEDOMETER", "Rig", "Sensor", "read_rig"]
+__all__ = ["CAMERA", "GNSS", "IMU", "LIDAR", "MAP", "RADAR", "SPEEDOMETER", "OfficialRig", "Sensor", "read_rig"]
 
 CAMERA = "sensor.camera.rgb"
 GNSS = "sensor.other.gnss"
@@ -49,7 +49,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class OfficialRig:
     """`sensors` in the agent's order, and `cameras` for the simulator; a camera has the same name in both."""
 
     sensors: tuple[Sensor, ...]
@@ -66,7 +66,7 @@ class Rig:
         return any(sensor.type in (LIDAR, RADAR, MAP) for sensor in self.sensors)
 
 
-def read_rig(specs: object, *, agent: str) -> Rig:
+def read_rig(specs: object, *, agent: str) -> OfficialRig:
     """Understand what `sensors()` of `agent` returned. Raises `UsageError` that names the sensor.
 
     The leaderboard fires every sensor in every tick, whatever `sensor_tick` and `reading_frequency` say; so do we.
@@ -83,7 +83,7 @@ def read_rig(specs: object, *, agent: str) -> Rig:
         sensors.append(_sensor(kind, name, numbers))
         if kind == CAMERA:
             cameras.append(_camera(name, numbers))
-    return Rig(tuple(sensors), tuple(cameras))
+    return OfficialRig(tuple(sensors), tuple(cameras))
 
 
 def _sensor(kind: str, name: str, numbers: Mapping[str, float]) -> Sensor:
