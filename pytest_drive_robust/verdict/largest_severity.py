@@ -8,22 +8,32 @@ from functools import total_ordering
 from itertools import pairwise
 from typing import Literal
 
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder
-from pytest_drive_robust.verdict.known import known_metric
+from pytest_drive_robust.verdict.evaluate import Decide, Verdict
+from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 
-__all__ = ["Answer", "Bracket", "Probe", "SearchRule", "bisect", "contradictions"]
+__all__ = ["ALPHA", "Answer", "Bracket", "SearchRule", "SeverityProbe", "bisect", "contradictions", "largest"]
 
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
+ALPHA = 0.1
+"""Per severity and side. A bisection asks some five severities, and only those at the crossing are in doubt."""
+
+_NO_MARGIN = 1e-9
+"""None at all: the crossing itself is searched. A rule needs a number above 0."""
+
+_FEWEST_FOR_EVIDENCE = 20
+_ANSWERS: dict[str, Answer] = {"pass": "holds", "fail": "breaks"}
 
 _NOTABLE = 0.05
 """A milder severity that is worse by more than this share of the metric's range contradicts "the more, the worse"."""
 
 
 @dataclass(frozen=True, slots=True)
-class Probe:
+class SeverityProbe:
     """One severity that was tried. `value` is the metric over the `routes` that were read.
 
     `answer` is `"undecided"` when neither side could be shown; whether the value `meets` the limit then says where the
@@ -57,12 +67,12 @@ class Bracket:
     """
 
     ladder: Ladder
-    metric: str
+    metric: Metric
     comparison: str
     limit: float
     rule: SearchRule
     alpha: float
-    probes: tuple[Probe, ...]
+    probes: tuple[SeverityProbe, ...]
     warnings: tuple[str, ...] = ()
 
     @property
@@ -110,7 +120,7 @@ class Bracket:
         return f"evidence at {self.alpha:g} a side, margin 0, {routes} routes a severity"
 
     def __str__(self) -> str:
-        limit = known_metric(self.metric).format_limit(self.limit)
+        limit = self.metric.format_limit(self.limit)
         head = f"{self.metric} {self.comparison} {limit} under {self.ladder.word}: {self.sentence} ({self.basis})"
         return "\n  ".join([head, *self.warnings])
 
@@ -136,12 +146,41 @@ class Bracket:
             other = self.ladder.level_of(other)
         return self.ladder.severity(other) if isinstance(other, (int, float)) else None
 
-    def _mild_first(self) -> list[Probe]:
+    def _mild_first(self) -> list[SeverityProbe]:
         return sorted(self.probes, key=lambda probe: self.ladder.severity(probe.level))
 
 
-def bisect(ladder: Ladder, ask: Callable[[float], Probe]) -> tuple[Probe, ...]:
-    """Tries levels until two neighbours lie on different sides, in the order of trying.
+def largest(
+    ladder: Ladder, decide: Decide, *, routes: int, metric: Metric | str, limit: float, comparison: str | None = None
+) -> Bracket:
+    """Return the bracket within which `metric comparison limit` stops to hold as the severity grows.
+
+    With 20 `routes` or more, each severity is judged from evidence with margin 0, which stops as soon as it is decided;
+    a severity that stays undecided sends the search to the side on which its value lies. With fewer, the value over all
+    routes is compared with the limit. The severities that are tried depend on the answers alone, not on what else the
+    run has driven; episodes that it has are not driven again.
+
+    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `RequirementError` for a metric or a
+    limit that no requirement can have, and `ComparisonError` where a severity cannot be judged.
+    """
+    known = known_metric(metric) if isinstance(metric, str) else metric
+    compares = comparison or (">=" if known.higher_is_better else "<=")
+    rule: SearchRule = "evidence" if routes >= _FEWEST_FOR_EVIDENCE and known.function is None else "point"
+    verdict_rule = VerdictRule(rule, margin=_NO_MARGIN, alpha=ALPHA)
+
+    def requirement(level: float) -> Requirement:
+        return Requirement(known, Setting.of(ladder.at(level)), compares, limit)
+
+    def ask(level: float) -> SeverityProbe:
+        return _probe(level, decide(requirement(level), verdict_rule))
+
+    probes = bisect(ladder, ask)
+    warnings = contradictions(ladder, known, probes)
+    return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
+
+
+def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[SeverityProbe, ...]:
+    """Try levels until two neighbours lie on different sides, in the order of trying.
 
     It finds a crossing and supposes that there is only one (see `contradictions`).
     """
@@ -154,7 +193,7 @@ def bisect(ladder: Ladder, ask: Callable[[float], Probe]) -> tuple[Probe, ...]:
     return tuple(probes)
 
 
-def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[Probe]) -> tuple[str, ...]:
+def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProbe]) -> tuple[str, ...]:
     """Where a milder severity is clearly worse than a more severe one: then "the largest" is only one crossing."""
     ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
     span = metric.high - metric.low
@@ -163,7 +202,13 @@ def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[Probe]) -> t
     for mild, severe in pairwise(ordered):
         if sign * (severe.value - mild.value) > notable:
             return (
-                f"not monotonic: {metric.name} {metric.format(mild.value)} at {ladder.label(mild.level)} but "
+                f"not monotonic: {metric} {metric.format(mild.value)} at {ladder.label(mild.level)} but "
                 f"{metric.format(severe.value)} at {ladder.label(severe.level)}: there may be more than one crossing.",
             )
     return ()
+
+
+def _probe(level: float, verdict: Verdict) -> SeverityProbe:
+    answer = _ANSWERS.get(verdict.decision, "undecided")
+    meets = verdict.requirement.is_met_by(verdict.value)
+    return SeverityProbe(level, answer, verdict.value, meets, verdict.routes)

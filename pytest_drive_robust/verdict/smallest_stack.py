@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
+from pytest_drive_robust.verdict.evaluate import Decide
+from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Fails", "MinimalFailure", "minimal_failing"]
+__all__ = ["Fails", "MinimalFailure", "minimal_failing", "minimal_failure"]
 
 Fails = Callable[[Setting], "bool | str"]
 """Does the agent fail under this setting? True or `"fail"` says so; anything else, `"inconclusive"` too, does not."""
@@ -56,6 +59,28 @@ class MinimalFailure:
         return f'def test_{name}(drive):\n    drive.check(requirements("{_escaped(sentence)}")[0])\n'
 
 
+def minimal_failure(
+    requirement: Requirement, decide: Decide, *, verdict_rule: VerdictRule, dt_s: float
+) -> MinimalFailure | None:
+    """Return the smallest setting under which `requirement` fails, or None when it does not fail in the first place.
+
+    Evidence is asked for more strictly than for one verdict: alpha is shared by the calls that shrinking may take,
+    about two for each failure in the stack.
+    """
+    setting = requirement.setting
+    if decide(requirement, verdict_rule).decision != "fail" or setting.is_clean:
+        return None
+    strict = replace(verdict_rule, alpha=verdict_rule.alpha / (2.0 * len(setting.perturbations)))
+
+    def fails(candidate: Setting) -> str:
+        asked = Requirement(requirement.metric, candidate, requirement.comparison, requirement.limit)
+        return decide(asked, verdict_rule if candidate == setting else strict).decision
+
+    limit = requirement.metric.format_limit(requirement.limit)
+    sentence = f"{requirement.metric} under {{setting}} {requirement.comparison} {limit}"
+    return minimal_failing(setting, fails, dt_s=dt_s, sentence=sentence)
+
+
 def minimal_failing(
     setting: Setting | Perturbation,
     fails: Fails,
@@ -64,7 +89,7 @@ def minimal_failing(
     confirm: Fails | None = None,
     sentence: str = "RD under {setting} <= 0.30",
 ) -> MinimalFailure:
-    """Leaves out failures one at a time, mildest first, then makes the rest milder along their ladders.
+    """Leave out failures one at a time, mildest first, then makes the rest milder along their ladders.
 
     `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
     result once more, on fresh seeds as a rule. `sentence` is the requirement behind `fails`, for the test case.
@@ -72,16 +97,16 @@ def minimal_failing(
     Raises `ComparisonError` when `setting` itself does not fail.
     """
     given = Setting.of(setting) if isinstance(setting, Perturbation) else setting
-    jury = _Jury(fails)
-    if not jury.finds_failing(given):
-        raise ComparisonError(f"{given} does not fail (it is {jury.asked[-1][1]!r}), so there is nothing to shrink.")
-    smallest = _soften(_drop(given, jury, dt_s), jury, dt_s)
+    answers = _Answers(fails)
+    if not answers.finds_failing(given):
+        raise ComparisonError(f"{given} does not fail (it is {answers.asked[-1][1]!r}), so there is nothing to shrink.")
+    smallest = _soften(_drop(given, answers, dt_s), answers, dt_s)
     confirmed = None if confirm is None else _is_failure(confirm(smallest))
-    return MinimalFailure(smallest, given, tuple(jury.asked), confirmed, sentence)
+    return MinimalFailure(smallest, given, tuple(answers.asked), confirmed, sentence)
 
 
-class _Jury:
-    """Remembers what it was asked."""
+class _Answers:
+    """Judges each setting once and keeps the answers."""
 
     def __init__(self, fails: Fails) -> None:
         self._fails = fails
@@ -97,20 +122,20 @@ class _Jury:
         return self._known[key]
 
 
-def _drop(setting: Setting, jury: _Jury, dt_s: float) -> Setting:
-    """Until nothing can be left out: the mildest is the least likely culprit, so it is tried first."""
+def _drop(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+    """Leave out failures until nothing can be: the mildest is the least likely culprit, so it is tried first."""
     while len(setting.perturbations) > 1:
         order = sorted(setting.perturbations, key=lambda item: _height(item, dt_s))
         smaller = (Setting(tuple(other for other in setting.perturbations if other is not item)) for item in order)
-        found = next((candidate for candidate in smaller if jury.finds_failing(candidate)), None)
+        found = next((candidate for candidate in smaller if answers.finds_failing(candidate)), None)
         if found is None:
             break
         setting = found
     return setting
 
 
-def _soften(setting: Setting, jury: _Jury, dt_s: float) -> Setting:
-    """The mildest severity of each that still fails, found by bisection."""
+def _soften(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+    """Return the setting with the mildest severity of each that still fails, found by bisection."""
     for place, item in enumerate(setting.perturbations):
         ladder = _ladder(item, dt_s)
         if ladder is None:
@@ -121,7 +146,7 @@ def _soften(setting: Setting, jury: _Jury, dt_s: float) -> Setting:
         while above - below > 1:
             middle = (below + above) // 2
             candidate = _with(setting, place, ladder.at(milder[middle]))
-            if jury.finds_failing(candidate):
+            if answers.finds_failing(candidate):
                 above = middle
             else:
                 below = middle

@@ -12,7 +12,7 @@ from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import templates_of
 from pytest_drive_robust.perturbations.values import render_value
-from pytest_drive_robust.verdict.known import metric_names
+from pytest_drive_robust.verdict.requirement import metric_names
 
 __all__ = ["nearest_sentence"]
 

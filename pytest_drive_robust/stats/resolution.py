@@ -7,14 +7,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T
 
-__all__ = ["USUAL_NOISE", "Advice", "advise", "degradation_noise", "pairs_to_settle", "resolution", "routes_needed"]
+__all__ = ["USUAL_NOISE", "Advice", "advise", "resolution", "routes_needed"]
 
 USUAL_NOISE = 0.45
 """The noise of RD for an agent that we know nothing about."""
@@ -67,34 +66,6 @@ def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0
         raise ValueError(f"the margin is {margin!r}, expected a number above 0.")
     wanted = _standard_errors(alpha, power) * noise / margin
     return max(FEWEST_FOR_T, math.ceil(wanted**2))
-
-
-def pairs_to_settle(
-    value: float, limit: float, margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER
-) -> int:
-    """How many pairs in all would settle an inconclusive verdict, if `value` (RD) is the truth.
-
-    The farther of the two claims is the one to show: "above the limit", or "below limit + margin". For a metric that
-    must stay above its limit give a negative margin.
-    """
-    return routes_needed(max(abs(value - limit), abs(limit + margin - value)), noise, alpha=alpha, power=power)
-
-
-def degradation_noise(clean: Sequence[float], perturbed: Sequence[float]) -> float:
-    """k = sd(D) / mean(clean) of stored scores per route, D = perturbed - (1 - RD) * clean.
-
-    0 when every route loses the same share. Raises `ComparisonError` for lists that do not pair, fewer than two pairs
-    and a clean mean of 0.
-    """
-    count = len(clean)
-    if count != len(perturbed) or count < 2:
-        raise ComparisonError(f"{count} clean and {len(perturbed)} perturbed scores. Expected two pairs or more.")
-    total = math.fsum(clean)
-    if not total > 0.0:
-        raise ComparisonError("the mean clean score is 0, so the degradation has no noise.")
-    kept = math.fsum(perturbed) / total
-    squares = math.fsum((after - kept * before) ** 2 for before, after in zip(clean, perturbed, strict=True))
-    return math.sqrt(squares / (count - 1)) / (total / count)
 
 
 def advise(

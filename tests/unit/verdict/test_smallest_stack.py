@@ -16,7 +16,7 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.verdict.shrink import minimal_failing
+from pytest_drive_robust.verdict.smallest_stack import minimal_failing
 
 STACK = Setting.of(
     PartialObservation(ratio=0.8), GpsNoise(std_m=5), SpeedNoise(mean=0.2), InferenceLatency(ms=500), FrameBlend()

@@ -6,14 +6,14 @@ import re
 from collections.abc import Mapping
 from textwrap import indent
 
-from pytest_drive_robust.errors import RequirementError, UsageError
+from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.verdict.known import known_metric, known_perturbations
-from pytest_drive_robust.verdict.margin import parse_margin
-from pytest_drive_robust.verdict.model import Requirement
-from pytest_drive_robust.verdict.suggest import nearest_sentence
+from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.verdict.nearest import nearest_sentence
+from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, known_metric
 
-__all__ = ["parse_requirement", "requirements"]
+__all__ = ["DEFAULT_LIMIT", "parse_requirement", "requirements"]
 
 Known = Mapping[str, type[Perturbation]]
 
@@ -23,7 +23,16 @@ _COMPARISONS = {"<=": "<=", ">=": ">=", "≤": "<=", "≥": ">="}
 _COMPARISON = re.compile("<=|>=|≤|≥")
 # What people write instead; the "=" of a parameter such as "(mode=hold)" has no space before it.
 _NO_COMPARISON = re.compile(r"==|!=|=<|=>|<|>|(?<=\s)=|\b(?:is|below|above|at most|at least|less than|more than)\b")
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = re.compile(_DIGITS)
+_MARGIN = re.compile(
+    rf"(?P<words>.+?)\s+margin\s*(?:>=|≥)\s*(?P<level>{_DIGITS})\s*(?P<unit>[a-z]*)"
+    rf"(?:\s*\((?P<metric>\w+)\s*(?P<comparison><=|>=|≤|≥)\s*(?P<limit>{_DIGITS})\))?",
+    re.IGNORECASE,
+)
+
+DEFAULT_LIMIT = 0.30
+"""The RD that a margin allows when its sentence does not say."""
 
 
 def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
@@ -33,7 +42,7 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
     expected and the nearest valid sentence; lines that say the same twice; a text without any requirement.
     """
-    known = known_perturbations() if known is None else known
+    known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -61,7 +70,7 @@ def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
 
     Raises `RequirementError` with what was expected and the nearest valid sentence.
     """
-    known = known_perturbations() if known is None else known
+    known = default_registry().perturbations() if known is None else known
     sentence = " ".join(line.split())
     try:
         return _parse(sentence, known)
@@ -79,7 +88,7 @@ def _canonical(sentence: str, known: Known) -> str | None:
 
 
 def _parse(sentence: str, known: Known) -> Requirement:
-    margin = parse_margin(sentence, known)
+    margin = _parse_margin(sentence, known)
     if margin is not None:
         return margin
     comparison = _COMPARISON.search(sentence)
@@ -90,11 +99,49 @@ def _parse(sentence: str, known: Known) -> Requirement:
     metric, under, setting = _left_side(sentence[: comparison.start()].strip())
     if not under:
         raise RequirementError(f"the word 'under' is missing after the metric. Expected '{_FORM}'.")
-    known_metric(metric)
+    known_metric(metric)  # an unknown metric is named before a setting that is missing
     if not setting:
         raise RequirementError(f"the setting after 'under' is missing. Expected 'clean' or a perturbation: '{_FORM}'.")
     limit = _limit(metric, sentence[comparison.end() :].strip())
     return Requirement(metric, Setting.parse(setting, known), _COMPARISONS[comparison.group()], limit)
+
+
+def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
+    """The requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
+
+    Raises `RequirementError` for a failure that nobody knows and for the wrong unit, `PerturbationError` for a severity
+    that the failure cannot have.
+    """
+    found = _MARGIN.fullmatch(sentence)
+    if found is None:
+        return None
+    ladder = _ladder(found["words"], known)
+    unit = found["unit"].lower()
+    if unit != ladder.unit:
+        given = f"has the unit {unit!r}" if unit else "has no unit"
+        raise RequirementError(
+            f"the severity {found['level']} {given}. Expected {ladder.unit or 'none'}: "
+            f"'{ladder.word} margin >= {found['level']} {ladder.unit}'.".replace(" '.", "'.")
+        )
+    metric = known_metric(found["metric"] or "RD")
+    comparison = _COMPARISONS[found["comparison"] or "<="]
+    limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
+    return MarginRequirement(metric, Setting.of(ladder.at(float(found["level"]))), comparison, limit)
+
+
+def _ladder(words: str, known: Known) -> Ladder:
+    by_word = {failure_word(cls).lower(): cls for cls in known.values()}
+    cls = by_word.get(" ".join(words.lower().split()))
+    if cls is None:
+        close = nearest(words, by_word)
+        hint = f" Did you mean {close!r}?" if close else ""
+        raise RequirementError(
+            f"there is no failure called {words!r}.{hint} Expected one of {', '.join(sorted(by_word))}."
+        )
+    try:
+        return ladder_of(cls, dt_s=ANY_TICK_S)
+    except PerturbationError as error:
+        raise RequirementError(str(error)) from None
 
 
 def _left_side(text: str) -> tuple[str, str, str]:

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
-from pytest_drive_robust.runner.routes import DEFAULT_ROUTES, resolve_routes
+from pytest_drive_robust.options.run import DEFAULT_ROUTES, RunOptions
+from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
+from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 ROUTES = """<routes>
   <route id="7" town="Straight">
@@ -92,3 +95,44 @@ def test_a_file_that_is_no_route_file_is_a_route_error(tmp_path: Path) -> None:
     path.write_text("<routes><route")
     with pytest.raises(RouteError, match=r"broken\.xml"):
         resolve_routes(str(path))
+
+
+class Island(FakeSimulator):
+    """Drives its own three routes, and by name some more."""
+
+    def routes(self, names=()):
+        for name in names:
+            if not name.startswith("island-"):
+                raise UnknownNameError.of("route of fake", name, ["island-1", "island-2"])
+        return tuple(fake_route(name) for name in names or ("island-1", "island-2", "island-3"))
+
+
+def own_ids(spec, simulator):
+    return [route.id for route in routes_for(spec, simulator)]
+
+
+def test_nobody_chose_so_the_simulator_does():
+    assert default_spec(RunOptions(), Island()) == "fake"
+    assert own_ids("fake", Island()) == ["island-1", "island-2", "island-3"]
+
+
+def test_somebody_chose():
+    settings = RunOptions(routes="island-7,island-9", routes_given=True)
+    assert default_spec(settings, Island()) == "island-7,island-9"
+    assert own_ids("island-7, island-9", Island()) == ["island-7", "island-9"]
+
+
+def test_without_own_routes_ours_are_the_default():
+    assert default_spec(RunOptions(), FakeSimulator()) == DEFAULT_ROUTES
+    assert len(own_ids(DEFAULT_ROUTES, FakeSimulator())) >= 1
+
+
+def test_files_and_sets_are_understood_and_left_to_check_route(tmp_path: Path):
+    save_routes([fake_route("77")], tmp_path / "mine.xml")
+    assert own_ids(str(tmp_path / "mine.xml"), Island()) == ["77"]
+    assert own_ids(DEFAULT_ROUTES, Island()) == own_ids(DEFAULT_ROUTES, FakeSimulator())
+
+
+def test_what_is_none_of_both_is_told_in_the_simulator_s_words():
+    with pytest.raises(UnknownNameError, match=r"no route of fake named 'ilsand-1'\. Did you mean 'island-1'"):
+        routes_for("ilsand-1", Island())

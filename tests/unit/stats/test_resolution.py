@@ -6,12 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats import gate
-from pytest_drive_robust.stats.planning import (
+from pytest_drive_robust.stats.resolution import (
     advise,
-    degradation_noise,
-    pairs_to_settle,
     resolution,
     routes_needed,
 )
@@ -21,8 +18,6 @@ def test_the_formula_by_hand() -> None:
     # z(0.96) + z(0.90) = 1.7507 + 1.2816 standard errors
     assert resolution(220, 0.45) == pytest.approx(3.0322 * 0.45 / math.sqrt(220), rel=1e-4)
     assert routes_needed(0.10, 0.45) == math.ceil((3.0322 * 4.5) ** 2)
-    assert pairs_to_settle(0.34, 0.30, 0.10, 0.45) == math.ceil((3.0322 * 0.45 / 0.06) ** 2)
-    assert pairs_to_settle(70.0, 72.0, -10.0, 30.0) == math.ceil((3.0322 * 30.0 / 8.0) ** 2)
 
 
 @given(st.floats(0.03, 0.3), st.floats(0.1, 1.0), st.sampled_from([0.01, 0.05]))
@@ -57,17 +52,7 @@ def test_three_pairs_that_lose_everything_are_below_the_resolution_and_not_faile
     assert gate([50.0] * 20, [15.0] * 20, 0.30).verdict == "fail"
 
 
-def test_the_noise_of_stored_scores_by_hand() -> None:
-    # RD 0.5; D = (30, -30), sd with n - 1 = 42.43, mean clean 80
-    assert degradation_noise([80.0, 80.0], [70.0, 10.0]) == pytest.approx(math.sqrt(1800.0) / 80.0)
-    assert degradation_noise([80.0, 40.0], [40.0, 20.0]) == 0.0
-
-
-def test_the_noise_of_nothing_is_refused() -> None:
-    with pytest.raises(ComparisonError, match="two pairs or more"):
-        degradation_noise([80.0], [70.0])
-    with pytest.raises(ComparisonError, match="mean clean score is 0"):
-        degradation_noise([0.0, 0.0], [70.0, 1.0])
+def test_no_routes_and_no_margin_are_refused() -> None:
     with pytest.raises(ValueError, match="1 or more"):
         resolution(0)
     with pytest.raises(ValueError, match="above 0"):
