@@ -10,14 +10,14 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
 from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.verdict.evaluate import judge
-from pytest_drive_robust.verdict.model import requirement
+from pytest_drive_robust.verdict.evaluate import evaluate
+from pytest_drive_robust.verdict.requirement import requirement
 
 LATENCY = Setting.of(InferenceLatency(ms=200))
 
 
 def text_of(wanted, clean, perturbed, *, options=None, routes_spec="dev10", privileged=False):
-    verdict = judge(wanted, agent="driver", clean=clean, perturbed=perturbed)
+    verdict = evaluate(wanted, agent="driver", clean=clean, perturbed=perturbed)
     return failure_text(verdict, options or RunOptions(), routes_spec=routes_spec, privileged=privileged)
 
 
