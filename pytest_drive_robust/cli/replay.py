@@ -180,7 +180,7 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
 
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
     """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
-    from pytest_drive_robust.verdict.divergence import first_divergence_s
+    from pytest_drive_robust.verdict.explain import first_divergence_s
 
     if len(tapes) == 2:
         parted_s = first_divergence_s(tapes[0].result, tapes[1].result)

@@ -13,9 +13,9 @@ from pytest_drive_robust.regression.outcome import CellComparison, Comparison, F
 from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import judge_drop, judge_rise, kind_for
+from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.stats.judges import VerdictKind
-from pytest_drive_robust.stats.order import planned_order
 
 __all__ = ["compare"]
 

@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
-from pytest_drive_robust.verdict.describe import describe_outcome
+from pytest_drive_robust.verdict.explain import describe_outcome
 
 __all__ = ["READS_SCHEMA", "read_document", "snapshot_of"]
 

@@ -9,7 +9,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import counted, shown
 from pytest_drive_robust.report.page import WIDTH, Page, new_table
-from pytest_drive_robust.verdict.worst import WorstRoute
+from pytest_drive_robust.verdict.explain import WorstRoute
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.verdict.evaluate import Verdict, WorstRoute
+    from pytest_drive_robust.verdict.evaluate import Verdict
+    from pytest_drive_robust.verdict.explain import WorstRoute
 
 __all__ = ["failure_text", "replay_command", "value_text"]
 
@@ -61,7 +62,7 @@ def replay_command(
 def _headline(verdict: Verdict) -> list[str]:
     """Value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
-    metric = requirement.metric
+    metric = requirement.metric.name
     value = value_text(metric, str(requirement.setting), verdict.value)
     limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
     alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
@@ -76,7 +77,7 @@ def _headline(verdict: Verdict) -> list[str]:
 
 def _promise(verdict: Verdict) -> list[str]:
     """What the verdict says and how often it may be wrong; nothing for a plain comparison."""
-    metric, kind = verdict.requirement.metric, verdict.verdict_rule.kind
+    metric, kind = verdict.requirement.metric.name, verdict.verdict_rule.kind
     if verdict.reason:
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:

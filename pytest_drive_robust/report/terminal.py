@@ -11,7 +11,7 @@ from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import legible, shown
 from pytest_drive_robust.report.page import Page, new_table
 from pytest_drive_robust.stats.several import any_wrong
-from pytest_drive_robust.verdict.touched import immunity
+from pytest_drive_robust.verdict.evaluate import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
-from pytest_drive_robust.verdict.divergence import first_divergence_s
+from pytest_drive_robust.verdict.explain import first_divergence_s
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
