@@ -45,9 +45,14 @@ class ProcessExecutor:
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode in the next free child. Raises `UsageError` when no child could be made like this one."""
+        self.fork_server()
+        return self._pool.submit(self._drive, request)
+
+    def fork_server(self) -> ForkServer:
+        """Return what the worker processes are forked from, for others that fork some, too. Raises `UsageError`."""
         if self._fork_server is None:
             self._fork_server = ForkServer(self._setup())
-        return self._pool.submit(self._drive, request)
+        return self._fork_server
 
     def close(self, *, cancel: bool = False) -> None:
         """End the children. With `cancel`, those that drive are killed; without, they come to their end first."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ALONE", "DRIVE", "REFUSED", "RESULT", "SALVAGE", "TOGETHER", "VET", "refusal_bytes"]
+__all__ = ["ALONE", "CHECK", "DRIVE", "REFUSED", "RESULT", "SALVAGE", "TOGETHER", "refusal_bytes"]
 
 DRIVE, SALVAGE, RESULT, REFUSED = b"D", b"S", b"R", b"U"
-VET, ALONE, TOGETHER = b"V", b"A", b"T"
+CHECK, ALONE, TOGETHER = b"C", b"A", b"T"
 """About lockstep: whether an agent may, an episode in a batch of its own, an episode that shares its batch."""
 
 

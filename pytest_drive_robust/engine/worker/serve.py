@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.lockstep.together import drive_together
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.wire import TOGETHER
 from pytest_drive_robust.engine.worker.handler import RequestHandler
@@ -77,7 +76,7 @@ def serve(channels: Descriptors, worker_setup: WorkerSetup, limits: Limits, regi
             return
         _tell_faults(faults)
         if request.kind == TOGETHER:
-            drive_together(driver.crew, request, messages, answer)
+            driver.lockstep.drive_together(request, answer)
         else:
             answer(request.token, *driver.answer(request))
 

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.shared_state import SharedState
-from pytest_drive_robust.runner.episode.rescore import Rig
+from pytest_drive_robust.runner.episode.rescore import AgentRig
 
 __all__ = ["CUT_OFF", "WatchedAgent", "tamed"]
 
@@ -50,7 +50,7 @@ class WatchedAgent:
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """The loop has checked the rig by now: keep it, then wake the agent."""
         consumes = tuple(sorted(consumed_signals(self._agent)))
-        self._board.equip(Rig(tuple(self._cameras), consumes, is_privileged(self._agent)))
+        self._board.equip(AgentRig(tuple(self._cameras), consumes, is_privileged(self._agent)))
         tamed(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:

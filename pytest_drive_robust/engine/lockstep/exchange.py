@@ -1,4 +1,4 @@
-"""Many requests to one child, under way at the same time and answered in any order."""
+"""Many requests to one worker process, under way at the same time and answered in any order."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.engine.death import Cause
@@ -18,13 +18,16 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.worker_process import WorkerProcess
 
-__all__ = ["Stream"]
+    Answers = Generator[tuple[bytes, Answer], None, None]
+
+__all__ = ["BatchExchange"]
 
 
-class Stream(Exchange):
+class BatchExchange(Exchange):
     """As `Exchange`, for requests that join while others are under way.
 
     `news_fd` becomes readable when there may be another request. The limit of an episode counts from its own request.
+    `death` is how the process ended, where it did.
     """
 
     def __init__(self, child: WorkerProcess, limits: Limits, wake_fd: int, news_fd: int) -> None:
@@ -32,11 +35,12 @@ class Stream(Exchange):
         self._news_fd = news_fd
         self._begun_s: dict[bytes, float] = {}
         self._out = bytearray()
+        self.death: Death | None = None
 
-    def run_together(self, take: Callable[[], Frame | None], hear: Callable[[bytes, Answer], None]) -> Death | None:
-        """Send what `take` gives, tell `hear` what comes back; None when nothing is under way and nothing to be sent.
+    def run_batch(self, take: Callable[[], Frame | None]) -> Answers:
+        """Send what `take` gives and yield each answer with its token, until nothing is under way and none to be sent.
 
-        After a `Death` the child is dead, too. Raises `Interrupted`.
+        After a `death` the process is gone. Raises `Interrupted`.
         """
         poller = select.poll()
         for number in (self._wake_fd, self._news_fd, self._child.channels.output):
@@ -44,10 +48,10 @@ class Stream(Exchange):
         if self._child.exit_fd is not None:
             poller.register(self._child.exit_fd, select.POLLIN)
         with socket.socket(fileno=os.dup(self._child.channels.messages)) as line:
-            while True:
+            while self.death is None:
                 self._send(take, line)
                 if not self._begun_s:
-                    return None
+                    return
                 self._started_s = min(self._begun_s.values())
                 poller.register(self._child.channels.messages, select.POLLIN | (select.POLLOUT if self._out else 0))
                 ready = dict(poller.poll(1000.0 * self._patience_s()))
@@ -57,12 +61,12 @@ class Stream(Exchange):
                     os.read(self._news_fd, CHUNK_BYTES)
                 if self._child.channels.output in ready and not self._listen():
                     poller.unregister(self._child.channels.output)
-                lost = self._news(ready, hear) or (self._late() if self._begun_s else None)
-                if lost is not None:
-                    return lost
+                yield from self._receive(ready)
+                if self.death is None and self._begun_s:
+                    self.death = self._late()
 
     def _send(self, take: Callable[[], Frame | None], line: socket.socket) -> None:
-        """As much as there is room for: a child that answers must never wait for one that asks."""
+        """Send as much as there is room for: a process that answers must never wait for one that asks."""
         while (frame := take()) is not None:
             self._begun_s[frame.token] = time.monotonic()
             self._out += packed(frame)
@@ -74,28 +78,25 @@ class Stream(Exchange):
         except OSError:  # it is dead, which is noticed soon
             self._out.clear()
 
-    def _news(self, ready: Mapping[int, int], hear: Callable[[bytes, Answer], None]) -> Death | None:
+    def _receive(self, ready: Mapping[int, int]) -> Answers:
         messages = self._child.channels.messages
-        if ready.get(messages, 0) & ~select.POLLOUT:
-            return self._hear_all(hear)
-        if self._has_ended(ready) and not select.select([messages], [], [], 0)[0]:
-            return self._lost()
-        return None
-
-    def _hear_all(self, hear: Callable[[bytes, Answer], None]) -> Death | None:
+        if not ready.get(messages, 0) & ~select.POLLOUT:
+            if self._has_ended(ready) and not select.select([messages], [], [], 0)[0]:
+                self.death = self._lost()
+            return
         try:
-            piece = os.read(self._child.channels.messages, CHUNK_BYTES)
+            piece = os.read(messages, CHUNK_BYTES)
         except OSError:
             piece = b""
         if not piece:
-            return self._lost()
+            self.death = self._lost()
+            return
         try:
             for frame in self._reader.feed(piece):
                 if self._begun_s.pop(frame.token, None) is None:
                     raise BrokenStreamError("the answer is to another request")
                 answer = answer_in(frame)
                 self._listen()
-                hear(frame.token, answer)
+                yield frame.token, answer
         except (BrokenStreamError, ValueError):
-            return self._kill(Cause.GARBAGE)
-        return None
+            self.death = self._kill(Cause.GARBAGE)
