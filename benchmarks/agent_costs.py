@@ -29,9 +29,9 @@ from rich.table import Table
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.training import candidates
 from drive_robust_agents.training.candidates import candidate_name
-from drive_robust_agents.training.export import write_weights
-from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import RunOptions
+from drive_robust_agents.training.loop.export import write_weights
+from drive_robust_agents.training.loop.trainer import TrainingOptions
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust import Control, Observation, Setting
 from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.episode import Episode
@@ -81,7 +81,7 @@ class Timed:
     """An agent with a clock around `act`."""
 
     def __init__(self, agent: Agent) -> None:
-        self.agent, self.spent_s, self.ticks = agent, 0.0, 0
+        self.agent, self.spent_s, self.calls = agent, 0.0, 0
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.agent, name)
@@ -90,7 +90,7 @@ class Timed:
         start = time.process_time()
         control = self.agent.act(observation)
         self.spent_s += time.process_time() - start
-        self.ticks += 1
+        self.calls += 1
         return control
 
 
@@ -108,9 +108,9 @@ def _learned(name: str, folder: Path) -> Subject:
     cls: Any = default_registry().entry("agents", name).load()
     file, weights = cls.weights[0], "shipped"
     if not file.is_file():
-        settings = RunOptions(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
+        options = TrainingOptions(name, steps=1, batch=1, lr=1e-3, weight_decay=0.0, clip=1.0)
         torch.manual_seed(0)
-        file = write_weights(recipe_of(name).make(), folder / name, settings=settings, step=0)
+        file = write_weights(recipe_of(name).make(), folder / name, options=options, step=0)
         weights = "random"
     _, entry = locate(name, file)
 
@@ -130,7 +130,7 @@ def alone(agent: Agent, ticks: int) -> tuple[float, float]:
         if result.outcome is Outcome.AGENT_ERROR:
             raise SystemExit(result.end_detail)
     whole_s = time.process_time() - start
-    return 1e3 * timed.spent_s / timed.ticks, timed.spent_s / whole_s
+    return 1e3 * timed.spent_s / timed.calls, timed.spent_s / whole_s
 
 
 def seen_by(agent: Agent, ticks: int) -> Recording:

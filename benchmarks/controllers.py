@@ -23,7 +23,7 @@ from drive_robust_agents._wrappers.path_controller import PathController
 from drive_robust_agents._wrappers.pid import Pedals, Point, WaypointController, WaypointTuning
 from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
 from drive_robust_agents.expert import Expert
-from drive_robust_agents.training.labels import path_ahead
+from drive_robust_agents.training.data.labels import path_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.truth import EgoState
@@ -42,7 +42,11 @@ Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
 
 
 class Perfect:
-    """An agent whose waypoints are the expert's own future; `make` begins an episode's controller."""
+    """An agent whose waypoints are the expert's own future; `make` makes an episode's controller.
+
+    The expert drives on anew when the future that is known is `every` ticks old. Ticks are those of the observations:
+    under a setting that holds controls, `act` is not called in each of them.
+    """
 
     privileged = True
     consumes = frozenset({"gps", "compass", "speed"})
@@ -58,24 +62,29 @@ class Perfect:
         self.expert, self._planner, self._steer = Expert(), RoutePlanner(route), self._make()
         self.expert.reset(route, seed)
         self._future: list[EgoState] = []
-        self._age = 0
+        self._tick = self._branched = 0
 
     def act(self, observation: Observation) -> Control:
         assert observation.truth is not None
         ego, gps = observation.truth.frame.ego, observation.gps
         self.expert.act(observation)
-        self._age += 1
-        if not self._future or self._age >= self._every:
-            self._future, self._age = self._drive_on(observation), 0
+        self._tick = observation.tick
+        if not self._future or self.age_ticks >= self._every:
+            self._future, self._branched = self._drive_on(observation), observation.tick
         target = self._planner.step(gps.x_m, gps.y_m)
         local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
         pedals = self._steer(self, ego, observation.speed.mps, local)
         return Control(pedals.throttle, pedals.steer, pedals.brake)
 
+    @property
+    def age_ticks(self) -> int:
+        """How many ticks ago the expert was branched off."""
+        return self._tick - self._branched
+
     def waypoints(self, ego: EgoState, step_s: float, count: int) -> list[Point]:
-        """Where the expert would be after so many steps, in the ego frame; straight on after the end of the route."""
+        """Return where the expert is after 1 to `count` steps, in the ego frame; after its end straight on."""
         points, last = list[Point](), len(self._future) - 1
-        for row in (self._age + round(20.0 * step_s * k) for k in range(1, count + 1)):
+        for row in (self.age_ticks + round(20.0 * step_s * k) for k in range(1, count + 1)):
             pose = self._future[min(row, last)]
             beyond_m = pose.speed_mps * max(row - last, 0) / 20.0
             x_m, y_m = pose.x_m + beyond_m * math.cos(pose.yaw_rad), pose.y_m + beyond_m * math.sin(pose.yaw_rad)
@@ -83,7 +92,7 @@ class Perfect:
         return points
 
     def path(self, ego: EgoState) -> list[Point]:
-        """The line that the expert follows, a point a metre."""
+        """Return the line that the expert follows, a point a metre."""
         intent = self.expert.intent()
         return [(x, y) for x, y in path_ahead(ego, intent.line, intent.row).tolist()]
 
@@ -111,7 +120,7 @@ def by_path() -> Steer:
 
 
 def published(numbers: WaypointTuning) -> WaypointTuning:
-    """Bench2Drive's gains and rules, with the caps of ours."""
+    """Return Bench2Drive's gains and rules with the caps of ours."""
     caps = ("cruise_throttle", "free_throttle", "coast_above_mps")
     return replace(tuning.PUBLISHED, **{name: getattr(numbers, name) for name in caps})
 

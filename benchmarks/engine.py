@@ -49,7 +49,7 @@ from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.store.events import Event
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.record import encode_episode
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record_files import RecordFiles
 
 AGENT = "classical"
 OPTIONS = SimulatorOptions(stuck_stop_s=30.0)
@@ -183,11 +183,11 @@ def judging(rounds: int) -> Rows:
     world, agent = EmbeddedSimulator(OPTIONS), default_registry().agent(AGENT)
     need = scope.need(ASKED.setting, clean=True)
     with tempfile.TemporaryDirectory() as folder:
-        shelf = Shelf(Path(folder))
+        files = RecordFiles(Path(folder))
         for requests, setting in ((need.clean, ASKED.setting.baseline), (need.perturbed, ASKED.setting)):
             driven = drive_episode(world, agent, route=routes[0], setting=setting, seed=0, agent_name=AGENT)
             for request in requests:
-                path = shelf.path(request.key)
+                path = files.path(request.key)
                 path.parent.mkdir(parents=True, exist_ok=True)
                 result = dataclasses.replace(driven, episode=request.episode)
                 path.write_bytes(encode_episode(result, {"key": request.key}))

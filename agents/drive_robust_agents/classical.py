@@ -1,9 +1,9 @@
 """`classical`: a modular pipeline of the old school, with a channel for every perturbation to hurt.
 
 Raw GPS and compass place the vehicle on a smooth path through the sparse plan; the camera corrects the path by the
-lane's markings, finds what stands in the way, and sees lamps and stop signs (`_vision`: it knows the palette of its
-world); two controllers turn that into steering and pedals. Nothing is filtered that a deployed agent of this kind
-would not filter: a noisy GPS reaches the steering wheel, a wrong speed the pedals, a frozen image everything.
+lane's markings, finds what stands in the way, and sees lamps and stop signs (`_classical.vision`: it knows the palette
+of its world); two controllers turn that into steering and pedals. Nothing is filtered that a deployed agent of this
+kind would not filter: a noisy GPS reaches the steering wheel, a wrong speed the pedals, a frozen image everything.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._corridor import Corridor, beside
-from drive_robust_agents._gap import Gap
-from drive_robust_agents._junction import FRONT_M, JunctionRules
-from drive_robust_agents._lane import LaneTracker
-from drive_robust_agents._overtake import Overtake
-from drive_robust_agents._route import Junction, PlanPath
-from drive_robust_agents._vehicle import STEER_MAX_RAD, WHEELBASE_M
-from drive_robust_agents._vision import CAMERA, Ground
+from drive_robust_agents._classical.corridor import Corridor, beside
+from drive_robust_agents._classical.gap import Gap
+from drive_robust_agents._classical.junction_rules import FRONT_M, JunctionRules
+from drive_robust_agents._classical.lane_tracker import LaneTracker
+from drive_robust_agents._classical.overtake import Overtake
+from drive_robust_agents._classical.plan_path import Junction, PlanPath
+from drive_robust_agents._classical.vision import CAMERA, GroundModel
+from drive_robust_agents._planning.vehicle import STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
 
 __all__ = ["Classical"]
@@ -55,7 +55,7 @@ class Classical:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         self._plan = route
         self._path: PlanPath | None = None
-        self._ground, self._lane, self._corridor = Ground(), LaneTracker(), Corridor()
+        self._ground, self._lane, self._corridor = GroundModel(), LaneTracker(), Corridor()
         self._rules, self._overtake, self._gap = JunctionRules(), Overtake(), Gap()
         self._yaw_rad = 0.0
         self._on_road, self._entered, self._go = False, False, False

@@ -1,12 +1,13 @@
 """`expert`: a privileged rule-based planner, the upper end of every table.
 
-It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each in a room of its own (`_planning`):
+It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each with modules of its own in
+`_planning`:
 
 1. forecast everybody else along the lanes (`traffic`, `tracks`);
-2. choose where to drive: the lanes of the route (`lanes`), a way around what stands in them (`obstacles`); a new
-   manoeuvre begins only when the forecast says that it can be driven to its end;
+2. choose where to drive: the lanes of the route (`lane_changes`), a way around what stands in them (`obstacles`); a
+   new manoeuvre begins only when the forecast says that it can be driven to its end;
 3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
-   signs and junctions make it wait (`junctions`).
+   signs and junctions make it wait (`right_of_way`).
 
 Nobody's intentions are known to it: where traffic goes at a fork it learns by watching.
 """
@@ -21,13 +22,13 @@ import numpy as np
 
 from drive_robust_agents._planning.control import Floats, pedals, steer_along
 from drive_robust_agents._planning.intent import Intent
-from drive_robust_agents._planning.junctions import Junctions
-from drive_robust_agents._planning.lanes import LaneChanges, Siren
+from drive_robust_agents._planning.lane_changes import LaneChanges, Siren
 from drive_robust_agents._planning.lateral import line_of
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
-from drive_robust_agents._planning.places import project, project_all
-from drive_robust_agents._planning.scene import Scene
-from drive_robust_agents._planning.speed import Moment, SpeedChoice, is_free
+from drive_robust_agents._planning.projection import project, project_all
+from drive_robust_agents._planning.right_of_way import RightOfWay
+from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
+from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
@@ -62,10 +63,10 @@ class Expert:
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode."""
-        self._scene: Scene | None = None
+        self._scene: StaticScene | None = None
         self._lanes: LaneChanges | None = None
         self._traffic = Traffic()
-        self._junctions = Junctions()
+        self._junctions = RightOfWay()
         self._siren = Siren()
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
@@ -103,7 +104,7 @@ class Expert:
         if truth is None:
             raise ValueError("expert needs Observation.truth: it is a privileged agent")
         if self._scene is None:
-            self._scene = Scene(truth)
+            self._scene = StaticScene(truth)
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
         moment = self._see(self._scene, truth)
@@ -124,7 +125,7 @@ class Expert:
         self._held_back |= obstacle is not None and not obstacle.moving
         return self._control(truth.frame.ego, profile, moment, acceleration, stop)
 
-    def _see(self, scene: Scene, truth: GroundTruth) -> Moment:
+    def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
         """Everything that the decisions of this tick need."""
         frame, ego = truth.frame, truth.frame.ego
         self._traffic.update(frame, scene.graph)
@@ -132,11 +133,11 @@ class Expert:
         stop = self._junctions.stop_row(scene, frame, row)
         k = int(np.clip(row, 0, scene.count - 1))
         drift = math.tan(float(np.clip(math.remainder(ego.yaw_rad - scene.route[k, 2], math.tau), -1.2, 1.2)))
-        return Moment(scene, self._traffic, self._junctions, row, right, drift, ego.speed_mps, stop)
+        return Situation(scene, self._traffic, self._junctions, row, right, drift, ego.speed_mps, stop)
 
     # --- where ---
 
-    def _waits_beside_the_lane(self, lanes: LaneChanges, now: Moment) -> bool:
+    def _waits_beside_the_lane(self, lanes: LaneChanges, now: Situation) -> bool:
         """Does the ego still stand in a parking space, because the way into the traffic is not free?"""
         if self._parked is None:
             self._parked = abs(now.right_m - float(lanes.profile[0])) > _PARKED_FROM_M
@@ -144,7 +145,7 @@ class Expert:
             self._parked = not self._is_free(lanes.profile, now, now.row + 40.0, within_s=_CHANGE_FREE_S)
         return self._parked
 
-    def _choose_lane(self, lanes: LaneChanges, now: Moment, truth: GroundTruth) -> Obstacle | None:
+    def _choose_lane(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Obstacle | None:
         """Begin what can be begun; the obstacle that has to be waited for, or None."""
         if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
@@ -157,7 +158,7 @@ class Expert:
         self._change_lane(lanes, now)
         return self._go_around(lanes, now)
 
-    def _change_lane(self, lanes: LaneChanges, now: Moment) -> None:
+    def _change_lane(self, lanes: LaneChanges, now: Situation) -> None:
         if self._pass is not None:
             return
         candidate = lanes.candidate(now.row, now.speed_mps)
@@ -168,7 +169,7 @@ class Expert:
         else:
             self._held_back = True
 
-    def _go_around(self, lanes: LaneChanges, now: Moment) -> Obstacle | None:
+    def _go_around(self, lanes: LaneChanges, now: Situation) -> Obstacle | None:
         """Pass what is in the lane; it is returned while the way around is not free."""
         ahead = nearest_obstacle(now.scene, self._traffic, lanes.profile, now.row)
         if ahead is None:
@@ -186,7 +187,7 @@ class Expert:
                 return None
         return ahead
 
-    def _give_up(self, lanes: LaneChanges, now: Moment) -> bool:
+    def _give_up(self, lanes: LaneChanges, now: Situation) -> bool:
         """Is a pass that has hardly begun no longer free, for several ticks on end?"""
         if self._pass is None or now.row > self._pass.beside_row:
             return False
@@ -195,10 +196,10 @@ class Expert:
         self._doubts = 0 if free else self._doubts + 1
         return self._doubts > _DOUBTS
 
-    def _is_free(self, profile: Floats, now: Moment, until_row: float, *, within_s: float = math.inf) -> bool:
+    def _is_free(self, profile: Floats, now: Situation, until_row: float, *, within_s: float = math.inf) -> bool:
         return is_free(now, now.path(profile), until_row, within_s=within_s)
 
-    def _profile(self, lanes: LaneChanges, now: Moment, truth: GroundTruth) -> Floats:
+    def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
         """The profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
         aside = self._siren.profile(now.scene, self._traffic, truth.frame, now.row)
         if aside is not None:
@@ -207,7 +208,7 @@ class Expert:
             return lanes.profile + self._pass.shift
         return lanes.profile + self._keep_right(now)
 
-    def _keep_right(self, now: Moment) -> float:
+    def _keep_right(self, now: Situation) -> float:
         """Metres to the right while somebody who comes the other way reaches into the lane, and a little longer."""
         scene, boxes = now.scene, self._traffic.boxes
         k = int(np.clip(now.row, 0, scene.count - 1))
@@ -227,13 +228,13 @@ class Expert:
         self._aside_ticks -= 1
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
-    def _hurries(self, lanes: LaneChanges, profile: Floats, now: Moment) -> bool:
+    def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:
         """On the way out of a parking space, between two lanes, or in a lane that is not the ego's own."""
         k = int(np.clip(now.row, 0, now.scene.count - 1))
         passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
         return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
 
-    def _before(self, obstacle: Obstacle | None, now: Moment) -> float:
+    def _before(self, obstacle: Obstacle | None, now: Situation) -> float:
         """The row at which to wait for a way around."""
         if obstacle is None or obstacle.moving:
             return math.inf
@@ -245,7 +246,7 @@ class Expert:
 
     # --- control ---
 
-    def _control(self, ego: EgoState, profile: Floats, now: Moment, acceleration: float, stop_row: float) -> Control:
+    def _control(self, ego: EgoState, profile: Floats, now: Situation, acceleration: float, stop_row: float) -> Control:
         if self._line is None or self._line[0] is not profile:
             self._line = (profile, line_of(now.scene, profile))
         line, row = self._line[1], int(np.clip(now.row, 0, now.scene.count - 1))

@@ -12,8 +12,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import ClassVar
 
-from drive_robust_agents._learned import LearnedAgent
 from drive_robust_agents._nets import require
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
 from drive_robust_agents.uniad import UniAD

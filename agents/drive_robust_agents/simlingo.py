@@ -24,13 +24,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._learned import LearnedAgent, Seen
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
 from drive_robust_agents._nets.simlingo import SimLingoNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
 from drive_robust_agents._wrappers.kalman import PositionFilter
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
@@ -96,7 +96,7 @@ class SimLingo(LearnedAgent):
         self.said = ""
         """The last sentence: what it does and why; empty without commentary."""
 
-    def _look(self, observation: Observation) -> Seen:
+    def _look(self, observation: Observation) -> NetworkRow:
         gps, speed_mps = observation.gps, observation.speed.mps
         here = self._filter.step(gps.x_m, gps.y_m, observation.compass.yaw_rad, speed_mps, self._last or _FULL_BRAKE)
         targets = self._target(here.x_m, here.y_m).seen_from(here.x_m, here.y_m, here.yaw_rad)
@@ -106,7 +106,7 @@ class SimLingo(LearnedAgent):
             "target": np.array(targets, dtype=np.float32),
             "prompt": np.array(prompt_row(self._prompt(speed_mps)), dtype=np.int64),
         }
-        return Seen(inputs, targets)
+        return NetworkRow(inputs, targets)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)

@@ -21,11 +21,11 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._learned import LearnedAgent, Seen
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.tcp import TcpNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.errors import UsageError
@@ -106,7 +106,7 @@ class TCP(LearnedAgent):
         self._controller, self._fusion = WaypointController(tuning.TCP), Fusion()
         self._coasts = True
 
-    def _look(self, observation: Observation) -> Seen:
+    def _look(self, observation: Observation) -> NetworkRow:
         gps, target = observation.gps, self._target(observation.gps.x_m, observation.gps.y_m)
         aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
         inputs: dict[str, NDArray[Any]] = {
@@ -115,7 +115,7 @@ class TCP(LearnedAgent):
             "target": np.array(aim, dtype=np.float32),
             "command": np.array(int(target.command), dtype=np.int64),
         }
-        return Seen(inputs, (aim,))
+        return NetworkRow(inputs, (aim,))
 
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]

@@ -36,12 +36,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._bev_agent import BevAgent
 from drive_robust_agents._nets.bev_grid import BevSpec
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.uniad import UniadNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.bev_agent import BevAgent
 from drive_robust_agents._wrappers.collision import clear_of
 
 __all__ = ["OCCUPIED_FROM", "UniAD"]

@@ -27,10 +27,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from drive_robust_agents._bev_agent import BevAgent
 from drive_robust_agents._nets.vad import VadNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.bev_agent import BevAgent
 
 __all__ = ["VAD"]
 

@@ -17,7 +17,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.runner.replay.tape import Tape
     from pytest_drive_robust.simulators.base import Simulator
@@ -95,7 +95,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
     """Options that are given win over what a stored episode says."""
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
 
     stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     agent = options.agent or (stored.episode.agent if stored else None)

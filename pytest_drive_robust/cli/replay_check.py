@@ -89,7 +89,7 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
 
 def read_episode_file(name: str) -> EpisodeResult:
     """The episode in a file. Raises `UsageError` when there is none."""
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     try:
         return read_episode(Path(name))
@@ -114,7 +114,7 @@ def _run_file(reference: str | None) -> Path | None:
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
     """The records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
-    from pytest_drive_robust.store.episodes import SUFFIX, read_episode
+    from pytest_drive_robust.store.record_files import SUFFIX, read_episode
 
     found: list[EpisodeResult] = []
     for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):

@@ -135,7 +135,7 @@ def _finder(folders: list[str]) -> Callable[[str], EpisodeResult | None]:
     """Looks for `KEY.*` in the folders of stored episodes, or in the store of the project."""
     from pytest_drive_robust.errors import UsageError
     from pytest_drive_robust.regression.runs import home_of
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     given = [Path(folder) for folder in folders]
     for folder in given:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry

@@ -1,16 +1,21 @@
-"""Deployment failures, one small class each, and the stacks of them that episodes are driven under."""
+"""Deployment failures, one small class in one module each, and the stacks of them that episodes are driven under.
+
+Imports point one way, in this order: `severity`, `draws`, `values`; `sentences`; `context`, `environment`; `base`; one
+module for each failure; `ladder`. A new built-in failure is a new module and a line in `BUILTIN` below.
+"""
 
 from __future__ import annotations
 
-from pytest_drive_robust.perturbations.base import EpisodeContext, Perturbation
-from pytest_drive_robust.perturbations.blend import FrameBlend
-from pytest_drive_robust.perturbations.camera import BurstFrameDrop, PartialObservation
-from pytest_drive_robust.perturbations.compute import InferenceLatency
-from pytest_drive_robust.perturbations.delay import SensorDelay
-from pytest_drive_robust.perturbations.ego_state import GpsNoise, SpeedNoise
-from pytest_drive_robust.perturbations.running import RunningStack
-from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.perturbations.template import kebab_name
+from pytest_drive_robust.perturbations.base import BUILTIN, Perturbation, RunningStack, Setting
+from pytest_drive_robust.perturbations.burst_frame_drop import BurstFrameDrop
+from pytest_drive_robust.perturbations.context import EpisodeContext
+from pytest_drive_robust.perturbations.frame_blend import FrameBlend
+from pytest_drive_robust.perturbations.gps_noise import GpsNoise
+from pytest_drive_robust.perturbations.inference_latency import InferenceLatency
+from pytest_drive_robust.perturbations.partial_observation import PartialObservation
+from pytest_drive_robust.perturbations.sensor_delay import SensorDelay
+from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.speed_noise import SpeedNoise
 
 __all__ = [
     "BUILTIN",
@@ -27,8 +32,7 @@ __all__ = [
     "SpeedNoise",
 ]
 
-BUILTIN: dict[str, type[Perturbation]] = {
-    kebab_name(cls): cls
+BUILTIN.update(
+    (kebab_name(cls), cls)
     for cls in (BurstFrameDrop, PartialObservation, GpsNoise, SpeedNoise, InferenceLatency, SensorDelay, FrameBlend)
-}
-"""Every perturbation that comes with the package, by its name: `"gps-noise"`."""
+)

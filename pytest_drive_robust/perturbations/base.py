@@ -1,6 +1,7 @@
-"""What every perturbation is: a dataclass of its severities that touches one of the two seams.
+"""What every perturbation is, a stack of them (`Setting`), and a stack at work (`RunningStack`).
 
-Write your own in ten lines: inherit from `Perturbation`, give it a `phrase`, override what you touch::
+A perturbation is a dataclass of its severities that touches one of the two seams. Write your own in ten lines: inherit
+from `Perturbation`, give it a `phrase`, override what you touch::
 
     @dataclass
     class Dimmed(Perturbation):
@@ -8,42 +9,36 @@ Write your own in ten lines: inherit from `Perturbation`, give it a `phrase`, ov
 
         gain: float = 0.5
         phrase = "dimmed camera {gain}"
+        ladder = ("gain", (0.9, 0.7, 0.5, 0.3, 0.1))
 
         def observe(self, observation):
             return observation.map_images(
                 lambda name, image: Image((image.pixels * self.gain).astype("uint8"), image.tick)
             )
+
+The three classes stand together because each speaks of the next: two perturbations added are a setting, a setting
+starts as a running stack, and that runs perturbations.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar, Literal
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import Injection
+from pytest_drive_robust.errors import PerturbationError
+from pytest_drive_robust.perturbations.context import EpisodeContext
+from pytest_drive_robust.perturbations.environment import perturbations_from
+from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, render
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.perturbations.setting import Setting
-
-__all__ = ["EpisodeContext", "Perturbation"]
-
-
-@dataclass(frozen=True, slots=True)
-class EpisodeContext:
-    """What a perturbation may know of an episode: never the agent, never the ground truth, never the future.
-
-    `stream` names the perturbation within its stack (`"gps-noise"`, a second one `"gps-noise#2"`), so that two of a
-    kind draw different noise.
-    """
-
-    route_id: str
-    seed: int
-    dt_s: float
-    cameras: tuple[CameraSpec, ...]
-    stream: str
+__all__ = ["BUILTIN", "Perturbation", "RunningStack", "Setting"]
 
 
 @dataclass
@@ -51,31 +46,37 @@ class Perturbation:
     """Base of all perturbations: the identity on both seams, `+` to stack, and a sentence for people.
 
     The dataclass fields are the severities, with their unit in the name. The runner copies the object for every
-    episode, so `reset` may keep state in ordinary attributes.
+    episode, so `reset` may keep state in ordinary attributes. Everything else about a class stands in it as well:
 
-    `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
-    for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
-    differ from their defaults: `"200 ms latency (mode=hold)"`.
-
-    An optional `ladder = ("gain", (0.9, 0.5, 0.1))` names the severity that searches and strategies step through, and
-    its values from mild to severe (see `perturbations.ladder`).
+    * `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
+      for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
+      differ from their defaults: `"200 ms latency (mode=hold)"`.
+    * `variants` are special sentences with the fields that they imply:
+      `{"measured latency": {"mode": "measured"}}`.
+    * `example` has usual values of the fields without default, for the sentences that messages propose.
+    * `ladder` names the severity that searches and strategies step through, and its values from mild to severe:
+      `("gain", (0.9, 0.5, 0.1))`. `("ms", "ticks")` steps by whole ticks in milliseconds, up to a second.
+    * `idle_reason` says why it may have changed nothing.
     """
 
     phrase: ClassVar[str] = ""
+    variants: ClassVar[Mapping[str, Mapping[str, object]]] = {}
+    example: ClassVar[Mapping[str, object]] = {}
+    ladder: ClassVar[tuple[str, tuple[float, ...] | Literal["ticks"]] | None] = None
 
     def reset(self, context: EpisodeContext) -> None:
-        """An episode begins. Override to build the state that the other methods need."""
+        """Begin an episode. Override to build the state that the other methods need."""
 
     def observe(self, observation: Observation) -> Observation:
-        """The observation that the agent gets instead of this one. Must not write into the arrays of its argument."""
+        """Return what the agent gets instead of this. Must not write into the arrays of its argument."""
         return observation
 
     def wants_inference(self, tick: int) -> bool:
-        """False while the agent's computer is busy: then `act` is not called in this tick."""
+        """Return False while the agent's computer is busy: then `act` is not called in this tick."""
         return True
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
-        """The control that reaches the vehicle. `control` is None when the agent was not asked in this tick.
+        """Return the control that reaches the vehicle. `control` is None when the agent was not asked in this tick.
 
         `inference_s` is the wall time of `act` in seconds (0.0 when it was not called). Returning None holds the last
         control that reached the vehicle.
@@ -83,20 +84,195 @@ class Perturbation:
         return control
 
     def schedule(self) -> tuple[Injection, ...]:
-        """What was injected so far, for the record. Called once, at the end of the episode."""
+        """Return what was injected so far, for the record. Called once, at the end of the episode."""
         return ()
 
+    def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
+        """Return in a clause why it changed nothing: `"latency 20 ms is 0 ticks at 20 Hz"`.
+
+        Asked only after whole episodes in which nothing changed, of an agent with these cameras; a tick is `dt_s`
+        seconds long.
+        """
+        return "with these severities it leaves every signal and every command as it is"
+
     def parameters(self) -> dict[str, object]:
-        """The severities by name, defaults included, in the order of their declaration."""
+        """Return the severities by name, defaults included, in the order of their declaration."""
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.init}
 
     def __add__(self, other: Perturbation | Setting) -> Setting:
         """Stack two failures: `BurstFrameDrop(length_s=3) + InferenceLatency(ms=200)`."""
-        from pytest_drive_robust.perturbations.setting import Setting
-
         return Setting.of(self) + other
 
     def __str__(self) -> str:
-        from pytest_drive_robust.perturbations.phrase import render
-
         return render(self)
+
+
+BUILTIN: dict[str, type[Perturbation]] = {}
+"""Every perturbation that comes with the package, by its name (`"gps-noise"`). `perturbations/__init__` fills it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """The perturbations of an episode, in the order in which they are applied; the empty stack is `clean`.
+
+    On the observation seam the first one changes the observation first, on the control seam the first one changes the
+    control first. The sentence (`str()`) is the key of the setting wherever episodes are stored. Settings are equal
+    when their perturbations are of the same classes with the same parameters in the same order.
+
+    >>> from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation
+    >>> setting = PartialObservation(ratio=0.5) + InferenceLatency(ms=100)
+    >>> str(setting)
+    'occlusion 0.5 and 100 ms latency'
+    >>> Setting.parse("occlusion 0.5 and 100ms latency") == setting
+    True
+    """
+
+    perturbations: tuple[Perturbation, ...] = ()
+
+    CLEAN: ClassVar[Setting]
+
+    @classmethod
+    def of(cls, *perturbations: Perturbation) -> Setting:
+        """Return a stack of these. Raises `PerturbationError` for anything that is no `Perturbation` object."""
+        for given in perturbations:
+            if not isinstance(given, Perturbation):
+                what = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
+                raise PerturbationError(f"a setting is made of Perturbation objects, but {what} was given")
+        return cls(tuple(perturbations))
+
+    @classmethod
+    def parse(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
+        """Read what `str()` writes, over the perturbation classes `known` (default: the built-in ones).
+
+        Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
+        """
+        return cls(parse_stack(text, (BUILTIN if known is None else known).values()))
+
+    @classmethod
+    def from_env(cls, environ: Mapping[str, str] = os.environ) -> Setting:
+        """Return the stack that the environment variables of the paper and its released code ask for.
+
+        See `environment.perturbations_from` for the variables. Raises `UsageError` with the variable and its value.
+        """
+        return cls.of(*perturbations_from(environ, BUILTIN))
+
+    @property
+    def is_clean(self) -> bool:
+        """True for the empty stack."""
+        return not self.perturbations
+
+    @property
+    def warmup_ticks(self) -> int:
+        """For so many ticks the vehicle gets neutral commands: the longest `warmup_ticks` of the stack, 0 if none."""
+        return _longest_warmup_ticks(self.perturbations)
+
+    @property
+    def baseline(self) -> Setting:
+        """What this setting is compared with: `clean`, or a clean drive with the same warm-up."""
+        ticks = self.warmup_ticks
+        if not ticks:
+            return Setting.CLEAN
+        no_latency: dict[str, object] = {"ms": 0.0, "warmup_ticks": ticks}
+        return Setting.of(BUILTIN["inference-latency"](**no_latency))
+
+    def start(self, *, route_id: str, seed: int, dt_s: float, cameras: Sequence[CameraSpec]) -> RunningStack:
+        """Copy and reset the perturbations for one episode. Raises `PerturbationError` from their `reset`."""
+        counts: Counter[str] = Counter()
+        running = []
+        for perturbation in self.perturbations:
+            name = kebab_name(type(perturbation))
+            counts[name] += 1
+            stream = name if counts[name] == 1 else f"{name}#{counts[name]}"
+            own = copy.deepcopy(perturbation)
+            own.reset(EpisodeContext(route_id, seed, dt_s, tuple(cameras), stream))
+            running.append(own)
+        return RunningStack(tuple(running))
+
+    def __add__(self, other: Setting | Perturbation) -> Setting:
+        if isinstance(other, Perturbation):
+            other = Setting.of(other)
+        if not isinstance(other, Setting):
+            return NotImplemented
+        return Setting(self.perturbations + other.perturbations)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Setting):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __str__(self) -> str:
+        return " and ".join(map(str, self.perturbations)) or CLEAN
+
+    def _key(self) -> tuple[tuple[type, tuple[tuple[str, object], ...]], ...]:
+        return tuple((type(item), tuple(item.parameters().items())) for item in self.perturbations)
+
+
+Setting.CLEAN = Setting()
+
+
+class RunningStack:
+    """The reset copies of a setting's perturbations, at work on both seams. Made by `Setting.start` for one episode.
+
+    A perturbation costs nothing on a seam that its class does not override, so the clean stack gives back the very
+    objects that it gets.
+    """
+
+    __slots__ = ("_actuate", "_last", "_observe", "_perturbations", "_wants")
+
+    def __init__(self, perturbations: tuple[Perturbation, ...]) -> None:
+        self._perturbations = perturbations
+        self._observe = [item.observe for item in perturbations if _overrides(item, "observe")]
+        self._wants = [item.wants_inference for item in perturbations if _overrides(item, "wants_inference")]
+        self._actuate = [item.actuate for item in perturbations if _overrides(item, "actuate")]
+        self._last = Control.NEUTRAL
+
+    @property
+    def warmup_ticks(self) -> int:
+        """For so many ticks the vehicle gets neutral commands: the longest of the stack, 0 if there is none."""
+        return _longest_warmup_ticks(self._perturbations)
+
+    @property
+    def measures_inference(self) -> bool:
+        """True when the wall time of inference decides what happens: such an episode repeats only as a replay."""
+        return any(bool(getattr(item, "measures_inference", False)) for item in self._perturbations)
+
+    @property
+    def inference_s(self) -> tuple[float, ...]:
+        """The inference times in seconds that the episode used (measured or replayed), empty when none did."""
+        times = (tuple(getattr(item, "inference_s", ())) for item in self._perturbations)
+        return next(filter(None, times), ())
+
+    def observe(self, observation: Observation) -> Observation:
+        """Return the observation that the agent gets. The arrays of the argument are not written to."""
+        for change in self._observe:
+            observation = change(observation)
+            if not isinstance(observation, Observation):
+                raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
+        return observation
+
+    def wants_inference(self, tick: int) -> bool:
+        """Return True when no perturbation keeps the agent's computer busy in `tick`."""
+        return all(free(tick) for free in self._wants)
+
+    def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
+        """Return the control that the vehicle gets: the last one when there is no new one, neutral before the first."""
+        for change in self._actuate:
+            control = change(tick, control, inference_s)
+        if control is not None:
+            self._last = control
+        return self._last
+
+    def schedule(self) -> tuple[Injection, ...]:
+        """Return what was injected so far, perturbation by perturbation."""
+        return tuple(injection for item in self._perturbations for injection in item.schedule())
+
+
+def _longest_warmup_ticks(perturbations: tuple[Perturbation, ...]) -> int:
+    return max((int(getattr(item, "warmup_ticks", 0)) for item in perturbations), default=0)
+
+
+def _overrides(perturbation: Perturbation, method: str) -> bool:
+    return getattr(type(perturbation), method) is not getattr(Perturbation, method)

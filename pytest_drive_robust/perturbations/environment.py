@@ -1,48 +1,60 @@
-"""The environment variables of the paper's released code, read into a `Setting`."""
+"""The environment variables of the paper and of its released code, read into perturbations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Generic, TypeVar
 
-from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.blend import FrameBlend
-from pytest_drive_robust.perturbations.camera import BurstFrameDrop, PartialObservation
-from pytest_drive_robust.perturbations.compute import InferenceLatency
-from pytest_drive_robust.perturbations.delay import SensorDelay
-from pytest_drive_robust.perturbations.ego_state import GpsNoise, SpeedNoise
-from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.perturbations.variables import Variables
+from pytest_drive_robust.errors import PerturbationError, UsageError, nearest
 
-__all__ = ["setting_from"]
+__all__ = ["perturbations_from"]
+
+_P = TypeVar("_P")
 
 _GPS_LEVELS_M = {"medium": 5.0, "severe": 15.0}
+_ON_OFF = {"1": True, "true": True, "yes": True, "on": True, "0": False, "false": False, "no": False, "off": False}
+_SEEDS = ("ROBUSTNESS_SEED", "GPS_DRIFT_SEED")
+_DELAYS = ("SENSOR_DELAY_CAM", "SENSOR_DELAY_EGO")
+_LATENCY = "INFERENCE_LATENCY_ENABLE"
+_OBSERVATION = "ROBUSTNESS_ENABLE"
+_SEVERITIES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "BLEND_ENABLE": ((), ("BLEND_NUM", "BLEND_MODE")),
+    "FRAME_DROP_ENABLE": (("BURST_MAX_TICKS", "BURST_PROBABILITY"), ()),
+    "PARTIAL_OBS_ENABLE": (("PARTIAL_OBS_RATIO",), ("PARTIAL_OBS_TYPE",)),
+    "GPS_DRIFT_ENABLE": (("GPS_NOISE_STD",), ("GPS_DRIFT_MODE",)),
+    "SPEED_BIAS_ENABLE": (("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), ()),
+    _LATENCY: ((), ("INFERENCE_LATENCY_MS", "INFERENCE_LATENCY_MODE", "WARMUP_STEPS")),
+}
+"""The severities of each switch: those of the paper's table, which knows no switch but `ROBUSTNESS_ENABLE` and
+`INFERENCE_LATENCY_ENABLE`, so that they switch their perturbation on themselves; then those that do nothing without."""
 
 
-def setting_from(environ: Mapping[str, str]) -> Setting:
-    """The stack that the variables ask for, in the order of the released code and with its readings.
+def perturbations_from(environ: Mapping[str, str], known: Mapping[str, Callable[..., _P]]) -> list[_P]:
+    """Return what the variables ask for, built from the classes `known`, in the order of the released code.
 
     ========================== ======== =============================================================================
     variable                   default  meaning
     ========================== ======== =============================================================================
     `SIM_RATE`                 20       ticks per second, converts the variables that count ticks
     `ROBUSTNESS_ENABLE`        0        1 switches the perturbations of observations on: all but the latency
-    `ROBUSTNESS_SEED`          none     must be a whole number; not used, the seed of the episode decides
+    `ROBUSTNESS_SEED`          none     refused: the seed of the episode decides, `--drive-seeds`
     `SENSOR_DELAY_CAM`         0        ticks by which images come late
     `SENSOR_DELAY_EGO`         0        ticks by which GPS, compass, IMU and speed come late
     `BLEND_ENABLE`             0        1: each image is the mean of the last few
     `BLEND_NUM`                3        how many images
     `BLEND_MODE`               uniform  `uniform` or `linear` weights
-    `FRAME_DROP_ENABLE`        0        1: bursts of frozen images of 2 to `BURST_MAX_TICKS` ticks (`length="uniform"`)
+    `FRAME_DROP_ENABLE`        (*)      1: bursts of frozen images of 2 to `BURST_MAX_TICKS` ticks (`length="uniform"`)
     `BURST_PROBABILITY`        0.01     that a burst starts, per camera and tick
     `BURST_MAX_TICKS`          20       the longest burst in ticks, 2 or more
-    `PARTIAL_OBS_ENABLE`       0        1: a rectangle of every image shows nothing
-    `PARTIAL_OBS_TYPE`         blur     `blur` or `occlusion` (black)
+    `PARTIAL_OBS_ENABLE`       (*)      1: a rectangle of every image shows nothing
+    `PARTIAL_OBS_TYPE`         blur     `blur` or `occlusion` (black, the default where the ratio alone is given)
     `PARTIAL_OBS_RATIO`        0.5      share of each side of the image
-    `GPS_DRIFT_ENABLE`         0        1: noise on the position; `GPS_NOISE_STD` alone switches it on as well
+    `GPS_DRIFT_ENABLE`         (*)      1: noise on the position
     `GPS_DRIFT_MODE`           medium   `medium` (5 m) or `severe` (15 m)
     `GPS_NOISE_STD`            none     metres, wins over `GPS_DRIFT_MODE` (named in the paper only)
-    `GPS_DRIFT_SEED`           none     must be a whole number; not used, the seed of the episode decides
-    `SPEED_BIAS_ENABLE`        0        1: the speed is multiplied by a random factor
+    `GPS_DRIFT_SEED`           none     refused: the seed of the episode decides, `--drive-seeds`
+    `SPEED_BIAS_ENABLE`        (*)      1: the speed is multiplied by a random factor
     `SPEED_BIAS_MEAN`          0.5      mean of the factor
     `SPEED_BIAS_STD`           0.2      standard deviation of the factor
     `INFERENCE_LATENCY_ENABLE` 0        1: late commands, whatever `ROBUSTNESS_ENABLE` says
@@ -51,68 +63,174 @@ def setting_from(environ: Mapping[str, str]) -> Setting:
     `WARMUP_STEPS`             20       ticks with neutral commands at the start of an episode under latency
     ========================== ======== =============================================================================
 
+    (*) The paper's table has no such switch: there `BURST_MAX_TICKS`, `BURST_PROBABILITY`, `PARTIAL_OBS_RATIO`,
+    `GPS_NOISE_STD`, `SPEED_BIAS_MEAN` and `SPEED_BIAS_STD` switch their perturbation on. The released code needs the
+    switch. Both work: the default is 1 where one of those severities is given, else 0; a 0 that is given holds.
+
     Switches take 1/0, true/false, yes/no, on/off. An empty variable counts as not set. Raises `UsageError` with the
-    variable and its value.
+    variable and its value, also for a severity that would do nothing because a switch is not set.
 
-    >>> str(setting_from({"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "200"}))
-    '200 ms latency (mode=hold, warmup_ticks=20)'
+    >>> from pytest_drive_robust.perturbations import BUILTIN
+    >>> [str(item) for item in perturbations_from({"ROBUSTNESS_ENABLE": "1", "PARTIAL_OBS_RATIO": "0.8"}, BUILTIN)]
+    ['occlusion 0.8']
+    >>> environ = {"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "200"}
+    >>> [str(item) for item in perturbations_from(environ, BUILTIN)]
+    ['200 ms latency (mode=hold, warmup_ticks=20)']
     """
-    variables = Variables(environ)
-    for seed in ("ROBUSTNESS_SEED", "GPS_DRIFT_SEED"):
-        variables.whole(seed, 0, low=None)
+    variables = _Variables(environ, known)
+    for name in _SEEDS:
+        variables.refuse_seed(name)
+    variables.refuse_idle()
     rate_hz = variables.number("SIM_RATE", 20.0, above=0.0)
-    stack: list[Perturbation] = []
-    if variables.switch("ROBUSTNESS_ENABLE"):
+    stack: list[_P] = []
+    if variables.switch(_OBSERVATION):
         stack += [*_timing(variables, rate_hz), *_camera(variables, rate_hz), *_ego_state(variables)]
-    if variables.switch("INFERENCE_LATENCY_ENABLE"):
+    if variables.switch(_LATENCY):
         stack.append(_latency(variables))
-    return Setting.of(*stack)
+    return stack
 
 
-def _timing(variables: Variables, rate_hz: float) -> Iterator[Perturbation]:
+class _Variables(Generic[_P]):
+    """A view of an environment. An empty or blank variable counts as not set. Every method raises `UsageError`."""
+
+    def __init__(self, environ: Mapping[str, str], known: Mapping[str, Callable[..., _P]]) -> None:
+        self._environ = environ
+        self._known = known
+
+    def text(self, name: str) -> str:
+        """Return the value without blanks around it, `""` when not set."""
+        return self._environ.get(name, "").strip()
+
+    def switch(self, name: str) -> bool:
+        """Read 1/0, true/false, yes/no, on/off in any case; not set is on where a severity of the paper is given."""
+        text = self.text(name).lower()
+        if text and text not in _ON_OFF:
+            raise self._refused(name, f"one of {', '.join(_ON_OFF)}")
+        paper, _ = _SEVERITIES.get(name, ((), ()))
+        return _ON_OFF.get(text, any(map(self.text, paper)))
+
+    def number(self, name: str, default: float, *, above: float = -math.inf) -> float:
+        """Read a finite number above `above`."""
+        text = self.text(name)
+        if not text:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and value > above):
+            raise self._refused(name, "a number" + (f" above {above:g}" if math.isfinite(above) else ""))
+        return value
+
+    def whole(self, name: str, default: int, *, low: int = 0) -> int:
+        """Read a whole number of at least `low`."""
+        text = self.text(name)
+        if not text:
+            return default
+        if not text.lstrip("+-").isdecimal() or int(text) < low:
+            raise self._refused(name, f"a whole number of at least {low}")
+        return int(text)
+
+    def choice(self, name: str, default: str, choices: Sequence[str]) -> str:
+        """Read one of `choices`, in any case."""
+        text = self.text(name).lower() or default
+        if text not in choices:
+            close = nearest(text, choices)
+            advice = "" if close is None else f". Did you mean {close!r}?"
+            raise self._refused(name, f"one of {', '.join(choices)}{advice}")
+        return text
+
+    def made(self, name: str, names: Sequence[str], **severities: object) -> _P:
+        """Build the perturbation `name`; where it refuses a severity, name those of its variables that are set."""
+        try:
+            return self._known[name](**severities)
+        except PerturbationError as error:
+            given = ", ".join(f"{name}={self._environ[name]!r}" for name in names if self.text(name))
+            raise UsageError(f"{given}: {error}") from error
+
+    def refuse_seed(self, name: str) -> None:
+        """Refuse a seed, which would do nothing: every draw is keyed by the seed of its episode."""
+        text = self.text(name)
+        if text:
+            raise self._refused(
+                name, f"it unset: the seed of the episode keys every draw. Use --drive-seeds={text} instead"
+            )
+
+    def refuse_idle(self) -> None:
+        """Refuse a severity that would do nothing because nobody said whether its switch is on or off."""
+        for switch, (paper, released) in _SEVERITIES.items():
+            given = [name for name in (switch, *paper, *released) if self.text(name)]
+            self._refuse_without(switch, given)
+        self._refuse_without("", [name for name in _DELAYS if self.whole(name, 0)])
+
+    def _refuse_without(self, switch: str, given: Sequence[str]) -> None:
+        needed = [_LATENCY] if switch == _LATENCY else [_OBSERVATION, switch] if switch else [_OBSERVATION]
+        if not given or any(self.text(name) and not self.switch(name) for name in needed):
+            return  # nothing is asked for, or it is switched off in so many words
+        missing = [name for name in needed if not self.switch(name)]
+        if missing:
+            raise UsageError(
+                f"the environment variable {given[0]} is {self._environ[given[0]]!r}, which does nothing without "
+                f"{' and '.join(f'{name}=1' for name in missing)}. Set that too, or {missing[0]}=0 to leave it out"
+            )
+
+    def _refused(self, name: str, expected: str) -> UsageError:
+        return UsageError(f"the environment variable {name} is {self._environ[name]!r}, expected {expected}")
+
+
+def _timing(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
     camera_ticks = variables.whole("SENSOR_DELAY_CAM", 0)
     ego_ticks = variables.whole("SENSOR_DELAY_EGO", 0)
     if camera_ticks or ego_ticks:
-        yield SensorDelay(camera_ms=1000.0 * camera_ticks / rate_hz, ego_ms=1000.0 * ego_ticks / rate_hz)
+        yield variables.made(
+            "sensor-delay",
+            _DELAYS,
+            camera_ms=1000.0 * camera_ticks / rate_hz,
+            ego_ms=1000.0 * ego_ticks / rate_hz,
+        )
     if variables.switch("BLEND_ENABLE"):
         frames = variables.whole("BLEND_NUM", 3, low=1)
         weights = variables.choice("BLEND_MODE", "uniform", ("uniform", "linear"))
-        yield variables.made(FrameBlend, ("BLEND_NUM", "BLEND_MODE"), {"frames": frames, "weights": weights})
+        yield variables.made("frame-blend", ("BLEND_NUM", "BLEND_MODE"), frames=frames, weights=weights)
 
 
-def _camera(variables: Variables, rate_hz: float) -> Iterator[Perturbation]:
+def _camera(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
     if variables.switch("FRAME_DROP_ENABLE"):
-        severities = {
-            "length_s": variables.whole("BURST_MAX_TICKS", 20, low=2) / rate_hz,
-            "probability": variables.number("BURST_PROBABILITY", 0.01),
-            "length": "uniform",
-        }
-        yield variables.made(BurstFrameDrop, ("BURST_MAX_TICKS", "BURST_PROBABILITY"), severities)
+        yield variables.made(
+            "burst-frame-drop",
+            ("BURST_MAX_TICKS", "BURST_PROBABILITY"),
+            length_s=variables.whole("BURST_MAX_TICKS", 20, low=2) / rate_hz,
+            probability=variables.number("BURST_PROBABILITY", 0.01),
+            length="uniform",
+        )
     if variables.switch("PARTIAL_OBS_ENABLE"):
-        fill = variables.choice("PARTIAL_OBS_TYPE", "blur", ("blur", "occlusion"))
-        severities = {
-            "ratio": variables.number("PARTIAL_OBS_RATIO", 0.5),
-            "fill": "black" if fill == "occlusion" else fill,
-        }
-        yield variables.made(PartialObservation, ("PARTIAL_OBS_RATIO",), severities)
+        # The paper has a black rectangle and no switch; the code that has the switch blurs unless it is told otherwise.
+        usual = "blur" if variables.text("PARTIAL_OBS_ENABLE") else "occlusion"
+        fill = variables.choice("PARTIAL_OBS_TYPE", usual, ("blur", "occlusion"))
+        ratio = variables.number("PARTIAL_OBS_RATIO", 0.5)
+        yield variables.made(
+            "partial-observation", ("PARTIAL_OBS_RATIO",), ratio=ratio, fill="black" if fill == "occlusion" else fill
+        )
 
 
-def _ego_state(variables: Variables) -> Iterator[Perturbation]:
-    if variables.switch("GPS_DRIFT_ENABLE", default=bool(variables.text("GPS_NOISE_STD"))):
+def _ego_state(variables: _Variables[_P]) -> Iterator[_P]:
+    if variables.switch("GPS_DRIFT_ENABLE"):
         level_m = _GPS_LEVELS_M[variables.choice("GPS_DRIFT_MODE", "medium", tuple(_GPS_LEVELS_M))]
-        yield variables.made(GpsNoise, ("GPS_NOISE_STD",), {"std_m": variables.number("GPS_NOISE_STD", level_m)})
+        yield variables.made("gps-noise", ("GPS_NOISE_STD",), std_m=variables.number("GPS_NOISE_STD", level_m))
     if variables.switch("SPEED_BIAS_ENABLE"):
-        severities = {
-            "mean": variables.number("SPEED_BIAS_MEAN", 0.5),
-            "std": variables.number("SPEED_BIAS_STD", 0.2),
-        }
-        yield variables.made(SpeedNoise, ("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), severities)
+        mean, std = variables.number("SPEED_BIAS_MEAN", 0.5), variables.number("SPEED_BIAS_STD", 0.2)
+        yield variables.made("speed-noise", ("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), mean=mean, std=std)
 
 
-def _latency(variables: Variables) -> InferenceLatency:
+def _latency(variables: _Variables[_P]) -> _P:
     warmup_ticks = variables.whole("WARMUP_STEPS", 20)
     if variables.choice("INFERENCE_LATENCY_MODE", "fixed", ("fixed", "measured")) == "measured":
-        return InferenceLatency(mode="measured", warmup_ticks=warmup_ticks)
+        if variables.text("INFERENCE_LATENCY_MS"):
+            raise UsageError(
+                f"INFERENCE_LATENCY_MS={variables.text('INFERENCE_LATENCY_MS')!r} does nothing with "
+                "INFERENCE_LATENCY_MODE=measured: set INFERENCE_LATENCY_MODE=fixed, or leave the milliseconds out"
+            )
+        return variables.made("inference-latency", ("WARMUP_STEPS",), mode="measured", warmup_ticks=warmup_ticks)
     ms = variables.number("INFERENCE_LATENCY_MS", 100.0)
-    severities = {"ms": ms, "mode": "hold", "warmup_ticks": warmup_ticks}
-    return variables.made(InferenceLatency, ("INFERENCE_LATENCY_MS",), severities)
+    names = ("INFERENCE_LATENCY_MS", "WARMUP_STEPS")
+    return variables.made("inference-latency", names, ms=ms, mode="hold", warmup_ticks=warmup_ticks)

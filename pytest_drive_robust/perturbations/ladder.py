@@ -1,9 +1,7 @@
 """The severities that a search or a strategy steps through, from mild to severe.
 
-Latency and delay step by whole ticks, because nothing between two ticks exists. A class of your own says its steps in
-an attribute, mildest first::
-
-    ladder: ClassVar[tuple[str, tuple[float, ...]]] = ("gain", (0.9, 0.7, 0.5, 0.3, 0.1))
+A class says its steps in the attribute `ladder` (see `Perturbation`). Latency and delay step by whole ticks, because
+nothing between two ticks exists.
 """
 
 from __future__ import annotations
@@ -11,18 +9,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.blend import FrameBlend
-from pytest_drive_robust.perturbations.camera import BurstFrameDrop, PartialObservation
-from pytest_drive_robust.perturbations.compute import InferenceLatency
-from pytest_drive_robust.perturbations.delay import SensorDelay
-from pytest_drive_robust.perturbations.ego_state import GpsNoise, SpeedNoise
 from pytest_drive_robust.perturbations.severity import whole_ticks
 from pytest_drive_robust.perturbations.values import render_value
 
@@ -84,6 +77,7 @@ class Ladder:
 def failure_word(cls: type[Perturbation]) -> str:
     """The phrase of a class without severities and their units.
 
+    >>> from pytest_drive_robust.perturbations import FrameBlend, GpsNoise, InferenceLatency
     >>> failure_word(InferenceLatency), failure_word(GpsNoise), failure_word(FrameBlend)
     ('latency', 'GPS noise', 'frame blend')
     """
@@ -99,11 +93,12 @@ def ladder_of(
     `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first.
     Raises `PerturbationError` for a class without a ladder, and for levels that go up and down or are no severities.
 
+    >>> from pytest_drive_robust.perturbations import InferenceLatency, SpeedNoise
     >>> ladder_of(InferenceLatency, dt_s=0.02).levels[:3], ladder_of(SpeedNoise, dt_s=0.02).levels[:2]
     ((20.0, 40.0, 60.0), (0.9, 0.8))
     """
     cls = perturbation if isinstance(perturbation, type) else type(perturbation)
-    field, usual = _usual(cls, dt_s)
+    field, usual = _declared(cls, dt_s)
     steps = tuple(float(level) for level in (usual if levels is None else levels))
     if not _one_way(steps):
         raise PerturbationError(
@@ -111,21 +106,17 @@ def ladder_of(
         )
     changed: dict[str, Any] = {field: steps[0]}
     template = cls(**changed) if isinstance(perturbation, type) else dataclasses.replace(perturbation, **changed)
-    tick_ms = 1000.0 * dt_s if cls in _BY_TICKS else None
+    tick_ms = 1000.0 * dt_s if cls.ladder is not None and cls.ladder[1] == "ticks" else None
     ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms)
     for level in ladder.levels:
         ladder.at(level)  # refused now, not after an hour of driving
     return ladder
 
 
-def _usual(cls: type[Perturbation], dt_s: float) -> tuple[str, tuple[float, ...]]:
-    declared = getattr(cls, "ladder", None)
-    if declared is not None:
-        field, levels = declared
-        return str(field), tuple(levels)
-    for base, (field, steps) in _USUAL.items():
-        if issubclass(cls, base):
-            return field, steps(dt_s)
+def _declared(cls: type[Perturbation], dt_s: float) -> tuple[str, tuple[float, ...]]:
+    if cls.ladder is not None:
+        field, steps = cls.ladder
+        return field, _ticks(dt_s) if steps == "ticks" else tuple(steps)
     raise PerturbationError(
         f"{cls.__name__} has no ladder of severities. Give it one: "
         f"ladder: ClassVar = ('{next(iter(_numbers(cls)), 'severity')}', (mildest, ..., most severe))."
@@ -145,19 +136,3 @@ def _one_way(levels: tuple[float, ...]) -> bool:
 def _ticks(dt_s: float) -> tuple[float, ...]:
     """Whole ticks in milliseconds, up to a second."""
     return tuple(round(1000.0 * dt_s * count, 6) for count in range(1, round(_LONGEST_DELAY_S / dt_s) + 1))
-
-
-def _always(*levels: float) -> Callable[[float], tuple[float, ...]]:
-    return lambda _dt_s: levels
-
-
-_BY_TICKS = (InferenceLatency, SensorDelay)
-_USUAL: Mapping[type[Perturbation], tuple[str, Callable[[float], tuple[float, ...]]]] = {
-    InferenceLatency: ("ms", _ticks),
-    SensorDelay: ("camera_ms", _ticks),
-    BurstFrameDrop: ("length_s", _always(0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0)),
-    PartialObservation: ("ratio", _always(*(step / 10.0 for step in range(1, 11)))),
-    GpsNoise: ("std_m", _always(0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 30.0, 50.0)),
-    SpeedNoise: ("mean", _always(*(step / 10.0 for step in range(9, -1, -1)))),
-    FrameBlend: ("frames", _always(2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0)),
-}

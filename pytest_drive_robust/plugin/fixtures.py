@@ -1,320 +1,36 @@
-"""What test functions use: `drive` and `drive_agent`."""
+"""The fixtures `drive` and `drive_agent`. Every session imports this module; what drives is in `plugin.judging`."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
-from pytest_drive_robust.report.numbers import interval_text, legible
-
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.domain.verdict_rule import VerdictRule
-    from pytest_drive_robust.options.marker import MarkerOptions
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.perturbations.base import Perturbation
-    from pytest_drive_robust.perturbations.setting import Setting
-    from pytest_drive_robust.runner.campaign import Campaign, Judgement
-    from pytest_drive_robust.runner.plan import Scope
-    from pytest_drive_robust.runner.scopes import Scopes
-    from pytest_drive_robust.verdict.bracket import Bracket
-    from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.model import Requirement
-    from pytest_drive_robust.verdict.shrink import MinimalFailure
+    from pytest_drive_robust.plugin.judging import Drive, DriveContext
 
-__all__ = [
-    "DRIVER",
-    "INCONCLUSIVE",
-    "NEEDS_FLAG",
-    "BrokenRequirementError",
-    "Drive",
-    "Driver",
-    "Estimate",
-    "NotJudgedError",
-    "drive",
-    "drive_agent",
-]
+__all__ = ["DRIVE_CONTEXT", "FIXTURES", "NEEDS_FLAG", "drive", "drive_agent"]
 
 NEEDS_FLAG = "needs --drive-robust"
-INCONCLUSIVE = "drive_inconclusive"
-"""The property of a test whose verdict is open, with its first line."""
-
-
-class Driver(NamedTuple):
-    """What a process needs in order to drive; in `config.stash` only where `--drive-robust` was given.
-
-    `family` is among how many requirements a fail must stand; 1 without a correction.
-    """
-
-    settings: RunOptions
-    scopes: Scopes
-    campaign: Campaign
-    family: int = 1
-
-
-DRIVER = pytest.StashKey[Driver]()
-
-
-class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """A requirement that does not hold: the test fails with our message and no traceback."""
-
-
-class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
-
-
-class Estimate(float):
-    """A measured value that compares like a float and shows its interval: `assert drive.rd(setting) <= 0.30`."""
-
-    metric: str
-    setting: str
-    low: float
-    high: float
-    routes: int
-    seeds: int
-
-    @classmethod
-    def of(cls, verdict: Verdict) -> Estimate:
-        """The value of a verdict."""
-        estimate = cls(verdict.value)
-        estimate.metric = verdict.requirement.metric
-        estimate.setting = str(verdict.requirement.setting)
-        estimate.low, estimate.high = float(verdict.low), float(verdict.high)
-        estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
-        return estimate
-
-    def __repr__(self) -> str:
-        interval = interval_text(self.metric, self.low, self.high)
-        return (
-            f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
-            f"{self.routes} routes x {self.seeds} seeds)"
-        )
-
-
-class Drive:
-    """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
-
-    Episodes are driven when they are first asked for; every test of the run shares them.
-    """
-
-    def __init__(self, driver: Driver, scope: Scope, verdict_rule: VerdictRule, item: pytest.Item) -> None:
-        self._driver = driver
-        self._scope = scope
-        self._ruling = verdict_rule
-        self._item = item
-
-    @property
-    def agent(self) -> str:
-        """The name of the agent under test."""
-        return self._scope.agent
-
-    @property
-    def routes(self) -> tuple[Route, ...]:
-        """The routes that are driven."""
-        return self._scope.routes
-
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """The seeds that each route is driven with."""
-        return self._scope.seeds
-
-    def check(self, requirement: Requirement, *, verdict: str | None = None, margin: float | None = None) -> Verdict:
-        """Drive what is missing and judge. Fails the test when the requirement does not hold, and makes it an error
-        when it cannot be judged (an episode broke in the simulator, nothing to compare with). An inconclusive verdict
-        warns, fails or skips, as `--drive-inconclusive` says.
-
-        `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
-        """
-        __tracebackhide__ = True
-        from pytest_drive_robust.options.marker import MarkerOptions
-        from pytest_drive_robust.verdict.model import Requirement
-
-        if not isinstance(requirement, Requirement):
-            raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
-        with self._errors_of(str(requirement)):
-            verdict_rule = (
-                MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._ruling).for_routes(len(self.routes))
-            )
-            judgement = self._driver.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
-        self._record(judgement)
-        if judgement.verdict.decision == "inconclusive":
-            self._leave_open(judgement)
-        elif not judgement.verdict.passed:
-            self._fail(judgement)
-        return judgement.verdict
-
-    def rd(self, setting: Setting | Perturbation) -> Estimate:
-        """Robustness degradation under `setting`: 0 is none, 1 is all of the clean driving score."""
-        __tracebackhide__ = True
-        return self._measure("RD", setting, "<=", 0.0)
-
-    def ds(self, setting: Setting | Perturbation) -> Estimate:
-        """Driving score under `setting`, 0..100."""
-        __tracebackhide__ = True
-        return self._measure("DS", setting, ">=", 50.0)
-
-    def sr(self, setting: Setting | Perturbation) -> Estimate:
-        """Success rate under `setting`, 0..1."""
-        __tracebackhide__ = True
-        return self._measure("SR", setting, ">=", 0.5)
-
-    def episodes(self, setting: Setting | Perturbation) -> tuple[EpisodeResult, ...]:
-        """Every episode under `setting`, driven where missing: routes within seeds."""
-        __tracebackhide__ = True
-        with self._errors_of(f"the episodes under {setting}"):
-            return self._driver.campaign.episodes(self._scope, _as_setting(setting))
-
-    def largest(
-        self,
-        perturbation: Perturbation | type[Perturbation],
-        *,
-        metric: str = "RD",
-        limit: float = 0.30,
-        levels: Iterable[float] | None = None,
-    ) -> Bracket:
-        """The largest severity at which `metric` keeps to `limit`, found by bisection over whole ticks or usual steps:
-        `assert drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
-
-        Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`), `levels` (mildest first) to
-        say which severities to try.
-        """
-        __tracebackhide__ = True
-        from pytest_drive_robust.perturbations.ladder import ladder_of
-        from pytest_drive_robust.runner.search.largest_severity import largest, searched
-
-        with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
-            ladder = ladder_of(perturbation, dt_s=self._driver.scopes.dt_s, levels=levels)
-            bracket = largest(ladder, self._driver.campaign, scope=self._scope, metric=metric, limit=limit)
-        self._driver.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
-        self._item.user_properties.append(("drive_largest", str(bracket)))
-        return bracket
-
-    def minimal(self, requirement: Requirement) -> MinimalFailure | None:
-        """The smallest part of the requirement's setting that still breaks it, None when nothing is broken:
-        `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
-        """
-        __tracebackhide__ = True
-        from pytest_drive_robust.runner.search.smallest_stack import minimal_failure
-
-        with self._errors_of(str(requirement)):
-            return minimal_failure(
-                requirement,
-                self._driver.campaign,
-                scope=self._scope,
-                verdict_rule=self._ruling,
-                dt_s=self._driver.scopes.dt_s,
-            )
-
-    def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
-        """The limit is only there because a verdict needs one; the test has its own."""
-        __tracebackhide__ = True
-        from pytest_drive_robust.verdict.model import Requirement
-
-        with self._errors_of(f"{metric} under {setting}"):
-            requirement = Requirement(metric, _as_setting(setting), comparison, limit)
-            return Estimate.of(self._driver.campaign.measure(requirement, self._scope).verdict)
-
-    @contextmanager
-    def _errors_of(self, what: str) -> Iterator[None]:
-        __tracebackhide__ = True
-        try:
-            yield
-        except (BudgetSpentError, ComparisonError, UsageError) as error:
-            self._item.user_properties.append(("drive_verdict", "error"))
-            raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
-
-    def _record(self, judgement: Judgement) -> None:
-        """Plain finite Python numbers only: nothing else can travel from a worker and be read from a JUnit file."""
-        verdict = judgement.verdict
-        numbers = {
-            "drive_value": float(verdict.value),
-            "drive_limit": float(verdict.requirement.limit),
-            "drive_low": float(verdict.low),
-            "drive_high": float(verdict.high),
-            "drive_episode_seconds": float(judgement.episode_s),
-        }
-        self._item.user_properties += [
-            ("drive_requirement", str(verdict.requirement)),
-            ("drive_agent", verdict.agent),
-            ("drive_verdict", verdict.decision),
-            *((name, number) for name, number in numbers.items() if math.isfinite(number)),
-        ]
-
-    def _fail(self, judgement: Judgement) -> NoReturn:
-        __tracebackhide__ = True
-        raise BrokenRequirementError(self._text(judgement), pytrace=False)
-
-    def _leave_open(self, judgement: Judgement) -> None:
-        """Neither shown to hold nor to be broken."""
-        __tracebackhide__ = True
-        mode = self._driver.settings.inconclusive
-        if mode == "fail":
-            self._fail(judgement)
-        first = self._text(judgement).partition("\n")[0]
-        if mode == "skip":
-            pytest.skip(first)
-        self._item.user_properties.append((INCONCLUSIVE, first))
-
-    def _text(self, judgement: Judgement) -> str:
-        from pytest_drive_robust.report.failure import failure_text
-
-        text = failure_text(
-            judgement.verdict,
-            self._driver.settings,
-            routes_spec=self._scope.routes_spec,
-            privileged=judgement.privileged,
-        )
-        return legible(text + self._reach(judgement.verdict.requirement))
-
-    def _reach(self, requirement: Requirement) -> str:
-        """How far the agent does get, where a margin was asked for."""
-        from pytest_drive_robust.verdict.margin import MarginRequirement
-
-        if not isinstance(requirement, MarginRequirement):
-            return ""
-        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric, limit=requirement.limit)}"
+DRIVE_CONTEXT = pytest.StashKey["DriveContext"]()
+"""In `config.stash` only where `--drive-robust` was given and this process drives."""
+FIXTURES = frozenset({"drive", "drive_agent"})
 
 
 @pytest.fixture
 def drive(request: pytest.FixtureRequest) -> Drive:
     """Judge requirements on closed-loop episodes: `drive.check(requirement)`, `drive.rd(setting) <= 0.30`."""
-    from dataclasses import replace
-
-    driver = _driver(request)
-    verdict_rule = replace(_marker(request).verdict_rule(driver.settings.verdict_rule), family=driver.family)
-    return Drive(driver, _scope(driver, request), verdict_rule, request.node)
+    return _context(request).drive_for(request.node)
 
 
 @pytest.fixture
 def drive_agent(request: pytest.FixtureRequest) -> str:
     """The name of the agent under test: --drive-agent, or what the test's marker says."""
-    return _scope(_driver(request), request).agent
+    return _context(request).drive_for(request.node).agent
 
 
-def _driver(request: pytest.FixtureRequest) -> Driver:
-    driver = request.config.stash.get(DRIVER, None)
-    if driver is None:
+def _context(request: pytest.FixtureRequest) -> DriveContext:
+    context = request.config.stash.get(DRIVE_CONTEXT, None)
+    if context is None:
         pytest.skip(NEEDS_FLAG)
-    return driver
-
-
-def _scope(driver: Driver, request: pytest.FixtureRequest) -> Scope:
-    return driver.scopes.of(_marker(request))
-
-
-def _marker(request: pytest.FixtureRequest) -> MarkerOptions:
-    from pytest_drive_robust.options.marker import MarkerOptions
-
-    return MarkerOptions.from_marks(request.node.iter_markers("drive_robust"))
-
-
-def _as_setting(setting: Setting | Perturbation) -> Setting:
-    from pytest_drive_robust.perturbations.setting import Setting
-
-    return setting if isinstance(setting, Setting) else Setting.of(setting)
+    return context

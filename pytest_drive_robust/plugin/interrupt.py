@@ -1,4 +1,4 @@
-"""Ctrl-C, pressed again by somebody who cannot wait: the run ends as it would have, and nothing is left behind."""
+"""Ctrl-C pressed twice: the run still ends with its reports, and no process is left behind."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from types import FrameType
 
 import pytest
 
-__all__ = ["StopPlugin"]
+__all__ = ["InterruptPlugin"]
 
 
-class StopPlugin:
-    """After the first Ctrl-C the run is ending already, within seconds because its processes are killed. A second one
-    in the middle of that would end pytest with a traceback of its own, another exit code and no summary: it is left
-    out. A third one interrupts as ever.
+class InterruptPlugin:
+    """Ignores the second Ctrl-C of a run; the third interrupts as ever.
+
+    After the first one the run ends within seconds, because its processes are killed. A second one in the middle of
+    that would end pytest with a traceback of its own, another exit code and no summary. Where SIGINT is ignored (a
+    shell starts background jobs so, and `nohup` with `trap ""`) it stays ignored: nobody can press Ctrl-C there.
     """
 
     def __init__(self) -> None:
@@ -22,14 +24,14 @@ class StopPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_keyboard_interrupt(self) -> None:
-        """pytest begins to stop."""
+        """Watch for a second one while pytest stops."""
         with contextlib.suppress(ValueError):  # signals belong to the main thread
-            if self._before is None:
+            if self._before is None and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 self._before = signal.signal(signal.SIGINT, self._again)
 
     @pytest.hookimpl(trylast=True)
     def pytest_unconfigure(self) -> None:
-        """pytest has stopped."""
+        """Put back the handler of before."""
         with contextlib.suppress(ValueError, TypeError):
             if self._before is not None:
                 signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_drive_robust.plugin.fixtures import BrokenRequirementError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.waivers import Waivers
+from pytest_drive_robust.plugin.judging import BrokenRequirementError
+from pytest_drive_robust.regression.waivers import Waivers
 
 __all__ = ["WaivingPlugin"]
 
 
 class WaivingPlugin:
-    """In every process that runs tests and knows waivers."""
+    """Applies the waivers in every process that runs tests."""
 
     def __init__(self, waivers: Waivers) -> None:
         self._waivers = waivers
@@ -25,7 +22,7 @@ class WaivingPlugin:
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """An active waiver turns the failure into an xfail, which travels from workers; an expired one is told."""
+        """Turn a waived failure into an xfail, which travels from workers; name a waiver that has expired."""
         error = call.excinfo.value if call.excinfo is not None else None
         broken = _last_judged(item) if isinstance(error, BrokenRequirementError) else {}
         waiver = None

@@ -1,4 +1,4 @@
-"""pytest-xdist: every hook of it and every decision about workers and the controller.
+"""pytest-xdist: its hooks and every decision about workers and the controller, but for usage errors.
 
 The controller makes a folder, the workers share episodes and append what happens to journals in it, the controller
 reads. Nothing rests on a worker ending well: what it finished is on disk before it goes on.
@@ -9,15 +9,18 @@ from __future__ import annotations
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from pytest_drive_robust.plugin.executor import CRADLE, cradle_for
-from pytest_drive_robust.plugin.helping import tell_helpers_to_stop
-from pytest_drive_robust.store.opening import nothing_is_stored, open_store
+from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
+from pytest_drive_robust.plugin.terminal import progress_for
+from pytest_drive_robust.store.base import nothing_is_stored, open_store
+from pytest_drive_robust.store.events import Advised, Event
+from pytest_drive_robust.store.journal import JournalReader, JournalWriter
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -26,74 +29,44 @@ if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.report.progress import Progress
     from pytest_drive_robust.store.base import EpisodeStore
-    from pytest_drive_robust.store.events import Event
-    from pytest_drive_robust.store.journal import JournalWriter
 
 __all__ = [
     "ControllerPlugin",
-    "ProblemCourier",
-    "is_controller",
-    "is_worker",
     "join_run",
-    "send_advice",
-    "sentences",
     "start_run",
 ]
 
 _INPUT = "drive_robust_folder"
-_OUTPUT = "drive_robust_problems"
 _POLL_S = 0.2
 
 
-def is_worker(config: pytest.Config) -> bool:
-    """True in a worker of pytest-xdist."""
-    return hasattr(config, "workerinput")
-
-
-def is_controller(config: pytest.Config) -> bool:
-    """True where pytest-xdist will hand all tests to workers."""
-    return config.getoption("dist", "no") != "no" and not is_worker(config)
-
-
-def start_run(config: pytest.Config, settings: RunOptions, execution: ExecutionOptions) -> FolderRecord:
-    """On the controller: make the run's folder and follow what the workers do. The folder goes with the session."""
-    from pytest_drive_robust.plugin.screen import progress_for
-
+def start_run(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> SharedRunRecord:
+    """Make the run's folder and follow what the workers do: the controller's part. The folder goes with the session."""
     folder = Path(tempfile.mkdtemp(prefix="drive-robust-"))
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-    record = FolderRecord(folder, open_store(settings, config.rootpath, run=folder.name, own=folder / "store"))
+    record = SharedRunRecord(folder, open_store(options, config.rootpath, run=folder.name, own=folder / "store"))
     config.pluginmanager.register(ControllerPlugin(folder, record, progress_for(config)), "drive_robust_controller")
-    cradle = cradle_for(settings, execution, folder / "cradle")
+    cradle = cradle_for(options, execution, folder / "cradle")
     if cradle is not None:
         config.add_cleanup(cradle.close)
         config.pluginmanager.register(
-            CradlePlugin(cradle, folder / "cradle", at_once=nothing_is_stored(settings, config.rootpath)),
+            CradlePlugin(cradle, folder / "cradle", at_once=nothing_is_stored(options, config.rootpath)),
             "drive_robust_cradle",
         )
     return record
 
 
 def join_run(
-    config: pytest.Config, settings: RunOptions, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
+    config: pytest.Config, options: RunOptions, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
 ) -> Path:
-    """In a worker: drive with the store of the run and tell the controller through the run's folder; the folder."""
-    from pytest_drive_robust.store.journal import JournalWriter
-
+    """Drive with the store of the run, tell the controller through the run's folder, return it: a worker's part."""
     workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
     folder = Path(workerinput[_INPUT])
     journal = JournalWriter(folder, name=workerinput["workerid"])
     config.add_cleanup(journal.close)
-    store = open_store(settings, config.rootpath, run=folder.name, own=folder / "store")
+    store = open_store(options, config.rootpath, run=folder.name, own=folder / "store")
     drive_here(store, WorkerObserver(journal))
     return folder
-
-
-def send_advice(config: pytest.Config, tell: Callable[[Event], None], sentences: tuple[str, ...]) -> None:
-    """In a worker: what its collection found goes to the controller, which shows it (see `ControllerPlugin`)."""
-    from pytest_drive_robust.store.events import Advised
-
-    if is_worker(config) and sentences:
-        tell(Advised(sentences))
 
 
 class WorkerObserver:
@@ -103,7 +76,7 @@ class WorkerObserver:
         self._journal = journal
 
     def __call__(self, event: Event) -> None:
-        """Something happened."""
+        """Write an event."""
         self._journal(event)
 
     def ticked(self) -> None:
@@ -113,12 +86,10 @@ class WorkerObserver:
         """A worker draws nothing."""
 
 
-class FolderRecord:
+class SharedRunRecord:
     """What the workers of a run did, read from the run's folder."""
 
     def __init__(self, folder: Path, store: EpisodeStore) -> None:
-        from pytest_drive_robust.store.journal import JournalReader
-
         self._reader = JournalReader(folder)
         self._store = store
         self._events: list[Event] = []
@@ -147,7 +118,7 @@ class ControllerPlugin:
     The display has a thread of its own, because the controller's main thread sleeps until a report comes in.
     """
 
-    def __init__(self, folder: Path, record: FolderRecord, progress: Progress) -> None:
+    def __init__(self, folder: Path, record: SharedRunRecord, progress: Progress) -> None:
         self._folder = folder
         self._record = record
         self._progress = progress
@@ -162,9 +133,7 @@ class ControllerPlugin:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any) -> None:
-        """A worker knows its tests and has not begun (a hook of pytest-xdist): show what it advised, once."""
-        from pytest_drive_robust.store.events import Advised
-
+        """Show what a worker advised, once: it knows its tests and has not begun (a hook of pytest-xdist)."""
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         with self._writing:
             news = self._record.fresh()
@@ -186,7 +155,7 @@ class ControllerPlugin:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_logreport(self) -> Generator[None, None, None]:
-        """pytest writes about a test: our line must be gone meanwhile."""
+        """Take our line away while pytest writes about a test."""
         with self._writing:
             self._progress.pause()
             yield
@@ -194,7 +163,7 @@ class ControllerPlugin:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self) -> Generator[None, None, None]:
         """Stop following before the summaries are written. Workers without tests stop helping."""
-        tell_helpers_to_stop(self._folder)
+        stop_idle_workers(self._folder)
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -227,34 +196,3 @@ class CradlePlugin:
     def pytest_configure_node(self, node: Any) -> None:
         """Tell a worker where to find it (a hook of pytest-xdist)."""
         node.workerinput[CRADLE] = str(self._place)
-
-
-class ProblemCourier:
-    """Carries usage errors from the workers, which collect, to the controller, which decides the exit code."""
-
-    def __init__(self, problems: dict[str, str]) -> None:
-        self._problems = problems
-
-    def pytest_testnodedown(self, node: Any) -> None:
-        """A worker has ended (a hook of pytest-xdist). One that crashed brings nothing."""
-        for problem, place in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, {}).items():
-            self._problems.setdefault(problem, place)
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """In a worker: hand the problems over. On the controller: exit code 4."""
-        if is_worker(session.config):
-            session.config.workeroutput[_OUTPUT] = self._problems  # type: ignore[attr-defined]
-        elif self._problems and is_controller(session.config):
-            session.exitstatus = pytest.ExitCode.USAGE_ERROR
-
-    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Say what pytest itself would have said without workers."""
-        if is_controller(terminalreporter.config):
-            for sentence in sentences(self._problems):
-                terminalreporter.write_line(f"ERROR: {sentence}", red=True)
-
-
-def sentences(problems: Mapping[str, str]) -> list[str]:
-    """`"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
-    return [f"{place}: {problem}" if place else problem for problem, place in problems.items()]

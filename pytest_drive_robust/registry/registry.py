@@ -21,7 +21,7 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.template import kebab_name
+from pytest_drive_robust.perturbations.sentences import kebab_name
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 

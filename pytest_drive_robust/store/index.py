@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.store.record import CorruptRecordError, Record, decode_record
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record import CorruptRecordError, EpisodeRecord, decode_record
+from pytest_drive_robust.store.record_files import RecordFiles
 
-__all__ = ["Row", "rows_of"]
+__all__ = ["IndexedEpisode", "indexed_episodes"]
 
 _FILE = "index.sqlite"
 _VERSION = 1
@@ -24,7 +24,7 @@ _COLUMNS = "key, state, size, run, agent, route_id, setting, seed, outcome, end,
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class IndexedEpisode:
     """One record. `size` in bytes; `problem` says why it cannot be read, then the words of the episode are empty."""
 
     key: str
@@ -40,17 +40,17 @@ class Row:
     problem: str = ""
 
 
-def rows_of(shelf: Shelf) -> list[Row]:
+def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
     """A row for each record of a store, in the order of keys. Only files that changed since the last time are read."""
     try:
-        with contextlib.closing(_open(shelf.folder / _FILE)) as database:
-            return _updated(database, shelf)
+        with contextlib.closing(_open(files.folder / _FILE)) as database:
+            return _updated(database, files)
     except (sqlite3.Error, OSError):
         with contextlib.suppress(OSError):
-            (shelf.folder / _FILE).unlink()
+            (files.folder / _FILE).unlink()
         with contextlib.closing(sqlite3.connect(":memory:")) as database:  # the folder may be read-only
             _create(database)
-            return _updated(database, shelf)
+            return _updated(database, files)
 
 
 def _open(path: Path) -> sqlite3.Connection:
@@ -75,31 +75,33 @@ def _create(database: sqlite3.Connection) -> None:
         database.execute(f"PRAGMA user_version = {_VERSION}")
 
 
-def _updated(database: sqlite3.Connection, shelf: Shelf) -> list[Row]:
+def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEpisode]:
     known: dict[str, str] = dict(database.execute("SELECT key, state FROM records"))
-    there = {key: _state(shelf, key) for key in shelf.all_keys()}
+    there = {key: _state(files, key) for key in files.all_keys()}
     with database:
         gone = [(key,) for key in known.keys() - there.keys()]
         database.executemany("DELETE FROM records WHERE key = ?", gone)
-        changed = _read(shelf, {key: state for key, state in there.items() if known.get(key) != state})
+        changed = _read(files, {key: state for key, state in there.items() if known.get(key) != state})
         marks = ",".join("?" * len(_COLUMNS.split(",")))
         database.executemany(f"INSERT OR REPLACE INTO records ({_COLUMNS}) VALUES ({marks})", changed)
     found = database.execute(f"SELECT {_COLUMNS} FROM records ORDER BY key")
-    return [_row(*values) for values in found]
+    return [_episode(*values) for values in found]
 
 
-def _row(key: str, _: str, size: int, run: str, agent: str, route_id: str, setting: str, seed: str, *end: Any) -> Row:
-    return Row(key, size, run, agent, route_id, setting, int(seed), *end)
+def _episode(
+    key: str, _: str, size: int, run: str, agent: str, route_id: str, setting: str, seed: str, *end: Any
+) -> IndexedEpisode:
+    return IndexedEpisode(key, size, run, agent, route_id, setting, int(seed), *end)
 
 
-def _state(shelf: Shelf, key: str) -> str:
-    return ":".join(map(str, shelf.state(key) or ()))
+def _state(files: RecordFiles, key: str) -> str:
+    return ":".join(map(str, files.state(key) or ()))
 
 
-def _read(shelf: Shelf, states: Mapping[str, str]) -> Iterator[tuple[object, ...]]:
+def _read(files: RecordFiles, states: Mapping[str, str]) -> Iterator[tuple[object, ...]]:
     for key, state in states.items():
         try:
-            data = shelf.read(key)
+            data = files.read(key)
         except OSError as error:
             yield (key, state, 0, *[""] * 4, "0", "", "", 0.0, f"it cannot be read: {error.strerror or error}")
             continue
@@ -117,7 +119,7 @@ def _words(key: str, data: bytes) -> tuple[object, ...]:
     return _facts(record)
 
 
-def _facts(record: Record) -> tuple[object, ...]:
+def _facts(record: EpisodeRecord) -> tuple[object, ...]:
     result = record.result
     texts = (record.notes.get("run", ""), result.episode.agent, result.episode.route_id, result.episode.setting)
     return (

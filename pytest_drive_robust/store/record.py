@@ -18,21 +18,22 @@ import json
 import struct
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult, Given, Injection
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from pytest_drive_robust.domain.result import EpisodeResult, Injection
+from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
 
 __all__ = [
     "FORMAT_VERSION",
     "CorruptRecordError",
+    "EpisodeRecord",
     "OtherFormatError",
-    "Record",
     "decode_episode",
     "decode_record",
     "encode_episode",
@@ -68,7 +69,7 @@ class OtherFormatError(CorruptRecordError):
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class EpisodeRecord:
     """A result with what was noted beside it, such as the run that drove it."""
 
     result: EpisodeResult
@@ -77,10 +78,6 @@ class Record:
 
 def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None) -> bytes:
     """The bytes of a finished episode. Equal results with equal notes give equal bytes."""
-    import numpy as np
-
-    from pytest_drive_robust.store.packing import pack
-
     tables: dict[str, NDArray[Any]] = {
         "trace": np.asarray(result.trace.rows, dtype="<f8"),
         "speed_ratios_pct": np.asarray(result.speed_ratios_pct, dtype="<f8").reshape(-1, 1),
@@ -108,7 +105,7 @@ def decode_episode(data: bytes) -> EpisodeResult:
     return decode_record(data).result
 
 
-def decode_record(data: bytes) -> Record:
+def decode_record(data: bytes) -> EpisodeRecord:
     """As `decode_episode`, with the notes."""
     _check(data)
     try:
@@ -128,9 +125,7 @@ def _check(data: bytes) -> None:
         raise OtherFormatError(f"it has episode format {data[len(_MAGIC)]}, this version reads {FORMAT_VERSION}")
 
 
-def _decoded(data: bytes) -> Record:
-    from pytest_drive_robust.store.packing import StoredTrace, unpack
-
+def _decoded(data: bytes) -> EpisodeRecord:
     (length,) = _LENGTH.unpack_from(data, _START)
     place = _START + _LENGTH.size + length
     header: dict[str, Any] = json.loads(data[_START + _LENGTH.size : place])
@@ -144,7 +139,8 @@ def _decoded(data: bytes) -> Record:
         return tuple(unpack(packed, dtype=dtype, shape=shape)[:, 0].tolist())
 
     trace, _, (ticks, _) = pieces["trace"]
-    return Record(
+    given = pieces.get("given")
+    return EpisodeRecord(
         EpisodeResult(
             episode=Episode(**header["episode"]),
             outcome=Outcome(header["outcome"]),
@@ -155,7 +151,7 @@ def _decoded(data: bytes) -> Record:
             schedule=tuple(Injection(**item) for item in header["schedule"]),
             versions=header["versions"],
             reception=_reception(header["reception"]),
-            given=_given(pieces.get("given")),
+            given=None if given is None else StoredGiven(packed=given[0], shape=given[2]),
             trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
             speed_ratios_pct=numbers("speed_ratios_pct"),
             inference_s=numbers("inference_s"),
@@ -163,12 +159,6 @@ def _decoded(data: bytes) -> Record:
         ),
         header["notes"],
     )
-
-
-def _given(piece: tuple[bytes, str, tuple[int, int]] | None) -> Given | None:
-    from pytest_drive_robust.store.packing import StoredGiven
-
-    return None if piece is None else StoredGiven(packed=piece[0], shape=piece[2])
 
 
 def _reception(fields: dict[str, Any] | None) -> Reception | None:

@@ -1,29 +1,78 @@
-"""A text file that is either untouched or whole, whenever the process dies."""
+"""Files that are either untouched or whole, whenever the process dies.
+
+A file is written under another name and renamed. What must also outlast a power cut is synced before the rename, and
+its folder after it. That holds on network file systems, too: rename is atomic on the server, and a reader elsewhere
+sees the old state or the new one (a directory listing may lag behind; opening a name does not, because that asks the
+server).
+"""
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
-import tempfile
+import secrets
+from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["write_whole"]
+__all__ = ["make_folder_synced", "whole_file", "write_whole"]
+
+_NO_SYNC = frozenset({errno.EINVAL, errno.EBADF, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EISDIR})
+"""What file systems and systems that cannot sync a folder say."""
+_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write under a temporary name in the same folder, then rename. The permissions are those of a new file."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+def write_whole(path: Path, content: str | bytes, *, synced: bool = False) -> None:
+    """Write bytes, or text as UTF-8, to `path`; `synced` makes it last through a power cut. Raises `OSError`."""
+    rest = memoryview(content.encode() if isinstance(content, str) else content)
+    with whole_file(path) as temporary:
+        descriptor = os.open(temporary, _FLAGS, 0o666)
+        try:
+            while rest:
+                rest = rest[os.write(descriptor, rest) :]
+            if synced:
+                os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    if synced:
+        _sync_folder(path.parent)
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a free name beside `path`: the file that the block writes there becomes `path`, or goes when it raises."""
+    temporary = path.with_name(f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}.tmp")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        os.chmod(temporary, 0o666 & ~_umask())
+        yield temporary
         os.replace(temporary, path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
         raise
 
 
-def _umask() -> int:
-    """The process's umask; it can only be read by setting it."""
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask
+def make_folder_synced(folder: Path) -> None:
+    """Make a folder with those above it, and each of their names last: a file in it lasts no longer than they do."""
+    if not folder.is_dir():
+        make_folder_synced(folder.parent)
+        folder.mkdir(exist_ok=True)
+        _sync_folder(folder.parent)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the names in `folder` last. Raises `OSError` for a disk that fails."""
+    if os.name == "nt":
+        return  # a folder cannot be opened there
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        if error.errno in _NO_SYNC:
+            return
+        raise
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
+    finally:
+        os.close(descriptor)

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import Simulator

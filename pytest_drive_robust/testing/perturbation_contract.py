@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.testing.driving import first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route

@@ -14,7 +14,7 @@ from pytest_drive_robust.metrics.degradation import paired_driving_scores
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.verdict.divergence import first_divergence_s
 from pytest_drive_robust.verdict.forms import margin_of, rule_of

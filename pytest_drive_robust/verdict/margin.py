@@ -11,9 +11,8 @@ import re
 from collections.abc import Mapping
 
 from pytest_drive_robust.errors import PerturbationError, RequirementError, nearest
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 from pytest_drive_robust.verdict.known import known_metric
 from pytest_drive_robust.verdict.model import Requirement, slug
 

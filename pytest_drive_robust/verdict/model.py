@@ -9,8 +9,7 @@ from typing import NoReturn
 
 from pytest_drive_robust.errors import RequirementError
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.verdict.known import known_metric
 
 __all__ = ["Requirement", "Unjudged", "requirement", "slug"]

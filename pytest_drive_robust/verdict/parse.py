@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from textwrap import indent
 
 from pytest_drive_robust.errors import RequirementError, UsageError
-from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.verdict.known import known_metric, known_perturbations
 from pytest_drive_robust.verdict.margin import parse_margin
 from pytest_drive_robust.verdict.model import Requirement

@@ -12,9 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pytest_drive_robust.errors import ComparisonError, PerturbationError
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
-from pytest_drive_robust.perturbations.setting import Setting
 
 __all__ = ["Fails", "MinimalFailure", "minimal_failing"]
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 from pytest_drive_robust.domain.reception import CONTROL, Reception
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.perturbations.idle import idle_reason
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 
 __all__ = ["immunity", "require_touched"]
 
@@ -26,7 +25,7 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
     if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
         return
     dt_s, seen = driven[0].dt_s, receptions[0]
-    reasons = [f"{item}: {idle_reason(item, seen.cameras, dt_s)}" for item in setting.perturbations]
+    reasons = [f"{item}: {item.idle_reason(seen.cameras, dt_s)}" for item in setting.perturbations]
     episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
     raise ComparisonError(
         "\n  ".join(

@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest

@@ -8,7 +8,7 @@ import pytest
 from late_agent import STUCK_STOP_S, LateAgent, snapshot_of_results
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.snapshot import Snapshot

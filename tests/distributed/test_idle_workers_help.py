@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.perturbations.setting import Setting
-from pytest_drive_robust.plugin.helping import _Questions
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.plugin.idle_workers import _OpenRequests
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.reading import routes_in_order
 from pytest_drive_robust.store.events import Asked, Event, Judged, Spared, Used
@@ -83,7 +83,7 @@ AGENTS.append(Unmakeable)
 
 
 class Names:
-    """What `_Questions` asks of the scopes of a run."""
+    """What `_OpenRequests` asks of the scopes of a run."""
 
     def of(self, marker: MarkerOptions) -> Scope:
         assert (marker.agent, marker.routes, marker.seeds) == (SCOPE.agent, SCOPE.routes_spec, SCOPE.seeds)
@@ -104,7 +104,7 @@ def asked(sentence: str, *, clean: bool = False) -> tuple[Asked, list[EpisodeReq
 @pytest.fixture
 def journal(tmp_path: Path):
     writer = JournalWriter(tmp_path, name="gw0")
-    questions = _Questions(tmp_path, Names())  # type: ignore[arg-type]
+    questions = _OpenRequests(tmp_path, Names())  # type: ignore[arg-type]
 
     def told(*events: Event) -> list[EpisodeRequest]:
         for event in events:

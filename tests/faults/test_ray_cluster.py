@@ -23,7 +23,7 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.ray.executor import RayExecutor
 from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.executors import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest

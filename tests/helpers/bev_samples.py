@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._bev_agent import CAMERAS
+from drive_robust_agents._wrappers.bev_agent import CAMERAS
 from pytest_drive_robust.domain.truth import ActorKind
 
 Arrays = dict[str, NDArray[Any]]

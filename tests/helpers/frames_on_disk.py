@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents.training.frames import write_shard
+from drive_robust_agents.training.data.frames import write_shard
 
 Row = Mapping[str, NDArray[Any]]
 

@@ -11,10 +11,18 @@ import numpy as np
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.geodesy import to_geodetic, to_metric
-from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Observation, Speed
+from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
 from pytest_drive_robust.perturbations import Setting
 
 CAMERAS = ("CAM_BACK", "CAM_FRONT")
+SENSORS = (
+    {"type": "sensor.other.gnss", "id": "GPS"},
+    {"type": "sensor.camera.rgb", "id": "CAM_FRONT"},
+    {"type": "sensor.camera.rgb", "id": "CAM_BACK"},
+    {"type": "sensor.camera.rgb", "id": "bev"},
+)
+RIG = tuple(CameraSpec(sensor["id"]) for sensor in SENSORS if sensor["type"] == "sensor.camera.rgb")
+"""The cameras in the order of `sensors()`, which is not that of their names."""
 FIRST_FRAME = 700
 
 
@@ -99,7 +107,7 @@ class Driven:
 
 def through_package(stream: list[dict[str, Any]], setting: Setting, *, route: str, seed: int) -> Driven:
     """The stream through the setting as the embedded simulator's loop runs it."""
-    stack = setting.start(route_id=route, seed=seed, dt_s=0.05, cameras=())
+    stack = setting.start(route_id=route, seed=seed, dt_s=0.05, cameras=RIG)
     driven = Driven()
     fixes: dict[tuple[float, float], Any] = {}
     for tick, payloads in enumerate(stream):
@@ -168,6 +176,9 @@ class OfficialDrive:
         self.make_control = make_control
         self.given: dict[str, Any] | None = None
         self.command = make_control()  # agents return the same object again and again
+
+    def sensors(self) -> Any:
+        return SENSORS
 
     def __call__(self) -> Any:
         data = self.sensor_interface.get_data(self.frame)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.simlingo import SimLingoSpec
-from drive_robust_agents.training.facts import FACTS
+from drive_robust_agents.training.data.facts import FACTS
 
 SMALL = SimLingoSpec(height_px=64, width_px=64, kept_px=48, stem=8, widths=(16, 32), model=64, layers=2, hidden=128)
 

@@ -37,16 +37,21 @@ def observation_at(tick: int, *, cameras: Sequence[str] = ("front",), pixels: Pi
 
 
 def started(
-    setting: Setting | Perturbation, *, route_id: str = "2091", seed: int = 0, dt_s: float = DT_S
+    setting: Setting | Perturbation,
+    *,
+    route_id: str = "2091",
+    seed: int = 0,
+    dt_s: float = DT_S,
+    cameras: Sequence[str] = ("front", "rear"),
 ) -> RunningStack:
-    """The stack at the start of an episode."""
+    """The stack at the start of an episode of an agent with these cameras."""
     stack = setting if isinstance(setting, Setting) else Setting.of(setting)
-    return stack.start(route_id=route_id, seed=seed, dt_s=dt_s, cameras=[CameraSpec("front")])
+    return stack.start(route_id=route_id, seed=seed, dt_s=dt_s, cameras=[CameraSpec(name) for name in cameras])
 
 
 def observed(
     setting: Setting | Perturbation, ticks: Iterable[int], *, seed: int = 0, cameras: Sequence[str] = ("front",)
 ) -> list[Observation]:
     """What the agent gets in `ticks`."""
-    stack = started(setting, seed=seed)
+    stack = started(setting, seed=seed, cameras=cameras)
     return [stack.observe(observation_at(tick, cameras=cameras)) for tick in ticks]

@@ -8,8 +8,8 @@ from pathlib import Path
 import torch
 
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec
-from drive_robust_agents.training.export import write_weights
-from drive_robust_agents.training.trainer import RunOptions
+from drive_robust_agents.training.loop.export import write_weights
+from drive_robust_agents.training.loop.trainer import TrainingOptions
 
 SPEC = TcpSpec(height_px=32, width_px=64, widths=(8, 8), stem=8, feature=16, state=16, hidden=16)
 CAMERAS = {"front": (32, 64)}
@@ -20,8 +20,8 @@ def tiny_net(seed: int = 0) -> TcpNet:
     return TcpNet(SPEC)
 
 
-def tiny_settings(*, steps: int = 12, batch: int = 8, **changes: object) -> RunOptions:
-    return RunOptions(
+def tiny_options(*, steps: int = 12, batch: int = 8, **changes: object) -> TrainingOptions:
+    return TrainingOptions(
         agent="tcp", steps=steps, batch=batch, lr=3e-3, weight_decay=0.01, clip=1.0, spec=asdict(SPEC), **changes
     )
 
@@ -32,4 +32,4 @@ def published(folder: Path, *, seed: int = 0) -> Path:
     inputs = net.example(4)
     inputs["image"] = torch.randint(0, 256, inputs["image"].shape, dtype=torch.uint8)
     net(**inputs)
-    return write_weights(net.eval(), folder, settings=tiny_settings(), step=12)
+    return write_weights(net.eval(), folder, options=tiny_options(), step=12)

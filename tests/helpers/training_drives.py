@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 
-from drive_robust_agents.training.draws import draws
-from drive_robust_agents.training.noise import burst_plan
-from drive_robust_agents.training.rollouts import Sample, drive_expert
-from drive_robust_agents.training.routes import SCENARIO_NAMES, RouteKey, draw
+from drive_robust_agents.training.data.draws import draws
+from drive_robust_agents.training.data.noise import burst_plan
+from drive_robust_agents.training.data.rollouts import Sample, drive_expert
+from drive_robust_agents.training.data.routes import SCENARIO_NAMES, RouteKey, draw
 from pytest_drive_robust.domain.route import Route
 
 

@@ -1,6 +1,6 @@
 """Weights of a learned agent that are not what their manifest says: exit code 4, every one told, nothing driven.
 
-What is refused and why, case by case: `unit/agents/test_weight_loading.py`. Here it is the run of a user.
+What is refused and why, case by case: `unit/agents/test_weight_loading.py`. ExpertMoment it is the run of a user.
 """
 
 # ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
@@ -19,9 +19,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from drive_robust_agents.training.export import write_weights
-from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import RunOptions
+from drive_robust_agents.training.loop.export import write_weights
+from drive_robust_agents.training.loop.trainer import TrainingOptions
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust.options.table import DEFAULT_STORE
 
 CANDIDATES = ("-p", "drive_robust_agents.training.candidates")
@@ -44,7 +44,7 @@ def new_weights(agent: str, folder: Path, *, seed: int = 0) -> Path:
     """What a training that had no time would publish."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    settings = RunOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
+    settings = TrainingOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
     return write_weights(recipe_of(agent).make(), folder, settings=settings, step=0)
 
 

@@ -13,7 +13,7 @@ from torch.nn import functional
 
 from drive_robust_agents._nets.blocks import Mlp
 
-__all__ = ["Attention", "CrossLayer", "DecoderLayer", "Places", "attend"]
+__all__ = ["Attention", "CrossLayer", "DecoderLayer", "PointEncoding", "attend"]
 
 
 def attend(query: Tensor, key: Tensor, value: Tensor, *, mask: Tensor | None = None, causal: bool = False) -> Tensor:
@@ -115,7 +115,7 @@ class DecoderLayer(nn.Module):
         return y
 
 
-class Places(nn.Module):
+class PointEncoding(nn.Module):
     """A code for points in metres: waves of 128, 64, 32 and 16 m through an MLP, (..., 2) -> (..., width)."""
 
     def __init__(self, width: int) -> None:

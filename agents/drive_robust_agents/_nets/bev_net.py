@@ -5,14 +5,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.attention import Places
+from drive_robust_agents._nets.attention import PointEncoding
 from drive_robust_agents._nets.bev import BevEncoder
 from drive_robust_agents._nets.bev_grid import BevSpec
 
 __all__ = ["DENSE_CHANNELS", "BevNet"]
 
 DENSE_CHANNELS = 8
-"""What may lie in a cell, as an auxiliary target: bodies of two kinds, lines of six (`training.dense.CHANNELS`)."""
+"""What may lie in a cell: bodies of two kinds and lines of six, as in `training.recipes.dense.CHANNELS`."""
 
 
 class BevNet(nn.Module):
@@ -27,7 +27,7 @@ class BevNet(nn.Module):
     def __init__(self, spec: BevSpec) -> None:
         super().__init__()
         self.encoder = BevEncoder(spec)
-        self.places = Places(spec.width)
+        self.places = PointEncoding(spec.width)
         self.register_buffer("centres", torch.from_numpy(spec.centres()).flatten(0, 1), persistent=False)
 
     def example(self, rows: int) -> dict[str, Tensor]:

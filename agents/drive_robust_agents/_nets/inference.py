@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from drive_robust_agents._nets import weights as store
-from drive_robust_agents._nets.manifest import Entry
+from drive_robust_agents._nets.manifest import WeightsEntry
 from drive_robust_agents._nets.torch_engine import TYPES, TorchEngine
 from pytest_drive_robust.errors import UsageError, nearest
 
@@ -51,7 +51,7 @@ class Engine(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class _Wish:
+class _PolicyKey:
     """Everything that tells one policy from another."""
 
     name: str
@@ -68,7 +68,7 @@ class _Wish:
 class Policy:
     """A network with its weights, ready to drive. Make one with `Policy.of`."""
 
-    def __init__(self, net: nn.Module, entry: Entry, engine: Engine, *, threads: int) -> None:
+    def __init__(self, net: nn.Module, entry: WeightsEntry, engine: Engine, *, threads: int) -> None:
         self.net, self.entry = net, entry
         self._engine, self._threads = engine, threads
 
@@ -85,7 +85,7 @@ class Policy:
         weights: str | Path | None = None,
         **options: object,
     ) -> Policy:
-        """The policy of an agent; the same object for the same wish in this process.
+        """The policy of an agent; the same object for the same key in this process.
 
         `engine` is `"torch"` or `"onnx"` (ONNX Runtime: faster on a CPU, built from the same weights at first use).
         `device` is `"cpu"`, `"cuda"`, `"cuda:1"` or `"auto"`. `dtype` other than `"float32"` computes with automatic
@@ -94,7 +94,7 @@ class Policy:
         network. Raises `UsageError` for weights that are refused and for what this machine cannot do.
         """
         _, entry = store.locate(name, weights)
-        wish = _Wish(
+        key = _PolicyKey(
             name,
             build,
             _one_of("engine", engine, _ENGINES),
@@ -110,7 +110,7 @@ class Policy:
                 f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more."
             )
         with _making:
-            return _made(wish)
+            return _made(key)
 
     @classmethod
     def check(cls, name: str, build: store.Build, *, weights: str | Path | None = None, **options: object) -> None:
@@ -136,31 +136,23 @@ class Policy:
         parts = [self._engine(method, _chunk(inputs, begin)) for begin in range(0, rows, ROWS)]
         return {name: np.concatenate([part[name] for part in parts])[:rows] for name in parts[0]}
 
-    def warmup(self, repeats: int = 3) -> None:
-        """Compute example rows, alone and in a batch: what loads, compiles or allocates at first use does so now."""
-        net: Any = self.net
-        for rows in (1, ROWS):
-            example = {name: value.numpy() for name, value in net.example(rows).items()}
-            for _ in range(repeats):
-                self.run(**example)
-
 
 _making = threading.Lock()
 
 
 @functools.cache
-def _made(wish: _Wish) -> Policy:
-    torch.set_num_threads(wish.threads)
-    net, entry = store.load(wish.name, wish.build, weights=wish.file, **dict(wish.options))
-    if entry.sha256 != wish.sha256:
-        raise UsageError(f"{wish.name}: the manifest changed while its weights were read. Start again.")
-    if wish.engine == "torch":
-        engine: Engine = TorchEngine(net, device=wish.device, dtype=wish.dtype)
+def _made(key: _PolicyKey) -> Policy:
+    torch.set_num_threads(key.threads)
+    net, entry = store.load(key.name, key.build, weights=key.file, **dict(key.options))
+    if entry.sha256 != key.sha256:
+        raise UsageError(f"{key.name}: the manifest changed while its weights were read. Start again.")
+    if key.engine == "torch":
+        engine: Engine = TorchEngine(net, device=key.device, dtype=key.dtype)
     else:
         from drive_robust_agents._nets.onnx_engine import OnnxEngine
 
-        engine = OnnxEngine(net, entry, options=wish.options, threads=wish.threads)
-    return Policy(net, entry, engine, threads=wish.threads)
+        engine = OnnxEngine(net, entry, options=key.options, threads=key.threads)
+    return Policy(net, entry, engine, threads=key.threads)
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:

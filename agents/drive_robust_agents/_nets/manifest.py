@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
     "FORMAT_VERSION",
     "MANIFEST",
     "MOST_BYTES",
-    "Entry",
+    "WeightsEntry",
     "plain_spec",
     "read_manifest",
     "spec_from",
@@ -31,7 +32,7 @@ _Spec = TypeVar("_Spec")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class WeightsEntry:
     """One weight file.
 
     `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
@@ -56,7 +57,7 @@ class Entry:
         return f"{self.name}@{self.version}:{self.sha256[:8]}"
 
 
-def read_manifest(folder: Path, name: str) -> Entry:
+def read_manifest(folder: Path, name: str) -> WeightsEntry:
     """The entry of that name in the manifest of a folder. Raises `UsageError` when there is none that can be used."""
     path = folder / MANIFEST
     try:
@@ -72,7 +73,7 @@ def read_manifest(folder: Path, name: str) -> Entry:
     if name not in entries:
         raise UnknownNameError.of(f"entry in {path}", name, entries)
     try:
-        entry = Entry(**entries[name])
+        entry = WeightsEntry(**entries[name])
     except TypeError as error:
         raise UsageError(f"the entry {name!r} of {path} is not as expected: {error}.") from None
     if entry.format_version != FORMAT_VERSION or Path(entry.file).name != entry.file:
@@ -83,15 +84,13 @@ def read_manifest(folder: Path, name: str) -> Entry:
     return entry
 
 
-def write_entry(folder: Path, entry: Entry) -> None:
+def write_entry(folder: Path, entry: WeightsEntry) -> None:
     """Put an entry into the manifest of a folder, in place of one of the same name."""
     path = folder / MANIFEST
     entries = json.loads(path.read_bytes()) if path.exists() else {}
     entries[entry.name] = dataclasses.asdict(entry)
     text = json.dumps(entries, indent=1, sort_keys=True) + "\n"
-    scratch = path.with_suffix(".new")
-    scratch.write_text(text)
-    scratch.replace(path)
+    write_whole(path, text)
 
 
 def plain_spec(spec: object) -> dict[str, Any]:

@@ -6,10 +6,8 @@ that changes with the weights, the options and the versions that built it. There
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,8 +19,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from drive_robust_agents._nets import require
-from drive_robust_agents._nets.manifest import Entry
+from drive_robust_agents._nets.manifest import WeightsEntry
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import whole_file
 
 __all__ = ["OnnxEngine", "cache_folder"]
 
@@ -34,7 +33,7 @@ class OnnxEngine:
     """One session for batches of any size. Raises `UsageError` without the extra `onnx`."""
 
     def __init__(
-        self, net: nn.Module, entry: Entry, *, options: Sequence[tuple[str, object]] = (), threads: int = 1
+        self, net: nn.Module, entry: WeightsEntry, *, options: Sequence[tuple[str, object]] = (), threads: int = 1
     ) -> None:
         require("onnxruntime", "onnx", extra="onnx")
         import onnxruntime
@@ -63,7 +62,7 @@ def cache_folder() -> Path:
     return Path(base) / "pytest-drive-robust" / "onnx"
 
 
-def _model_name(entry: Entry, options: Sequence[tuple[str, object]]) -> str:
+def _model_name(entry: WeightsEntry, options: Sequence[tuple[str, object]]) -> str:
     facts = (entry.sha256, tuple(options), torch.__version__, _OPSET, _FORMAT)
     return f"{entry.name}-{hashlib.sha256(repr(facts).encode()).hexdigest()[:24]}"
 
@@ -86,22 +85,15 @@ def _export(net: Any, path: Path) -> None:
     with torch.inference_mode():
         outputs = list(net(**example))
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, scratch = tempfile.mkstemp(dir=path.parent, suffix=".new")
-    os.close(handle)
-    try:
-        with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
-            torch.onnx.export(
-                _Named(net, list(example)).eval(),
-                tuple(example.values()),
-                scratch,
-                input_names=list(example),
-                output_names=outputs,
-                dynamic_axes={name: {0: "rows"} for name in (*example, *outputs)},
-                opset_version=_OPSET,
-                dynamo=False,
-            )
-        os.replace(scratch, path)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(scratch)
+    with whole_file(path) as temporary, warnings.catch_warnings(), torch.no_grad():
+        warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
+        torch.onnx.export(
+            _Named(net, list(example)).eval(),
+            tuple(example.values()),
+            str(temporary),
+            input_names=list(example),
+            output_names=outputs,
+            dynamic_axes={name: {0: "rows"} for name in (*example, *outputs)},
+            opset_version=_OPSET,
+            dynamo=False,
+        )

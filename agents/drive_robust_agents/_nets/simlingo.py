@@ -3,7 +3,7 @@
 A compact re-implementation of the architecture of SimLingo (Renz et al. 2025; `simlingo_training/models/driving.py`,
 `adaptors.py`), never the original: 1.3 million parameters that know 95 words stand where InternVL2-1B stood.
 
-Places of the sequence, each at a position that never changes::
+PointEncoding of the sequence, each at a position that never changes::
 
     image 32 | prompt 22: <speed>, words, filler, <answer> | answer 16 | path queries 20 | speed queries 10
 

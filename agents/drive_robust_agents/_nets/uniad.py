@@ -14,8 +14,8 @@ from drive_robust_agents._nets.bev_grid import BevSpec
 from drive_robust_agents._nets.bev_net import DENSE_CHANNELS, BevNet
 from drive_robust_agents._nets.blocks import RARE, ConvBnRelu
 from drive_robust_agents._nets.manifest import spec_from
-from drive_robust_agents._nets.uniad_ahead import MotionHead, Motions, OccupancyHead, PlannerHead
-from drive_robust_agents._nets.uniad_heads import Begun, LaneHead, Old, TrackHead, Tracks, View
+from drive_robust_agents._nets.uniad_ahead import Motions, OccupancyHead, PlannerHead, UniadMotionHead
+from drive_robust_agents._nets.uniad_heads import FirstLayer, LaneHead, MapView, PriorAgents, TrackHead, Tracks
 
 __all__ = ["Perceived", "UniadNet", "UniadSpec", "move"]
 
@@ -43,10 +43,10 @@ class Perceived(NamedTuple):
     """
 
     cells: Tensor
-    view: View
+    view: MapView
     dense: Tensor
     heat: Tensor
-    begun: Begun
+    begun: FirstLayer
     tracks: Tracks
     lane_queries: Tensor
     lane_logits: Tensor
@@ -70,7 +70,7 @@ class UniadNet(BevNet):
         self.dense = nn.Linear(width, DENSE_CHANNELS + 4)
         self.track = TrackHead(width, spec.heads, spec.agents)
         self.lane = LaneHead(width, spec.heads, spec.lanes)
-        self.motion = MotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
+        self.motion = UniadMotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
         self.occupancy = OccupancyHead(width, steps=spec.occupancy_steps)
         self.planner = PlannerHead(width, spec.heads, steps=spec.steps)
         with torch.no_grad():
@@ -101,7 +101,7 @@ class UniadNet(BevNet):
         """
         now, front = self.look(images, can_bus)
         fused = self.encoder.fusion(now, old_bev * known[:, None, None, None], motion)
-        seen = self.perceive(fused, front, Old(old_queries, move(old_spots, motion), known))
+        seen = self.perceive(fused, front, PriorAgents(old_queries, move(old_spots, motion), known))
         motions = self.foresee(seen)
         plan = self.plan(seen, motions, command)
         return {"waypoints": plan, "occupancy": self.occupied(seen, motions), "bev": now, **memory_of(seen.begun)}
@@ -118,7 +118,7 @@ class UniadNet(BevNet):
         cells, told, view = self._survey(self.encoder.fusion(now, torch.zeros_like(now), unmoved))
         return {"bev": now, **memory_of(self._begin(cells, told[..., DENSE_CHANNELS], view, front))}
 
-    def perceive(self, fused: Tensor, front: Tensor, old: Old) -> Perceived:
+    def perceive(self, fused: Tensor, front: Tensor, old: PriorAgents) -> Perceived:
         """Agents and lanes on the fused map."""
         cells, told, view = self._survey(fused)
         heat = told[..., DENSE_CHANNELS]
@@ -147,15 +147,15 @@ class UniadNet(BevNet):
         believed = torch.sigmoid(seen.tracks.logits[1]).amax(dim=-1)
         return (torch.sigmoid(whose) * believed[..., None, None, None]).amax(dim=1)
 
-    def _survey(self, fused: Tensor) -> tuple[Tensor, Tensor, View]:
+    def _survey(self, fused: Tensor) -> tuple[Tensor, Tensor, MapView]:
         """The map as tokens, what they say, and the overview."""
         cells = fused.flatten(2).transpose(1, 2)
         overview = self.overview(fused).flatten(2).transpose(1, 2)
-        return cells, self.dense(cells), View(overview, self.places(self.coarse)[None], self.places)
+        return cells, self.dense(cells), MapView(overview, self.places(self.coarse)[None], self.places)
 
-    def _begin(self, cells: Tensor, heat: Tensor, view: View, front: Tensor) -> Begun:
+    def _begin(self, cells: Tensor, heat: Tensor, view: MapView, front: Tensor) -> FirstLayer:
         picks = self._hottest(heat.detach())
-        y: Begun = self.track.begin(cells, picks, self.centres[picks], view, front)
+        y: FirstLayer = self.track.begin(cells, picks, self.centres[picks], view, front)
         return y
 
     def _hottest(self, heat: Tensor) -> Tensor:
@@ -166,7 +166,7 @@ class UniadNet(BevNet):
         return worth.topk(self.spec.agents, dim=1).indices
 
 
-def memory_of(begun: Begun) -> dict[str, Tensor]:
+def memory_of(begun: FirstLayer) -> dict[str, Tensor]:
     """What the next frame is told of the agents: queries (N, Q, d) before *their* memory, and where they stand."""
     return {"queries": begun.queries[:, 1:], "spots": begun.boxes[..., :2]}
 

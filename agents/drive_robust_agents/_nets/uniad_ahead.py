@@ -1,7 +1,7 @@
 """The heads of the compact UniAD that look ahead: motion, occupancy and the plan, in this order.
 
-Everything is in the ego frame (x forward, y right), metres and m/s; a `View` holds tokens of the map below. Outputs are
-padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+Everything is in the ego frame (x forward, y right), metres and m/s; a `MapView` holds tokens of the map below. Outputs
+are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from torch import Tensor, nn
 
 from drive_robust_agents._nets.attention import CrossLayer
 from drive_robust_agents._nets.blocks import ConvBnRelu, Mlp
-from drive_robust_agents._nets.uniad_heads import View
+from drive_robust_agents._nets.uniad_heads import MapView
 
-__all__ = ["MotionHead", "Motions", "OccupancyHead", "PlannerHead"]
+__all__ = ["Motions", "OccupancyHead", "PlannerHead", "UniadMotionHead"]
 
 _STEP_M, _STEP_S = 4.0, 0.5
 
@@ -33,7 +33,7 @@ class Motions(NamedTuple):
     logits: Tensor
 
 
-class MotionHead(nn.Module):
+class UniadMotionHead(nn.Module):
     """Where each agent may go: modes that look at agents, lanes and the map, as deviations from constant speed."""
 
     def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:
@@ -44,7 +44,7 @@ class MotionHead(nn.Module):
         self.outputs = 4 * ((5 * steps + 1 + 3) // 4)
         self.path = Mlp(width, width, self.outputs)
 
-    def forward(self, agents: Tensor, speed: Tensor, spots: Tensor, lanes: Tensor, view: View) -> Motions:
+    def forward(self, agents: Tensor, speed: Tensor, spots: Tensor, lanes: Tensor, view: MapView) -> Motions:
         """`agents` (N, 1 + Q, d), their `speed` (N, 1 + Q) [m/s] (0 where the path says all) and `spots` (..., 2)."""
         placed = agents + view.places(spots)
         query = (placed.unsqueeze(2) + self.mode).flatten(1, 2)
@@ -114,7 +114,7 @@ class PlannerHead(nn.Module):
         self.layers = nn.ModuleList(CrossLayer(width, heads) for _ in range(2))
         self.offsets = Mlp(width, width, 2 * steps)
 
-    def forward(self, modes: Tensor, ego: Tensor, command: Tensor, view: View) -> Tensor:
+    def forward(self, modes: Tensor, ego: Tensor, command: Tensor, view: MapView) -> Tensor:
         """Waypoints (N, T, 2) of modes (N, M, d), the track query (N, 1, d) and commands (N,) of 1 to 6."""
         parts = (modes, ego.detach().expand_as(modes), self.command(command)[:, None].expand_as(modes))
         query = self.fuse(torch.cat(parts, dim=-1)).amax(dim=1, keepdim=True)

@@ -1,7 +1,7 @@
 """The heads of the compact UniAD that see: tracks and lanes, each a set of queries on the map below.
 
 Everything is in the ego frame (x forward, y right), metres and m/s. `cells` are tokens (N, cells, d) of the bird's-eye
-map; a `View` holds tokens of the same map at half the resolution, which is what queries attend to.
+map; a `MapView` holds tokens of the same map at half the resolution, which is what queries attend to.
 Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
 """
 
@@ -12,16 +12,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.attention import CrossLayer, DecoderLayer, Places
+from drive_robust_agents._nets.attention import CrossLayer, DecoderLayer, PointEncoding
 from drive_robust_agents._nets.blocks import Mlp, mostly_nothing
 
-__all__ = ["Begun", "LaneHead", "Old", "TrackHead", "Tracks", "View"]
+__all__ = ["FirstLayer", "LaneHead", "MapView", "PriorAgents", "TrackHead", "Tracks"]
 
 _NEAR_M, _SPEED_MPS = 4.0, 8.0
 _HIDDEN = -1.0e4
 
 
-class Old(NamedTuple):
+class PriorAgents(NamedTuple):
     """What was known of others 0.5 s ago: queries (N, Q, d), where (N, Q, 2) seen from here, and whether (N,)."""
 
     queries: Tensor
@@ -29,15 +29,15 @@ class Old(NamedTuple):
     known: Tensor
 
 
-class View(NamedTuple):
+class MapView(NamedTuple):
     """The `overview` tokens (N, K, d), the codes of their places (1, K, d), and what makes such codes."""
 
     tokens: Tensor
     code: Tensor
-    places: Places
+    places: PointEncoding
 
 
-class Begun(NamedTuple):
+class FirstLayer(NamedTuple):
     """After the first layer: queries (N, 1 + Q, d), the ego's first; class logits (N, Q, 4); boxes (N, Q, 8)."""
 
     queries: Tensor
@@ -78,7 +78,7 @@ class TrackHead(nn.Module):
         self.boxes = nn.ModuleList(mostly_nothing(Mlp(width, width, 12), 4) for _ in range(2))
         self.hints = Mlp(width, width, 8)
 
-    def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: View, front: Tensor) -> Begun:
+    def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: MapView, front: Tensor) -> FirstLayer:
         """One picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
         newborn = self.start(cells.gather(1, picks[..., None].expand(-1, -1, cells.shape[-1])))
         ego = self.front(self.ego.expand(cells.shape[0], -1, -1), front)
@@ -86,9 +86,9 @@ class TrackHead(nn.Module):
         here = torch.cat((places(torch.zeros_like(spots[:, :1])), places(spots)), dim=1)
         query = torch.cat((ego, newborn), dim=1)
         query = self.first(query, view.tokens, query_position=here, memory_position=view.code)
-        return Begun(query, *self._read(0, query[:, 1:], spots))
+        return FirstLayer(query, *self._read(0, query[:, 1:], spots))
 
-    def forward(self, begun: Begun, view: View, old: Old) -> Tracks:
+    def forward(self, begun: FirstLayer, view: MapView, old: PriorAgents) -> Tracks:
         """With what was known before."""
         places, spots = view.places, begun.boxes[..., :2].detach()
         there = places(old.spots)
@@ -125,7 +125,7 @@ class LaneHead(nn.Module):
         self.classes = mostly_nothing(Mlp(width, width, 8), 8)
         self.mask, self.paint = Mlp(width, width, width), nn.Linear(width, width)
 
-    def forward(self, cells: Tensor, view: View) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, cells: Tensor, view: MapView) -> tuple[Tensor, Tensor, Tensor]:
         """Look at the map; paint."""
         start = self.content.expand(cells.shape[0], -1, -1)
         query = self.layer(start, view.tokens, query_position=start, memory_position=view.code)

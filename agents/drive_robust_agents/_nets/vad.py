@@ -13,7 +13,7 @@ from drive_robust_agents._nets.bev_grid import BevSpec
 from drive_robust_agents._nets.bev_net import DENSE_CHANNELS, BevNet
 from drive_robust_agents._nets.blocks import Mlp
 from drive_robust_agents._nets.manifest import spec_from
-from drive_robust_agents._nets.vad_heads import AgentHead, MapHead, MotionHead, PlanHead
+from drive_robust_agents._nets.vad_heads import AgentHead, MapHead, PlanHead, VadMotionHead
 
 __all__ = ["VadNet", "VadSpec", "choose"]
 
@@ -56,7 +56,7 @@ class VadNet(BevNet):
         self.agents = AgentHead(width, spec.heads, queries=spec.agents, layers=spec.layers)
         self.map = MapHead(width, spec.heads, vectors=spec.vectors, points=spec.points, layers=spec.layers)
         self.lane_net = Mlp(2 * width, width, width)
-        self.motion = MotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
+        self.motion = VadMotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
         self.planner = PlanHead(width, spec.heads, commands=_COMMANDS, steps=spec.steps, sees_bev=spec.ego_sees_bev)
         self.dense = nn.Linear(width, DENSE_CHANNELS)
         self.register_buffer("sizes", torch.from_numpy(spec.bev.sizes()).flatten(0, 1), persistent=False)

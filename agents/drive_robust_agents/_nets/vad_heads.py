@@ -9,10 +9,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.attention import Attention, CrossLayer, DecoderLayer, Places
+from drive_robust_agents._nets.attention import Attention, CrossLayer, DecoderLayer, PointEncoding
 from drive_robust_agents._nets.blocks import Mlp, mostly_nothing
 
-__all__ = ["LANE_CLASSES", "AgentHead", "MapHead", "MotionHead", "PlanHead"]
+__all__ = ["LANE_CLASSES", "AgentHead", "MapHead", "PlanHead", "VadMotionHead"]
 
 LANE_CLASSES = ("route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
 _STEP_M, _NEAR_M, _SPEED_MPS = 4.0, 8.0, 8.0
@@ -28,7 +28,7 @@ class AgentHead(nn.Module):
         self.layers = nn.ModuleList(DecoderLayer(width, heads) for _ in range(layers))
         self.boxes = nn.ModuleList(mostly_nothing(Mlp(width, width, 12), 4) for _ in range(layers))
 
-    def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+    def forward(self, bev: Tensor, cells: Tensor, places: PointEncoding) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """(queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
 
         A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing.
@@ -61,7 +61,7 @@ class MapHead(nn.Module):
         self.moves = nn.ModuleList(Mlp(width, width, 4) for _ in range(layers))
         self.classes = nn.ModuleList(mostly_nothing(Mlp(width, width, 8), 8) for _ in range(layers))
 
-    def forward(self, bev: Tensor, cells: Tensor, places: Places) -> tuple[Tensor, list[Tensor], list[Tensor]]:
+    def forward(self, bev: Tensor, cells: Tensor, places: PointEncoding) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """(point queries (N, V, P, d), class logits (N, V, 6) and points (N, V, P, 2) in metres of each layer)."""
         rows = bev.shape[0]
         query: Tensor = (self.instance + self.point).flatten(0, 1).expand(rows, -1, -1)
@@ -77,7 +77,7 @@ class MapHead(nn.Module):
         return query.view(-1, self.vectors, self.points, query.shape[-1]), logits, lines
 
 
-class MotionHead(nn.Module):
+class VadMotionHead(nn.Module):
     """Where agents may go: modes as queries that see one another and the lanes."""
 
     def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:

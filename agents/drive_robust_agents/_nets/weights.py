@@ -18,7 +18,7 @@ import safetensors.torch
 from torch import Tensor, nn
 
 from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm
-from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, Entry, plain_spec, read_manifest
+from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, WeightsEntry, plain_spec, read_manifest
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["SHIPPED", "Build", "begin_with", "encode", "load", "locate", "verified_bytes"]
@@ -34,7 +34,7 @@ _PICKLES = (b"PK", *(bytes((0x80, protocol)) for protocol in range(2, 6)))
 """How `torch.save` and `pickle.dump` begin their files."""
 
 
-def locate(name: str, weights: str | Path | None = None) -> tuple[Path, Entry]:
+def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsEntry]:
     """The file and the manifest entry of an agent: those that ship, or a file with its `manifest.json` beside it."""
     folder = SHIPPED if weights is None else Path(weights).absolute().parent
     entry = read_manifest(folder, name)
@@ -44,7 +44,7 @@ def locate(name: str, weights: str | Path | None = None) -> tuple[Path, Entry]:
     return path, entry
 
 
-def verified_bytes(path: Path, entry: Entry) -> bytes:
+def verified_bytes(path: Path, entry: WeightsEntry) -> bytes:
     """The content of a weight file that is what the manifest says, to the byte. Raises `UsageError`."""
     try:
         size = path.stat().st_size
@@ -62,7 +62,9 @@ def verified_bytes(path: Path, entry: Entry) -> bytes:
     return content
 
 
-def load(name: str, build: Build, *, weights: str | Path | None = None, **options: object) -> tuple[nn.Module, Entry]:
+def load(
+    name: str, build: Build, *, weights: str | Path | None = None, **options: object
+) -> tuple[nn.Module, WeightsEntry]:
     """The network of an agent, ready to infer: frozen, in evaluation mode, batch normalisation folded.
 
     Raises `UsageError` for everything that is not exactly what the manifest lists and the agent builds.
@@ -112,7 +114,7 @@ def _metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:
     return {"arch": architecture, "spec": json.dumps(spec, sort_keys=True), "format_version": str(FORMAT_VERSION)}
 
 
-def _parsed(path: Path, entry: Entry, content: bytes) -> dict[str, Tensor]:
+def _parsed(path: Path, entry: WeightsEntry, content: bytes) -> dict[str, Tensor]:
     """The tensors of a file whose header says what the manifest says."""
     try:
         tensors: dict[str, Tensor] = safetensors.torch.load(content)
@@ -129,7 +131,7 @@ def _parsed(path: Path, entry: Entry, content: bytes) -> dict[str, Tensor]:
     return tensors
 
 
-def _built(path: Path, entry: Entry, build: Build, options: Mapping[str, object]) -> nn.Module:
+def _built(path: Path, entry: WeightsEntry, build: Build, options: Mapping[str, object]) -> nn.Module:
     try:
         net = build(entry.spec, **options)
         made = type(net).__name__

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.places import project
-from drive_robust_agents._vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
+from drive_robust_agents._planning.projection import project
+from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import EgoState
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.static_scene import StaticScene
 
 __all__ = ["Intent"]
 
@@ -21,7 +21,7 @@ class Intent:
     pass something.
     """
 
-    scene: Scene
+    scene: StaticScene
     line: Floats
     row: float
     acceleration_mps2: float

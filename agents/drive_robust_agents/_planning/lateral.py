@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.static_scene import StaticScene
 
 __all__ = ["blend", "line_of", "path_of", "shift_length_m"]
 
@@ -44,7 +44,7 @@ def shift_length_m(speed_mps: float, sideways_m: float) -> float:
 
 
 def path_of(
-    scene: Scene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float = 0.0
+    scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float = 0.0
 ) -> Floats:
     """(n, 3) x, y, yaw: from where the ego is onto the profile, then along it.
 
@@ -53,7 +53,7 @@ def path_of(
     return line_of(scene, _return(scene, profile, row, right_m, speed_mps=speed_mps, drift=drift))
 
 
-def line_of(scene: Scene, offsets: Floats) -> Floats:
+def line_of(scene: StaticScene, offsets: Floats) -> Floats:
     """(n, 3) x, y, yaw: the line that runs so many metres to the right of the route."""
     route, found = scene.route, np.empty((scene.count, 3))
     found[:, 0] = route[:, 0] - offsets * scene.sines
@@ -65,7 +65,9 @@ def line_of(scene: Scene, offsets: Floats) -> Floats:
     return found
 
 
-def _return(scene: Scene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float) -> Floats:
+def _return(
+    scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float
+) -> Floats:
     """The profile with a smooth way onto it: on arcs out of a parking space, else on a cubic that fits the heading."""
     here = int(min(max(row, 0.0), scene.count - 2.0))
     slope = float(profile[here + 1] - profile[here])

@@ -8,8 +8,8 @@ import numpy as np
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.lateral import blend, shift_length_m
-from drive_robust_agents._planning.places import project_all
-from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.projection import project_all
+from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind
 
@@ -72,7 +72,7 @@ class Pass:
     ends_row: float
 
 
-def nearest_obstacle(scene: Scene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
+def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
     """The first thing ahead that has to be passed on the way along the lane's profile, or None."""
     boxes = traffic.boxes
     slow = (boxes[:, 3] < _CRAWL_MPS) & (boxes[:, 6] < _STARTS_MPS2) & (traffic.kinds != ActorKind.PEDESTRIAN)
@@ -106,7 +106,7 @@ def nearest_obstacle(scene: Scene, traffic: Traffic, lane: Floats, row: float) -
     return found
 
 
-def ways_around(scene: Scene, ahead: Obstacle, row: float, right_m: float, *, speed_mps: float) -> list[Pass]:
+def ways_around(scene: StaticScene, ahead: Obstacle, row: float, right_m: float, *, speed_mps: float) -> list[Pass]:
     """Passes on the left, then on the right; `right_m` is where the ego is, beside the middle of its lane."""
     half, found = scene.size[1] / 2.0, []
     for side, sign, edge in (("left", -1.0, ahead.left_m), ("right", 1.0, ahead.right_m)):
@@ -125,7 +125,7 @@ def ways_around(scene: Scene, ahead: Obstacle, row: float, right_m: float, *, sp
 
 
 def _pass(
-    scene: Scene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, early: bool
+    scene: StaticScene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, early: bool
 ) -> Pass:
     """Shift until beside it (`early`: at once), hold, come back; a crawling thing is followed with the hold."""
     length = shift_length_m(max(speed_mps, 3.0), hold_m - right_m)

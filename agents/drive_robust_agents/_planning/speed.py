@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.forecast import rollouts
-from drive_robust_agents._planning.junctions import Junctions
 from drive_robust_agents._planning.lateral import path_of
-from drive_robust_agents._planning.places import leaders
-from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.projection import leaders
+from drive_robust_agents._planning.right_of_way import RightOfWay
+from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 
-__all__ = ["Moment", "SpeedChoice", "is_free"]
+__all__ = ["Situation", "SpeedChoice", "is_free"]
 
 Ints = NDArray[np.int64]
 
@@ -50,15 +50,15 @@ _LEFT_ALONE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class Situation:
     """What the decisions of one tick share.
 
     The ego is `right_m` metres beside the route at `row` and gains `drift` metres to the right on each metre of it.
     """
 
-    scene: Scene
+    scene: StaticScene
     traffic: Traffic
-    junctions: Junctions
+    junctions: RightOfWay
     row: float
     right_m: float
     drift: float
@@ -70,7 +70,7 @@ class Moment:
         return path_of(self.scene, profile, self.row, self.right_m, speed_mps=self.speed_mps, drift=self.drift)
 
 
-def is_free(now: Moment, path: Floats, until_row: float, *, within_s: float = math.inf) -> bool:
+def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf) -> bool:
     """Can a path be driven up to a row, or at least for `within_s` seconds, hindering nobody much?"""
     plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
@@ -89,7 +89,7 @@ class SpeedChoice:
         self._waited_s = 0.0
         self._pushing = False
 
-    def choose(self, now: Moment, path: Floats, stop_row: float, *, cruise_mps: float, hurry: bool) -> float:
+    def choose(self, now: Situation, path: Floats, stop_row: float, *, cruise_mps: float, hurry: bool) -> float:
         """Acceleration in m/s2; when nothing stays out of trouble, the one that does so longest.
 
         `hurry` asks for more than comfort, while the ego is where it must not linger.
@@ -98,7 +98,7 @@ class SpeedChoice:
         self._waited_s = self._waited_s + _DT_S if v < 0.5 else 0.0
         self._pushing = self._waited_s > _PATIENCE_S or (self._pushing and v < _GAP_MPS)
         limit = min(scene.limits[int(np.clip(now.row + 0.3 * v, 0, scene.count - 1))], max(cruise_mps, 3.0))
-        trial = _Trial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
+        trial = _SpeedTrial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
         wanted = float(np.clip(1.2 * (limit - v), -2.5, comfort))
@@ -120,10 +120,10 @@ class SpeedChoice:
         return float(min(gentle[0], wanted)) if len(gentle) else float(safe[0])
 
 
-class _Trial:
+class _SpeedTrial:
     """Plans on one path in one moment."""
 
-    def __init__(self, now: Moment, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
+    def __init__(self, now: Situation, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
         self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
         self.leads = leaders(path, now.row, traffic.boxes)

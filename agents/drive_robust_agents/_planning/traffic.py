@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.scene import LaneGraph
+from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 

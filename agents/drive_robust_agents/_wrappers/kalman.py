@@ -14,10 +14,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from drive_robust_agents._vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
+from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
 
-__all__ = ["Estimate", "PositionFilter"]
+__all__ = ["PoseEstimate", "PositionFilter"]
 
 _DT_S = 0.05
 _FIRST = (0.5, 0.5, 1e-6, 1e-6)
@@ -28,7 +28,7 @@ _DRIFT = (1e-4, 1e-4, 1e-3, 1e-3)
 _Matrix = list[list[float]]
 
 
-class Estimate(NamedTuple):
+class PoseEstimate(NamedTuple):
     """Where the vehicle is thought to be: metres in the route's frame, radians clockwise from east, m/s."""
 
     x_m: float
@@ -44,10 +44,10 @@ class PositionFilter:
     """
 
     def __init__(self) -> None:
-        self._state: Estimate | None = None
+        self._state: PoseEstimate | None = None
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
 
-    def step(self, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, last: Control) -> Estimate:
+    def step(self, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, last: Control) -> PoseEstimate:
         """The estimate for this tick from its measurements and the control that the agent gave in the last one.
 
         A compass that says NaN is left out.
@@ -55,7 +55,7 @@ class PositionFilter:
         measured = (x_m, y_m, yaw_rad, speed_mps)
         if self._state is None:
             yaw = 0.0 if math.isnan(yaw_rad) else yaw_rad
-            self._state = Estimate(x_m, y_m, yaw, speed_mps)
+            self._state = PoseEstimate(x_m, y_m, yaw, speed_mps)
             return self._state
         state, spread = _predicted(self._state, last, self._spread)
         for k, value in enumerate(measured):
@@ -64,11 +64,11 @@ class PositionFilter:
                 state, spread = _corrected(state, spread, k, math.remainder(away, math.tau) if k == 2 else away)
         self._spread = spread
         x, y, yaw, speed = state
-        self._state = Estimate(x, y, math.remainder(yaw, math.tau), speed)
+        self._state = PoseEstimate(x, y, math.remainder(yaw, math.tau), speed)
         return self._state
 
 
-def _predicted(state: Estimate, last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
+def _predicted(state: PoseEstimate, last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
     """One tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
     tangent = math.tan(last.steer * STEER_MAX_RAD)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from drive_robust_agents.training.recipe import RECIPES
+from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
 

@@ -12,17 +12,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from drive_robust_agents.training.dagger import Mixture, agent_of
-from drive_robust_agents.training.frames import read_done
-from drive_robust_agents.training.pool import written
-from drive_robust_agents.training.rigs import outfit
-from drive_robust_agents.training.routes import training_keys
-from drive_robust_agents.training.shards import Shard, Written
+from drive_robust_agents.training.data.dagger import Mixture, agent_of
+from drive_robust_agents.training.data.frames import read_done
+from drive_robust_agents.training.data.pool import written
+from drive_robust_agents.training.data.rigs import agent_rig
+from drive_robust_agents.training.data.routes import training_keys
+from drive_robust_agents.training.data.shards import Shard, WrittenShard
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["Collected", "Wish", "add_arguments", "collect", "draws_of", "main", "run", "wish_of"]
+__all__ = ["Collected", "Collection", "add_arguments", "collect", "collection_of", "draws_of", "main", "run"]
 
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
@@ -31,7 +32,7 @@ _DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", 
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class Collection:
     """What to collect. `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
     `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
     that shares the driving, each episode under one of `settings` (none: clean).
@@ -51,7 +52,7 @@ class Wish:
 
     def check(self) -> None:
         """Raises `UsageError` for what cannot be collected."""
-        outfit(self.agent)
+        agent_rig(self.agent)
         training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
         for name in ("episodes", "shard_routes"):
             if getattr(self, name) < 1:
@@ -91,7 +92,7 @@ class Collected:
     shards: int
 
 
-def collect(wish: Wish, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
+def collect(wish: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
     """Collect into a folder, going on where an earlier run stopped.
 
     With one worker everything happens in this process. Raises `UsageError` for a wish that cannot be, and for a folder
@@ -117,11 +118,11 @@ def _done(shard: Shard) -> dict[str, Any] | None:
     return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
 
 
-def _claim(wish: Wish, out: Path) -> None:
+def _claim(wish: Collection, out: Path) -> None:
     """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
     asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "settings": list(wish.settings)}
     asked["simulator"] = EmbeddedSimulator.version
-    asked["cameras"] = [asdict(camera) for camera in outfit(wish.agent).cameras]
+    asked["cameras"] = [asdict(camera) for camera in agent_rig(wish.agent).cameras]
     file = out / _ASKED
     if file.is_file():
         there = json.loads(file.read_text(encoding="utf-8"))
@@ -132,7 +133,7 @@ def _claim(wish: Wish, out: Path) -> None:
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(asked, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
 
 
 def draws_of(folder: Path) -> dict[str, Any]:
@@ -169,7 +170,7 @@ class _Bar:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def add(self, written: Written) -> None:
+    def add(self, written: WrittenShard) -> None:
         """One more shard."""
         self._rows += written.rows
         self._bytes += written.size_bytes
@@ -199,9 +200,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def wish_of(given: argparse.Namespace) -> Wish:
-    """The options as a `Wish`."""
-    return Wish(
+def collection_of(given: argparse.Namespace) -> Collection:
+    """The options as a `Collection`."""
+    return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
         given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
     )  # fmt: skip
@@ -210,7 +211,7 @@ def wish_of(given: argparse.Namespace) -> Wish:
 def run(given: argparse.Namespace) -> int:
     """Collect as the options say; the exit code: 130 when it was broken off. Raises `UsageError`."""
     try:
-        found = collect(wish_of(given), given.out, workers=given.workers)
+        found = collect(collection_of(given), given.out, workers=given.workers)
     except KeyboardInterrupt:
         print(f"stopped; the same command goes on with what {given.out} holds")
         return 130

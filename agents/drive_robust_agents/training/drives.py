@@ -77,7 +77,7 @@ def drive(
         simulator=chosen.simulator,
         options=SimulatorOptions(stuck_stop_s=_STUCK_STOP_S),
     )
-    with _Watch(len(tasks)) as watch:
+    with _ProgressBar(len(tasks)) as watch:
         scheduler = Scheduler(held, ProcessExecutor(lambda: worker_setup, Limits(), slots=workers), watch)
         try:
             scheduler.ensure(tasks)
@@ -122,7 +122,7 @@ def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResul
     return {"rd": 1.0 - fsum(after) / fsum(before), "rd_interval": known}
 
 
-class _Watch:
+class _ProgressBar:
     """A bar (see `runner.scheduler.Listener`)."""
 
     def __init__(self, total: int) -> None:
@@ -130,7 +130,7 @@ class _Watch:
         self._progress = Progress(*columns)
         self._bar = self._progress.add_task("", total=total)
 
-    def __enter__(self) -> _Watch:
+    def __enter__(self) -> _ProgressBar:
         self._progress.start()
         return self
 

@@ -14,13 +14,14 @@ from rich.console import Console
 from rich.table import Table
 
 from drive_robust_agents.training.candidates import candidate_name
+from drive_robust_agents.training.data.routes import VALIDATION_SEED, validation_routes
 from drive_robust_agents.training.drives import degradation, drive, summary
-from drive_robust_agents.training.recipe import RECIPES
-from drive_robust_agents.training.routes import VALIDATION_SEED, validation_routes
+from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
 from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["add_arguments", "evaluate", "run"]
 
@@ -56,7 +57,7 @@ def run(given: argparse.Namespace) -> int:
             one["file"] = str(Path(one["file"]).relative_to(given.run.absolute()))
     for file in [given.json] if given.run is None else [given.json, given.run / "evaluation.json"]:
         if file is not None:
-            file.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+            write_whole(file, json.dumps(found, indent=1) + "\n")
     return 0
 
 

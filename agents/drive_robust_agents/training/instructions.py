@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
-from drive_robust_agents.training.draws import draws
-from drive_robust_agents.training.dreaming import STEP_S, Moment, applicable
-from drive_robust_agents.training.facts import FACTS
-from drive_robust_agents.training.frames import Frames
+from drive_robust_agents.training.data.draws import draws
+from drive_robust_agents.training.data.facts import FACTS
+from drive_robust_agents.training.data.frames import Frames
+from drive_robust_agents.training.recipes.dreaming import STEP_S, DreamStart, applicable
 from pytest_drive_robust.stats.intervals import share_interval
 
-__all__ = ["ASKED", "NEEDS", "Score", "examine", "obeys", "scores", "table"]
+__all__ = ["ASKED", "NEEDS", "InstructionScore", "examine", "obeys", "scores", "table"]
 
 Arrays = Mapping[str, NDArray[Any]]
 Plan = Mapping[str, NDArray[Any]]
@@ -52,7 +52,7 @@ _CHUNK = 64
 _MOST_ROWS = 20_000
 
 
-class Score(NamedTuple):
+class InstructionScore(NamedTuple):
     """In so many of the scenes the plan moved the right way; `low` to `high` is the 95 % interval of the share."""
 
     asked: str
@@ -67,7 +67,9 @@ class Score(NamedTuple):
         return self.right / self.scenes if self.scenes else float("nan")
 
 
-def scores(run: Run, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False) -> list[Score]:
+def scores(
+    run: Run, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
+) -> list[InstructionScore]:
     """What is examined in up to so many scenes for each row of the table.
 
     They are drawn from the validation episodes, or from `everything` where no frame was trained on.
@@ -115,7 +117,7 @@ def obeys(told: Instruction, before: Sequence[NDArray[Any]], after: Sequence[NDA
     return aside < -ASIDE_M if told.kind in (Kind.LEFT, Kind.OFF_LEFT) else aside > ASIDE_M
 
 
-def table(found: Sequence[Score]) -> str:
+def table(found: Sequence[InstructionScore]) -> str:
     """Lines for people."""
     lines = [f"{'instruction':<24}{'scenes':>8}{'right':>8}{'share':>8}   95 % interval"]
     for score in found:
@@ -150,7 +152,7 @@ def _fitting(frames: Frames, order: NDArray[np.int64], kind: Kind, *, safety: bo
     few = frames.arrays(("speed", "future", "path", "facts"), order)
     fits = []
     for speed, future, path, facts in zip(few["speed"], few["future"], few["path"], few["facts"], strict=True):
-        moment = Moment(path, float(speed), future[:, 3], dict(zip(FACTS, facts.tolist(), strict=True)))
+        moment = DreamStart(path, float(speed), future[:, 3], dict(zip(FACTS, facts.tolist(), strict=True)))
         fits.append(kind in applicable(moment, safety=safety))
     fitting: NDArray[np.int64] = order[np.array(fits, dtype=bool)]
     return fitting
@@ -193,9 +195,9 @@ def _unmoved(before: NDArray[Any], after: NDArray[Any]) -> bool:
     return bool(np.linalg.norm(after - before, axis=1).max() < ASIDE_M)
 
 
-def _score(asked: str, right: Sequence[bool]) -> Score:
+def _score(asked: str, right: Sequence[bool]) -> InstructionScore:
     low, high = share_interval([float(one) for one in right]) if right else (float("nan"), float("nan"))
-    return Score(asked, len(right), sum(right), low, high)
+    return InstructionScore(asked, len(right), sum(right), low, high)
 
 
 if __name__ == "__main__":

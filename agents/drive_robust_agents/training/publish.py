@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import drive_robust_agents
-from drive_robust_agents.training.export import publish
-from drive_robust_agents.training.recipe import RECIPES, recipe_of
+from drive_robust_agents.training.loop.export import publish
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["add_arguments", "run"]

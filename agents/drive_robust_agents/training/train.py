@@ -15,15 +15,15 @@ import torch
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.training.collect import draws_of
-from drive_robust_agents.training.feed import Feed
-from drive_robust_agents.training.frames import Frames
-from drive_robust_agents.training.progress import Display
-from drive_robust_agents.training.recipe import RECIPES, recipe_of
-from drive_robust_agents.training.trainer import RunOptions, Trainer
+from drive_robust_agents.training.data.frames import Frames
+from drive_robust_agents.training.loop.feed import Feed
+from drive_robust_agents.training.loop.progress import Display
+from drive_robust_agents.training.loop.trainer import Trainer, TrainingOptions
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
-    from drive_robust_agents.training.recipe import Recipe
+    from drive_robust_agents.training.recipes.recipe import TrainingRecipe
 
 __all__ = ["add_arguments", "candidate_steps", "run"]
 
@@ -70,17 +70,17 @@ def run(given: argparse.Namespace) -> int:
     dtype = given.dtype or ("bfloat16" if given.device.startswith("cuda") else "float32")
     frames, batch = Frames(*given.frames), given.batch or recipe.defaults.batch
     feed = Feed(frames, recipe, batch=batch, seed=given.seed, threads=readers)
-    settings = _settings(given, recipe, feed, batch, dtype)
+    options = _options(given, recipe, feed, batch, dtype)
     trainer = Trainer(
-        recipe, feed, settings, given.run, device=given.device, save_every_s=60.0 * given.save_every, start=given.start
+        recipe, feed, options, given.run, device=given.device, save_every_s=60.0 * given.save_every, start=given.start
     )
     before = signal.signal(signal.SIGTERM, _interrupt)
-    candidates = candidate_steps(settings.steps, given.run)
+    candidates = candidate_steps(options.steps, given.run)
     try:
-        with Display(total=settings.steps, done=trainer.step, batch=batch) as display:
+        with Display(total=options.steps, done=trainer.step, batch=batch) as display:
             trainer.train(display, candidates=candidates)
     except KeyboardInterrupt:
-        print(f"stopped after {trainer.step} of {settings.steps} steps; the same command goes on")
+        print(f"stopped after {trainer.step} of {options.steps} steps; the same command goes on")
         return 130
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -94,9 +94,9 @@ def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
-def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int, dtype: str) -> RunOptions:
+def _options(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch: int, dtype: str) -> TrainingOptions:
     defaults = recipe.defaults
-    return RunOptions(
+    return TrainingOptions(
         agent=given.agent,
         steps=_steps(given, recipe, feed, batch),
         batch=batch,
@@ -112,7 +112,7 @@ def _settings(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int,
     )
 
 
-def _steps(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int) -> int:
+def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch: int) -> int:
     if given.minutes is None:
         epochs = given.epochs
         visits: float = (given.visits or recipe.defaults.visits) if epochs is None else epochs * len(feed.training)
@@ -125,7 +125,7 @@ def _steps(given: argparse.Namespace, recipe: Recipe, feed: Feed, batch: int) ->
     return max(_TIMED_STEPS, round(60.0 * minutes / _seconds_per_step(given, recipe, feed)))
 
 
-def _seconds_per_step(given: argparse.Namespace, recipe: Recipe, feed: Feed) -> float:
+def _seconds_per_step(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed) -> float:
     """Of a network that is thrown away."""
     net = channels_last(recipe.make()).to(given.device).train()
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-5, fused=True)

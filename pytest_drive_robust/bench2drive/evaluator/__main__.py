@@ -20,6 +20,7 @@ from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["main"]
 
@@ -160,7 +161,7 @@ def _claim(folder: Path, job: Job) -> None:
             raise UsageError(f"{str(folder)!r} holds results of another {' and '.join(differing)}. Give another --out.")
         return
     folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(own, indent=2), encoding="utf-8")
+    write_whole(path, json.dumps(own, indent=2))
 
 
 def _slug(text: str) -> str:

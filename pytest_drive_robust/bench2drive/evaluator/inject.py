@@ -11,9 +11,10 @@ wraps two methods of the checkout that is on the path, then runs the evaluator a
   is due reaches the vehicle.
 
 `ScenarioManager.load_scenario` tells which route begins: everything is seeded and cleared there. Every number is drawn
-as in the package itself, from Philox streams named by (seed, route, perturbation, sensor, tick), so the same images and
-measurements come out the same to the last bit as in the embedded simulator. The rules, with their sources, are in the
-docstrings of `pytest_drive_robust.perturbations`; the package's tests hold the two together.
+as in the package itself, from Philox streams named by (seed, route, perturbation, sensor, tick), where a camera goes by
+its place among the cameras of the agent's `sensors()`, so the same images and measurements come out the same to the
+last bit as in the embedded simulator. The rules, with their sources, are in the docstrings of
+`pytest_drive_robust.perturbations`; the package's tests hold the two together.
 
 =================== ==================================================================================================
 variable            meaning
@@ -53,7 +54,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-__all__ = ["Injector", "Plan", "SettingRefusedError", "install", "main", "plan_from", "wrap"]
+__all__ = ["InjectionPlan", "Injector", "SettingRefusedError", "install", "main", "plan_from", "wrap"]
 
 DEBUG_CAMERAS = ("bev",)
 DT_S = 0.05
@@ -77,7 +78,7 @@ _TURN = 2.0 * math.pi
 _PERSON = b"drive-robust v1"
 
 
-class Draws:
+class InjectedDraws:
     """Four random numbers for each sensor and tick, a pure function of the names."""
 
     def __init__(self, seed: int, route: str, stream: str) -> None:
@@ -143,7 +144,7 @@ def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     return EARTH_RADIUS_M * math.radians(longitude_deg), y
 
 
-class Fix:
+class GnssFix:
     """A GNSS payload within a stack, in metres: there and back again between two noises would cost the last bit."""
 
     def __init__(self, payload: Any, x_m: float, y_m: float, moved: bool = False) -> None:
@@ -153,7 +154,7 @@ class Fix:
         self.y_m = y_m
 
     @classmethod
-    def read(cls, payload: Any) -> Fix:
+    def read(cls, payload: Any) -> GnssFix:
         """The position of a payload."""
         return cls(payload, *to_metric(float(payload[0]), float(payload[1])))
 
@@ -163,13 +164,13 @@ class Fix:
         latitude = float(self._payload[0])
         return 1.0 if abs(latitude) < 1.0 else 1.0 / math.cos(math.radians(latitude))
 
-    def at(self, x_m: float, y_m: float) -> Fix:
+    def at(self, x_m: float, y_m: float) -> GnssFix:
         """The same fix elsewhere."""
-        return Fix(self._payload, x_m, y_m, self._moved or (x_m, y_m) != (self.x_m, self.y_m))
+        return GnssFix(self._payload, x_m, y_m, self._moved or (x_m, y_m) != (self.x_m, self.y_m))
 
-    def own(self) -> Fix:
+    def own(self) -> GnssFix:
         """With a payload of its own."""
-        return Fix(self._payload.copy(), self.x_m, self.y_m, self._moved)
+        return GnssFix(self._payload.copy(), self.x_m, self.y_m, self._moved)
 
     def written(self) -> Any:
         """The payload: the very one that was read when nobody moved it."""
@@ -178,6 +179,12 @@ class Fix:
         payload = self._payload.copy()
         payload[0], payload[1] = to_geodetic(self.x_m, self.y_m)
         return payload
+
+
+def rig_of(sensors: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """What the draws for each camera are asked by: its place among the cameras of the agent, whatever their ids."""
+    cameras = [str(sensor["id"]) for sensor in sensors if str(sensor["type"]).startswith("sensor.camera.")]
+    return {tag: f"camera {position}" for position, tag in enumerate(cameras)}
 
 
 def kind_of(payload: Any) -> str:
@@ -192,8 +199,8 @@ def kind_of(payload: Any) -> str:
     return ""
 
 
-class Sight:
-    """The perturbed part of one tick: payloads by tag, a `Fix` for the position. No array is ever written to."""
+class SensedTick:
+    """The perturbed part of one tick: payloads by tag, a `GnssFix` for the position. No array is ever written to."""
 
     def __init__(self, tick: int, cameras: dict[str, Any], ego: dict[str, Any]) -> None:
         self.tick = tick
@@ -202,12 +209,12 @@ class Sight:
 
 
 def _own(payload: Any) -> Any:
-    if isinstance(payload, Fix):
+    if isinstance(payload, GnssFix):
         return payload.own()
     return payload.copy() if isinstance(payload, np.ndarray) else copy.deepcopy(payload)
 
 
-class Spans:
+class InjectedSpans:
     """First and last touched tick of each signal."""
 
     def __init__(self) -> None:
@@ -230,23 +237,26 @@ class Spans:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Failure:
+class InjectedFailure:
     """Base: touches nothing."""
 
     defaults: ClassVar[Mapping[str, Any]] = {}
     observes = False
 
-    def __init__(self, given: Mapping[str, Any], draws: Draws, stream: str, dt_s: float) -> None:
+    def __init__(
+        self, given: Mapping[str, Any], draws: InjectedDraws, stream: str, dt_s: float, rig: Mapping[str, str]
+    ) -> None:
         self.draws = draws
+        self.rig = rig
         self.stream = stream
         self.dt_s = dt_s
-        self.spans = Spans()
+        self.spans = InjectedSpans()
         self.begin(dict(self.defaults, **given))
 
     def begin(self, p: dict[str, Any]) -> None:
         """Take the severities."""
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """What the agent gets instead."""
         return sight
 
@@ -255,7 +265,7 @@ class Failure:
         return self.spans.schedule(self.stream)
 
 
-class BurstFrameDrop(Failure):
+class InjectedBursts(InjectedFailure):
     """A camera repeats its last valid image for a while."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"length_s": 1.0, "probability": 0.01, "length": "fixed"}
@@ -270,15 +280,15 @@ class BurstFrameDrop(Failure):
             raise SettingRefusedError(
                 "a burst of {:g} s is too short: a tick lasts {:g} s".format(p["length_s"], self.dt_s)
             )
-        self._bursts: dict[str, Bursts] = {}
+        self._bursts: dict[str, CameraBursts] = {}
         self._valid: dict[str, Any] = {}
         self._last_tick = 0
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """Frozen cameras show their last valid image."""
         self._last_tick = sight.tick
         cameras = {tag: self._delivered(tag, pixels, sight.tick) for tag, pixels in sight.cameras.items()}
-        return Sight(sight.tick, cameras, sight.ego)
+        return SensedTick(sight.tick, cameras, sight.ego)
 
     def schedule(self) -> list[list[Any]]:
         """Every burst of every camera."""
@@ -291,7 +301,9 @@ class BurstFrameDrop(Failure):
     def _delivered(self, tag: str, pixels: Any, tick: int) -> Any:
         bursts = self._bursts.get(tag)
         if bursts is None:
-            bursts = self._bursts[tag] = Bursts(self.draws, tag, self._probability, self._longest, self._uniform)
+            bursts = self._bursts[tag] = CameraBursts(
+                self.draws, self.rig[tag], self._probability, self._longest, self._uniform
+            )
         valid = self._valid.get(tag)
         if valid is not None and bursts.is_frozen(tick):
             return valid
@@ -299,12 +311,12 @@ class BurstFrameDrop(Failure):
         return pixels
 
 
-class Bursts:
+class CameraBursts:
     """The bursts of one camera, decided tick by tick from tick 1."""
 
-    def __init__(self, draws: Draws, tag: str, probability: float, longest: int, uniform: bool) -> None:
+    def __init__(self, draws: InjectedDraws, camera: str, probability: float, longest: int, uniform: bool) -> None:
         self._draws = draws
-        self._tag = tag
+        self._camera = camera
         self._probability = probability
         self._longest = longest
         self._uniform = uniform
@@ -325,7 +337,7 @@ class Bursts:
         return [(first, min(last, tick)) for first, last in zip(self._firsts, self._lasts) if first <= tick]  # noqa: B905
 
     def _decide(self) -> None:
-        trigger, length, _, _ = self._draws.uniform(self._tag, self._next)
+        trigger, length, _, _ = self._draws.uniform(self._camera, self._next)
         if trigger >= self._probability:
             self._next += 1
             return
@@ -335,7 +347,7 @@ class Bursts:
         self._next += ticks
 
 
-class PartialObservation(Failure):
+class InjectedOcclusion(InjectedFailure):
     """A rectangle of every image shows nothing. The fourth channel stays."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"ratio": 0.5, "area": False, "fill": "black", "hold_s": 0.0}
@@ -346,19 +358,19 @@ class PartialObservation(Failure):
         self._ratio, self._area, self._fill = p["ratio"], p["area"], p["fill"]
         self._hold_ticks = max(1, whole_ticks(p["hold_s"], self.dt_s))
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """Masked copies of all images."""
         drawn_at = sight.tick - sight.tick % self._hold_ticks
         self.spans.touch(sight.tick, sight.cameras)
         cameras = {tag: self._masked(tag, pixels, drawn_at) for tag, pixels in sight.cameras.items()}
-        return Sight(sight.tick, cameras, sight.ego)
+        return SensedTick(sight.tick, cameras, sight.ego)
 
     def _masked(self, tag: str, pixels: Any, drawn_at: int) -> Any:
         rows, columns = pixels.shape[:2]
         height, width = self._size(rows, columns)
         if height == 0 or width == 0:
             return pixels
-        down, right, _, _ = self.draws.uniform(tag, drawn_at)
+        down, right, _, _ = self.draws.uniform(self.rig[tag], drawn_at)
         top, left = int(down * (rows - height + 1)), int(right * (columns - width + 1))
         masked = pixels.copy()
         rectangle = masked[top : top + height, left : left + width, :3]
@@ -404,7 +416,7 @@ def _mirrored(length: int, reach: int) -> Any:
     return np.where(places < length, places, 2 * (length - 1) - places)
 
 
-class GpsNoise(Failure):
+class InjectedGpsNoise(InjectedFailure):
     """Every fix is off by an independent error in metres."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"std_m": 5.0}
@@ -414,21 +426,22 @@ class GpsNoise(Failure):
         """Take the severity."""
         self._std_m = p["std_m"]
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """Latitude and longitude moved; altitude stays."""
         east, south = self.draws.normal("gps", sight.tick)
         self.spans.touch(sight.tick, ("gps",))
         ego = {
-            tag: self._moved(item, east, south) if isinstance(item, Fix) else item for tag, item in sight.ego.items()
+            tag: self._moved(item, east, south) if isinstance(item, GnssFix) else item
+            for tag, item in sight.ego.items()
         }
-        return Sight(sight.tick, sight.cameras, ego)
+        return SensedTick(sight.tick, sight.cameras, ego)
 
-    def _moved(self, fix: Fix, east: float, south: float) -> Fix:
+    def _moved(self, fix: GnssFix, east: float, south: float) -> GnssFix:
         std_m = self._std_m * fix.ground_scale
         return fix.at(fix.x_m + std_m * east, fix.y_m + std_m * south)
 
 
-class SpeedNoise(Failure):
+class InjectedSpeedNoise(InjectedFailure):
     """The speed is multiplied by a random factor."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"mean": 0.5, "std": 0.2, "clip": False}
@@ -438,7 +451,7 @@ class SpeedNoise(Failure):
         """Take the severities."""
         self._mean, self._std, self._clip = p["mean"], p["std"], p["clip"]
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """A scaled speed."""
         factor = self._mean + self._std * self.draws.normal("speed", sight.tick)[0]
         if self._clip:
@@ -448,10 +461,10 @@ class SpeedNoise(Failure):
             tag: dict(payload, speed=factor * payload["speed"]) if kind_of(payload) == "speed" else payload
             for tag, payload in sight.ego.items()
         }
-        return Sight(sight.tick, sight.cameras, ego)
+        return SensedTick(sight.tick, sight.cameras, ego)
 
 
-class SensorDelay(Failure):
+class InjectedDelay(InjectedFailure):
     """Sensors arrive late."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"camera_ms": 100.0, "ego_ms": None}
@@ -462,16 +475,16 @@ class SensorDelay(Failure):
         self._camera_ticks = delay_ticks("camera_ms", p["camera_ms"], self.dt_s)
         ego_ms = p["camera_ms"] if p["ego_ms"] is None else p["ego_ms"]
         self._ego_ticks = delay_ticks("ego_ms", ego_ms, self.dt_s)
-        self._captures: deque[Sight] = deque()
+        self._captures: deque[SensedTick] = deque()
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """The current tick with the signals of earlier ones."""
         now = sight.tick
         longest = max(self._camera_ticks, self._ego_ticks)
         if longest == 0:
             return sight
         kept = {tag: pixels.copy() for tag, pixels in sight.cameras.items()} if self._camera_ticks else {}
-        self._captures.append(Sight(now, kept, {tag: _own(payload) for tag, payload in sight.ego.items()}))
+        self._captures.append(SensedTick(now, kept, {tag: _own(payload) for tag, payload in sight.ego.items()}))
         while len(self._captures) > 1 and self._captures[1].tick <= now - longest:
             self._captures.popleft()
         cameras, ego = sight.cameras, sight.ego
@@ -481,9 +494,9 @@ class SensorDelay(Failure):
         if self._ego_ticks:
             ego = self._captured(now - self._ego_ticks).ego
             self.spans.touch(now, _EGO)
-        return Sight(now, cameras, ego)
+        return SensedTick(now, cameras, ego)
 
-    def _captured(self, tick: int) -> Sight:
+    def _captured(self, tick: int) -> SensedTick:
         found = self._captures[0]
         for capture in self._captures:
             if capture.tick > tick:
@@ -492,7 +505,7 @@ class SensorDelay(Failure):
         return found
 
 
-class FrameBlend(Failure):
+class InjectedBlend(InjectedFailure):
     """Each image is the mean of the last few."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"frames": 3, "weights": "uniform"}
@@ -501,22 +514,22 @@ class FrameBlend(Failure):
     def begin(self, p: dict[str, Any]) -> None:
         """Take the severities."""
         self._frames, self._linear = p["frames"], p["weights"] == "linear"
-        self._means: dict[str, Mean] = {}
+        self._means: dict[str, RunningImageMean] = {}
 
-    def observe(self, sight: Sight) -> Sight:
+    def observe(self, sight: SensedTick) -> SensedTick:
         """Blended images."""
         if self._frames == 1:
             return sight
         self.spans.touch(sight.tick, sight.cameras)
-        return Sight(sight.tick, {tag: self._blended(tag, item) for tag, item in sight.cameras.items()}, sight.ego)
+        return SensedTick(sight.tick, {tag: self._blended(tag, item) for tag, item in sight.cameras.items()}, sight.ego)
 
     def _blended(self, tag: str, pixels: Any) -> Any:
         if tag not in self._means:
-            self._means[tag] = Mean(self._frames, pixels.shape, self._linear)
+            self._means[tag] = RunningImageMean(self._frames, pixels.shape, self._linear)
         return self._means[tag].push(pixels)
 
 
-class Mean:
+class RunningImageMean:
     """The mean of the last images, weighted 1, 2, ... from the oldest when `linear`, rounded to the nearest."""
 
     def __init__(self, frames: int, shape: tuple[int, ...], linear: bool) -> None:
@@ -545,14 +558,14 @@ class Mean:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Late commands: `perturbations/compute.py`, `perturbations/buffers.py`
+# Late commands: `perturbations/inference_latency.py`
 # ---------------------------------------------------------------------------------------------------------------------
 
 NEUTRAL = "neutral"
 _FIELDS = ("throttle", "steer", "brake", "hand_brake", "reverse", "manual_gear_shift", "gear")
 
 
-class InferenceLatency(Failure):
+class InjectedLatency(InjectedFailure):
     """The command of an image reaches the vehicle only later."""
 
     defaults: ClassVar[Mapping[str, Any]] = {"ms": None, "mode": "fifo", "warmup_ticks": 0, "replay_s": ()}
@@ -561,7 +574,7 @@ class InferenceLatency(Failure):
         """Raises for a latency between 0 and one tick."""
         self._mode, self._warmup_ticks, self._replay_s = p["mode"], p["warmup_ticks"], tuple(p["replay_s"])
         self._ticks = delay_ticks("ms", p["ms"] or 0.0, self.dt_s)
-        self._buffer: Fifo | Hold = Fifo(self._ticks) if self._mode == "fifo" else Hold()
+        self._buffer: LatencyPipe | LatencyHold = LatencyPipe(self._ticks) if self._mode == "fifo" else LatencyHold()
         self.times_s: list[float] = []
 
     def is_free(self, tick: int) -> bool:
@@ -588,7 +601,7 @@ class InferenceLatency(Failure):
         return inference_s
 
 
-class Fifo:
+class LatencyPipe:
     """A pipe of commands, filled with the neutral one."""
 
     def __init__(self, ticks: int) -> None:
@@ -607,7 +620,7 @@ class Fifo:
         return self._pipe.popleft()
 
 
-class Hold:
+class LatencyHold:
     """Busy until its command is due, which then holds."""
 
     def __init__(self) -> None:
@@ -652,14 +665,14 @@ def neutral_like(control: Any) -> Any:
     return made
 
 
-FAILURES: dict[str, type[Failure]] = {
-    "burst-frame-drop": BurstFrameDrop,
-    "partial-observation": PartialObservation,
-    "gps-noise": GpsNoise,
-    "speed-noise": SpeedNoise,
-    "inference-latency": InferenceLatency,
-    "sensor-delay": SensorDelay,
-    "frame-blend": FrameBlend,
+FAILURES: dict[str, type[InjectedFailure]] = {
+    "burst-frame-drop": InjectedBursts,
+    "partial-observation": InjectedOcclusion,
+    "gps-noise": InjectedGpsNoise,
+    "speed-noise": InjectedSpeedNoise,
+    "inference-latency": InjectedLatency,
+    "sensor-delay": InjectedDelay,
+    "frame-blend": InjectedBlend,
 }
 
 
@@ -668,7 +681,7 @@ FAILURES: dict[str, type[Failure]] = {
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Plan:
+class InjectionPlan:
     """What the environment asks for. `stack` is a list of (name, severities)."""
 
     def __init__(self, stack: list[tuple[str, dict[str, Any]]], seed: int, dt_s: float, setting: str, log: str) -> None:
@@ -677,27 +690,27 @@ class Plan:
         self.dt_s = dt_s
         self.setting = setting
         self.log = log
-        self.started("", 0)  # a severity that cannot be is refused before anything is driven
+        self.started("", 0, {})  # a severity that cannot be is refused before anything is driven
 
-    def started(self, route: str, repetition: int) -> list[Failure]:
-        """Fresh failures for one route."""
+    def started(self, route: str, repetition: int, rig: Mapping[str, str]) -> list[InjectedFailure]:
+        """Make fresh failures for one route. `rig` is what the draws for each camera are asked by."""
         counts: dict[str, int] = {}
         failures = []
         for name, given in self.stack:
             counts[name] = counts.get(name, 0) + 1
             stream = name if counts[name] == 1 else f"{name}#{counts[name]}"
-            draws = Draws(self.seed + repetition, route, stream)
-            failures.append(FAILURES[name](given, draws, stream, self.dt_s))
+            draws = InjectedDraws(self.seed + repetition, route, stream)
+            failures.append(FAILURES[name](given, draws, stream, self.dt_s, rig))
         return failures
 
 
-def plan_from(environ: Mapping[str, str]) -> Plan:
+def plan_from(environ: Mapping[str, str]) -> InjectionPlan:
     """The plan of an environment. Raises `SettingRefusedError`."""
     text = environ.get("PDR_SETTING", "").strip()
     log = environ.get("PDR_LOG", "")
     if not text:
-        stack, seed, dt_s = _paper(Variables(environ))
-        return Plan(stack, seed, dt_s, "variables of the released code" if stack else "clean", log)
+        stack, seed, dt_s = _paper(PaperVariables(environ))
+        return InjectionPlan(stack, seed, dt_s, "variables of the released code" if stack else "clean", log)
     try:
         document = json.loads(text)
         stack = [(item["name"], dict(item.get("parameters", {}))) for item in document["stack"]]
@@ -710,10 +723,24 @@ def plan_from(environ: Mapping[str, str]) -> Plan:
         unknown = sorted(set(given) - set(FAILURES[name].defaults))
         if unknown:
             raise SettingRefusedError(f"{name} has no severity {unknown[0]!r}")
-    return Plan(stack, seed, dt_s, str(document.get("setting", "")), log or str(document.get("log", "")))
+    return InjectionPlan(stack, seed, dt_s, str(document.get("setting", "")), log or str(document.get("log", "")))
 
 
-class Variables:
+_OBSERVATION = "ROBUSTNESS_ENABLE"
+_LATENCY = "INFERENCE_LATENCY_ENABLE"
+_DELAYS = ("SENSOR_DELAY_CAM", "SENSOR_DELAY_EGO")
+_SEVERITIES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "BLEND_ENABLE": ((), ("BLEND_NUM", "BLEND_MODE")),
+    "FRAME_DROP_ENABLE": (("BURST_MAX_TICKS", "BURST_PROBABILITY"), ()),
+    "PARTIAL_OBS_ENABLE": (("PARTIAL_OBS_RATIO",), ("PARTIAL_OBS_TYPE",)),
+    "GPS_DRIFT_ENABLE": (("GPS_NOISE_STD",), ("GPS_DRIFT_MODE",)),
+    "SPEED_BIAS_ENABLE": (("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), ()),
+    _LATENCY: ((), ("INFERENCE_LATENCY_MS", "INFERENCE_LATENCY_MODE", "WARMUP_STEPS")),
+}
+"""The severities of each switch: the paper's, which switch it on themselves, then the released code's."""
+
+
+class PaperVariables:
     """Typed reading of the released code's variables. An empty one counts as not set."""
 
     def __init__(self, environ: Mapping[str, str]) -> None:
@@ -723,16 +750,30 @@ class Variables:
         """Without blanks around it."""
         return self._environ.get(name, "").strip()
 
-    def switch(self, name: str, default: bool = False) -> bool:
-        """1/0, true/false, yes/no, on/off."""
+    def switch(self, name: str) -> bool:
+        """1/0, true/false, yes/no, on/off; where it is not set, on when the paper's table has one of its severities."""
         text = self.text(name).lower()
         if not text:
-            return default
+            return any(map(self.text, _SEVERITIES.get(name, ((), ()))[0]))
         if text in ("1", "true", "yes", "on"):
             return True
         if text in ("0", "false", "no", "off"):
             return False
         raise self._refused(name, "1 or 0")
+
+    def refuse_idle(self) -> None:
+        """A severity that would do nothing, because nobody said whether its switch is on or off, is refused."""
+        for switch, (paper, released) in _SEVERITIES.items():
+            needed = [_LATENCY] if switch == _LATENCY else [_OBSERVATION, switch]
+            self._refuse_without(needed, [name for name in (switch, *paper, *released) if self.text(name)])
+        self._refuse_without([_OBSERVATION], [name for name in _DELAYS if self.whole(name, 0)])
+
+    def _refuse_without(self, needed: list[str], given: list[str]) -> None:
+        if not given or any(self.text(name) and not self.switch(name) for name in needed):
+            return
+        missing = [name + "=1" for name in needed if not self.switch(name)]
+        if missing:
+            raise self._refused(given[0], " and ".join(missing) + ", without which it does nothing")
 
     def number(self, name: str, default: float, low: float = 0.0, high: float = math.inf) -> float:
         """A finite number in range."""
@@ -769,19 +810,23 @@ class Variables:
         return SettingRefusedError(f"{name} is {self._environ[name]!r}, expected {expected}")
 
 
-def _paper(variables: Variables) -> tuple[list[tuple[str, dict[str, Any]]], int, float]:
+def _paper(variables: PaperVariables) -> tuple[list[tuple[str, dict[str, Any]]], int, float]:
     """Stack, seed and seconds per tick of the released code's variables: `perturbations/environment.py`."""
     rate_hz = variables.number("SIM_RATE", 20.0)
     if rate_hz <= 0.0:
         raise SettingRefusedError("SIM_RATE is 0, expected ticks per second")
     seed = variables.whole("ROBUSTNESS_SEED", 0, -(1 << 62))
-    variables.whole("GPS_DRIFT_SEED", 0, -(1 << 62))
+    if variables.text("GPS_DRIFT_SEED"):
+        raise SettingRefusedError("GPS_DRIFT_SEED is set, expected ROBUSTNESS_SEED, which seeds everything")
+    variables.refuse_idle()
     stack: list[tuple[str, dict[str, Any]]] = []
-    if variables.switch("ROBUSTNESS_ENABLE"):
+    if variables.switch(_OBSERVATION):
         stack += _paper_timing(variables, rate_hz) + _paper_camera(variables, rate_hz) + _paper_ego_state(variables)
-    if variables.switch("INFERENCE_LATENCY_ENABLE"):
+    if variables.switch(_LATENCY):
         warmup_ticks = variables.whole("WARMUP_STEPS", 20)
         if variables.choice("INFERENCE_LATENCY_MODE", "fixed", ("fixed", "measured")) == "measured":
+            if variables.text("INFERENCE_LATENCY_MS"):
+                raise SettingRefusedError("INFERENCE_LATENCY_MS does nothing with INFERENCE_LATENCY_MODE=measured")
             stack.append(("inference-latency", {"mode": "measured", "warmup_ticks": warmup_ticks}))
         else:
             ms = variables.number("INFERENCE_LATENCY_MS", 100.0)
@@ -789,7 +834,7 @@ def _paper(variables: Variables) -> tuple[list[tuple[str, dict[str, Any]]], int,
     return stack, seed, DT_S
 
 
-def _paper_timing(variables: Variables, rate_hz: float) -> list[tuple[str, dict[str, Any]]]:
+def _paper_timing(variables: PaperVariables, rate_hz: float) -> list[tuple[str, dict[str, Any]]]:
     found: list[tuple[str, dict[str, Any]]] = []
     camera_ticks, ego_ticks = variables.whole("SENSOR_DELAY_CAM", 0), variables.whole("SENSOR_DELAY_EGO", 0)
     if camera_ticks or ego_ticks:
@@ -801,22 +846,23 @@ def _paper_timing(variables: Variables, rate_hz: float) -> list[tuple[str, dict[
     return found
 
 
-def _paper_camera(variables: Variables, rate_hz: float) -> list[tuple[str, dict[str, Any]]]:
+def _paper_camera(variables: PaperVariables, rate_hz: float) -> list[tuple[str, dict[str, Any]]]:
     found: list[tuple[str, dict[str, Any]]] = []
     if variables.switch("FRAME_DROP_ENABLE"):
         length_s = variables.whole("BURST_MAX_TICKS", 20, 2) / rate_hz
         probability = variables.number("BURST_PROBABILITY", 0.01, 0.0, 1.0)
         found.append(("burst-frame-drop", {"length_s": length_s, "probability": probability, "length": "uniform"}))
     if variables.switch("PARTIAL_OBS_ENABLE"):
-        fill = variables.choice("PARTIAL_OBS_TYPE", "blur", ("blur", "occlusion"))
+        usual = "blur" if variables.text("PARTIAL_OBS_ENABLE") else "occlusion"  # the released code's, the paper's
+        fill = variables.choice("PARTIAL_OBS_TYPE", usual, ("blur", "occlusion"))
         ratio = variables.number("PARTIAL_OBS_RATIO", 0.5, 0.0, 1.0)
         found.append(("partial-observation", {"ratio": ratio, "fill": "black" if fill == "occlusion" else fill}))
     return found
 
 
-def _paper_ego_state(variables: Variables) -> list[tuple[str, dict[str, Any]]]:
+def _paper_ego_state(variables: PaperVariables) -> list[tuple[str, dict[str, Any]]]:
     found: list[tuple[str, dict[str, Any]]] = []
-    if variables.switch("GPS_DRIFT_ENABLE", bool(variables.text("GPS_NOISE_STD"))):
+    if variables.switch("GPS_DRIFT_ENABLE"):
         level_m = {"medium": 5.0, "severe": 15.0}[variables.choice("GPS_DRIFT_MODE", "medium", ("medium", "severe"))]
         found.append(("gps-noise", {"std_m": variables.number("GPS_NOISE_STD", level_m)}))
     if variables.switch("SPEED_BIAS_ENABLE"):
@@ -831,10 +877,14 @@ def _paper_ego_state(variables: Variables) -> list[tuple[str, dict[str, Any]]]:
 
 
 class Injector:
-    """The failures of the route that is being driven. `trouble` is the exception that stands for our own mistakes."""
+    """The failures of the route that is being driven. `trouble` is the exception that stands for our own mistakes.
 
-    def __init__(self, plan: Plan, trouble: type[Exception] = RuntimeError) -> None:
+    `sensors` is the method of the agent that lists its sensors; it is asked once for each route.
+    """
+
+    def __init__(self, plan: InjectionPlan, trouble: type[Exception] = RuntimeError) -> None:
         self.plan = plan
+        self.sensors: Callable[[], Iterable[Mapping[str, Any]]] = tuple
         self._trouble = trouble
         self._frame: Any = None
         self._given: dict[str, Any] | None = None
@@ -894,10 +944,11 @@ class Injector:
 
     def _begin_fresh(self, route: str, repetition: int) -> None:
         self._route, self._repetition = route, repetition
-        failures = self.plan.started(route, repetition)
+        self._rig: dict[str, str] = {}
+        failures = self.plan.started(route, repetition, self._rig)
         self._failures = failures
         self._observing = [item for item in failures if item.observes]
-        self._late = [item for item in failures if isinstance(item, InferenceLatency)]
+        self._late = [item for item in failures if isinstance(item, InjectedLatency)]
         self._tick = -1
         self._frame = None
         self._given = None
@@ -919,14 +970,16 @@ class Injector:
             return dict(raw)
         kinds = {tag: "" if tag in DEBUG_CAMERAS else kind_of(item[1]) for tag, item in raw.items()}
         cameras = {tag: raw[tag][1] for tag in sorted(raw) if kinds[tag] == "camera"}
+        if cameras and not self._rig:
+            self._rig.update(rig_of(self.sensors()))
         ego = {tag: raw[tag][1] for tag in sorted(raw) if kinds[tag] in ("imu", "speed")}
-        ego.update({tag: Fix.read(raw[tag][1]) for tag in sorted(raw) if kinds[tag] == "gps"})
-        sight = Sight(self._tick, cameras, ego)
+        ego.update({tag: GnssFix.read(raw[tag][1]) for tag in sorted(raw) if kinds[tag] == "gps"})
+        sight = SensedTick(self._tick, cameras, ego)
         for failure in self._observing:
             sight = failure.observe(sight)
         given = dict(raw)
         for tag, item in [*sight.cameras.items(), *sight.ego.items()]:
-            payload = item.written() if isinstance(item, Fix) else item
+            payload = item.written() if isinstance(item, GnssFix) else item
             if tag in raw and payload is not raw[tag][1]:
                 given[tag] = (raw[tag][0], _own(payload))
         return given
@@ -975,6 +1028,7 @@ def wrap(
         agent = self._agent
         if "ROS" in type(self).__name__ and injector.plan.stack:
             raise injector._trouble("a ROS agent reads its sensors elsewhere: nothing can be injected")
+        injector.sensors = lambda: agent.sensors()  # looked up only where there is a camera
         frame = (frame_now(),) if takes_frame else ()
         return injector.step(lambda: call(self), lambda: agent.sensor_interface.get_data(*frame))
 

@@ -116,7 +116,7 @@ def _require_same(record: Record, result: EpisodeResult) -> None:
 
 
 def _stored(record: Record, folders: Sequence[Path]) -> EpisodeResult | None:
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     for folder in folders:
         log = find_log(folder, record.save_name)

@@ -121,7 +121,7 @@ def _require_exportable(results: list[EpisodeResult]) -> None:
 
 
 def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str], stamp: str) -> Exported:
-    from pytest_drive_robust.store.episodes import write_episode
+    from pytest_drive_robust.store.record_files import write_episode
 
     folder.mkdir(parents=True)
     records, logs = [], 0

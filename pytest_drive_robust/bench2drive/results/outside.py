@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.options.marker import MarkerOptions
     from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["OutsideScopes", "Supply"]

@@ -17,8 +17,7 @@ from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.perturbations.base import Perturbation
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Perturbation, Setting
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["ResultsExecutor", "ResultsSource", "parse_results", "read_setting"]
@@ -55,7 +54,7 @@ def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = No
 
 def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
     """As `Setting.parse`; `latency 200 ms` is understood as `200 ms latency` too."""
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
 
     try:
         return Setting.parse(sentence, known)

@@ -13,7 +13,7 @@ from pytest_drive_robust.runner.cache_key.canonical import canonical
 from pytest_drive_robust.runner.cache_key.sources import UnknownSourceError, file_of, module_digest
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
 
 __all__ = ["SESSION", "code_of", "perturbation_sources"]
 

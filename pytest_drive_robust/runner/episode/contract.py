@@ -30,8 +30,7 @@ _CALLERS = (
     "pytest_drive_robust.bench2drive.agents.",
     "pytest_drive_robust.runner.",
     "pytest_drive_robust.testing.",
-    "pytest_drive_robust.perturbations.running",
-    "pytest_drive_robust.perturbations.setting",
+    "pytest_drive_robust.perturbations.base",
 )
 """Modules that only pass calls on to agents, simulators and perturbations, which are never what broke."""
 

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import Injection
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
-    from pytest_drive_robust.perturbations.running import RunningStack
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import RunningStack, Setting
     from pytest_drive_robust.simulators.base import Score, Simulator
 
     OnTick = Callable[[int, WorldState, Observation, Control], object]

@@ -11,7 +11,7 @@ from pytest_drive_robust.runner.episode.loop import RunningEpisode
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["LockstepEpisode", "measures_inference"]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.simulators.base import Score, Simulator
 
 __all__ = ["difference", "record_episode"]

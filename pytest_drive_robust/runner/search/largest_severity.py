@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.store.events import Searched
 from pytest_drive_robust.verdict.bracket import Answer, Bracket, Probe, SearchRule, bisect, contradictions
 from pytest_drive_robust.verdict.known import known_metric

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.make_agent import make_agent

@@ -11,7 +11,7 @@ from pytest_drive_robust.verdict.shrink import MinimalFailure, minimal_failing
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.verdict_rule import VerdictRule
-    from pytest_drive_robust.perturbations.setting import Setting
+    from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.campaign import Campaign
     from pytest_drive_robust.runner.plan import Scope
 

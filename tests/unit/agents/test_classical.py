@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drive_robust_agents._corridor import Corridor, oncoming
-from drive_robust_agents._gap import Gap
-from drive_robust_agents._lane import LaneTracker
-from drive_robust_agents._light import Dusk, lamp_light
-from drive_robust_agents._overtake import Overtake
-from drive_robust_agents._route import PlanPath
-from drive_robust_agents._vision import CAMERA, Ground, ground_pixels, signals
+from drive_robust_agents._classical.corridor import Corridor, oncoming
+from drive_robust_agents._classical.daylight import NightDetector, lamp_light
+from drive_robust_agents._classical.gap import Gap
+from drive_robust_agents._classical.lane_tracker import LaneTracker
+from drive_robust_agents._classical.overtake import Overtake
+from drive_robust_agents._classical.plan_path import PlanPath
+from drive_robust_agents._classical.vision import CAMERA, GroundModel, ground_pixels, signals
 from drive_robust_agents.classical import Classical
 from pytest_drive_robust import Compass, Control, GlobalPlan, Gps, Image, Imu, Observation, PlanPoint, RoadOption, Speed
 from pytest_drive_robust.metrics.score import is_success
@@ -119,28 +119,28 @@ def test_raw_gps_moves_the_place_on_the_path_both_ways() -> None:
 def test_a_dark_base_is_found_where_it_stands() -> None:
     image = _road()
     _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
-    bases = Ground().bases(image)
+    bases = GroundModel().bases(image)
     in_front = bases[np.abs(bases[:, 1]) < 0.8]
     assert len(in_front) > 5
     assert np.allclose(in_front[:, 0], 12.0, atol=0.8)
 
 
 def test_markings_and_asphalt_are_free_road() -> None:
-    assert len(Ground().bases(_road())) == 0
+    assert len(GroundModel().bases(_road())) == 0
 
 
 def test_dead_pixels_hide_what_is_behind_them_and_are_no_obstacle() -> None:
     image = _road()
     _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
     image[CAMERA.height_px - 30 :] = 0
-    assert len(Ground().bases(image)) == 0
+    assert len(GroundModel().bases(image)) == 0
 
 
 def test_it_is_night_when_the_sky_is_dark_whatever_else_is_black() -> None:
-    dusk, night, dead = Dusk(), _by_night(_road()), np.zeros_like(_road())
+    dusk, night, dead = NightDetector(), _by_night(_road()), np.zeros_like(_road())
     assert not dusk.see(dead)
     assert not dusk.see(_road())
-    after = Dusk()
+    after = NightDetector()
     assert after.see(night)
     assert after.see(dead)
 
@@ -155,13 +155,13 @@ def test_the_headlamps_fade_to_the_sides_and_far_away() -> None:
 
 @pytest.mark.parametrize("brighter", [0.8, 1.0, 1.2])
 def test_the_edge_of_the_headlamps_is_no_obstacle(brighter: float) -> None:
-    ground, image = Ground(), _by_night(_road(), brighter)
+    ground, image = GroundModel(), _by_night(_road(), brighter)
     found = [len(ground.bases(image)) for _ in range(30)]
     assert found[0] == found[-1] == 0
 
 
 def test_light_of_a_street_lamp_on_the_road_is_no_obstacle() -> None:
-    ground, image = Ground(), _by_night(_road())
+    ground, image = GroundModel(), _by_night(_road())
     rows, columns = ground_pixels(*np.meshgrid(np.arange(9.0, 15.0, 0.02), np.linspace(-4.0, 4.0, 400)))
     lit = image.copy()
     lit[rows, columns] = np.minimum(image[rows, columns] * np.array([1.8, 1.7, 1.5]), 255.0)
@@ -171,7 +171,7 @@ def test_light_of_a_street_lamp_on_the_road_is_no_obstacle() -> None:
 def test_a_dark_base_in_the_headlamps_is_found_where_it_stands() -> None:
     image = _road()
     _paint(image, (12.0, 13.5), (-0.9, 0.9), TYRE)
-    bases = Ground().bases(_by_night(image))
+    bases = GroundModel().bases(_by_night(image))
     in_front = bases[np.abs(bases[:, 1]) < 0.8]
     assert len(in_front) > 5
     assert np.allclose(in_front[:, 0], 12.0, atol=0.8)
@@ -180,7 +180,7 @@ def test_a_dark_base_in_the_headlamps_is_found_where_it_stands() -> None:
 def test_lamps_that_come_towards_it_beside_the_headlamps_are_seen() -> None:
     image = _by_night(_road())
     _paint(image, (14.0, 16.5), (-6.2, -5.0), (255, 255, 234))
-    assert oncoming(Ground().bases(image))
+    assert oncoming(GroundModel().bases(image))
 
 
 @pytest.mark.parametrize("offset_m", [-0.6, 0.0, 0.5])

@@ -9,11 +9,11 @@ import pytest
 from privileged_scene import LANE_M, actor, observation, street
 
 from drive_robust_agents._planning.forecast import rollouts
-from drive_robust_agents._planning.lanes import LaneChanges
+from drive_robust_agents._planning.lane_changes import LaneChanges
 from drive_robust_agents._planning.lateral import path_of, shift_length_m
 from drive_robust_agents._planning.obstacles import nearest_obstacle, ways_around
-from drive_robust_agents._planning.places import leaders, project
-from drive_robust_agents._planning.scene import Scene
+from drive_robust_agents._planning.projection import leaders, project
+from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.tracks import tracks
 from drive_robust_agents._planning.traffic import Traffic
 from drive_robust_agents.expert import Expert
@@ -38,8 +38,8 @@ def act(truth: GroundTruth, *, ticks: int = 1) -> Control:
     return control
 
 
-def seen(truth: GroundTruth) -> tuple[Scene, Traffic]:
-    scene, traffic = Scene(truth), Traffic()
+def seen(truth: GroundTruth) -> tuple[StaticScene, Traffic]:
+    scene, traffic = StaticScene(truth), Traffic()
     traffic.update(truth.frame, scene.graph)
     return scene, traffic
 
@@ -167,7 +167,7 @@ def test_an_oncoming_car_is_no_obstacle() -> None:
 def test_lane_changes_of_a_route_are_found_with_room_on_both_sides() -> None:
     route = next(route for route in named_routes("full") if route.scenario.type == "MergerIntoSlowTraffic")
     world = World(route, seed=0)
-    scene = Scene(world.truth(world.frame()))
+    scene = StaticScene(world.truth(world.frame()))
     (change,) = scene.changes
     assert change.first < change.start < change.end < change.last
     assert abs(change.old[change.start]) < 0.2

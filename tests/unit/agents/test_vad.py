@@ -20,7 +20,7 @@ from drive_robust_agents._nets.inference import Policy  # noqa: E402
 from drive_robust_agents._nets.torch_engine import TorchEngine  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec  # noqa: E402
 from drive_robust_agents._wrappers.memory import CAN_BUS  # noqa: E402
-from drive_robust_agents.training.vad import VadRecipe  # noqa: E402
+from drive_robust_agents.training.recipes.vad import VadRecipe  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
 from pytest_drive_robust.domain.agent import SIGNALS  # noqa: E402

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.store.episodes import write_episode
+from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.testing import FakeSimulator
 
 REPOSITORY = Path(__file__).parents[2]
@@ -156,7 +156,7 @@ def test_it_says_that_both_are_as_stored(folder: Path, capsys: pytest.CaptureFix
 def test_it_exits_with_1_when_the_agent_drives_otherwise_than_stored(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     path = stored(folder, "200 ms latency")
     result = read_episode(path)
@@ -172,7 +172,7 @@ def test_it_exits_with_1_when_the_agent_drives_otherwise_than_stored(
 def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     path = stored(folder, "200 ms latency")
     result = read_episode(path)
@@ -193,7 +193,7 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
 
 def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pytest_drive_robust.runner.cache_key.identity import route_digest
-    from pytest_drive_robust.store.episodes import read_episode
+    from pytest_drive_robust.store.record_files import read_episode
 
     result = read_episode(stored(folder, "200 ms latency"))
     episode = {**asdict(result.episode), "trace_digest": "of another drive"}
@@ -208,8 +208,8 @@ def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, caps
 def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from pytest_drive_robust.store.episodes import read_episode
     from pytest_drive_robust.store.folder import FolderStore
+    from pytest_drive_robust.store.record_files import read_episode
 
     result = read_episode(stored(folder, "clean"))
     earlier = replace(result, trace=replace(result.trace, rows=result.trace.rows + 1.0))

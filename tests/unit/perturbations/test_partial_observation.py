@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from stream_factory import flat_pixels, observation_at, observed, started
 
+from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations import PartialObservation, Perturbation
 
 WHITE = flat_pixels(255, rows=40, columns=60)
@@ -16,7 +17,7 @@ WHITE = flat_pixels(255, rows=40, columns=60)
 
 def masks(perturbation: Perturbation, ticks: range, *, camera: str = "front", seed: int = 0) -> list[np.ndarray]:
     """(rows, columns) bool for each tick: what the rectangle covers of a white image."""
-    stack = started(perturbation, seed=seed)
+    stack = started(perturbation, seed=seed, cameras=(camera,))
     seen = [stack.observe(observation_at(tick, cameras=(camera,), pixels=WHITE)) for tick in ticks]
     return [observation.cameras[camera].pixels[:, :, 0] != 255 for observation in seen]
 
@@ -126,6 +127,22 @@ def test_a_ratio_of_one_covers_everything_of_images_of_any_size(fill: str) -> No
 def test_the_mask_is_the_same_for_every_agent(tick: int) -> None:
     here, again = (masks(PartialObservation(0.5), range(tick, tick + 1), seed=5)[0] for _ in range(2))
     assert np.array_equal(here, again)
+
+
+@pytest.mark.parametrize("perturbation", [PartialObservation(0.5), PartialObservation(0.5, hold_s=0.3)], ids=str)
+def test_the_mask_is_that_of_the_cameras_place_in_the_rig_whatever_the_agent_calls_it(
+    perturbation: PartialObservation,
+) -> None:
+    ours, theirs = (masks(perturbation, range(20), camera=camera) for camera in ("front", "CAM_FRONT"))
+    assert np.array_equal(ours, theirs)
+    two = started(perturbation, cameras=("CAM_FRONT", "CAM_BACK"))
+    seen = two.observe(observation_at(0, cameras=("CAM_BACK", "CAM_FRONT"), pixels=WHITE)).cameras
+    assert np.array_equal(seen["CAM_FRONT"].pixels[:, :, 0] != 255, ours[0])
+
+
+def test_a_camera_that_the_rig_does_not_have_is_refused() -> None:
+    with pytest.raises(PerturbationError, match="the camera 'rear', expected one of the agent's rig: front"):
+        started(PartialObservation(), cameras=("front",)).observe(observation_at(0, cameras=("rear",)))
 
 
 def test_the_tick_of_capture_stays() -> None:

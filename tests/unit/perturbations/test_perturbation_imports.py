@@ -9,7 +9,7 @@ def test_perturbations_and_their_sentences_load_nothing_heavy() -> None:
     code = (
         "import sys, pytest_drive_robust.perturbations as p;"
         "s = p.Setting.parse('200 ms latency and occlusion 0.5 (fill=blur) and 1 s burst frame drop'); str(s);"
-        "import pytest_drive_robust.perturbations.environment as e; e.setting_from({'ROBUSTNESS_ENABLE': '1'});"
+        "p.Setting.from_env({'ROBUSTNESS_ENABLE': '1'});"
         "heavy = {'numpy', 'cv2', 'torch', 'scipy', 'numba', 'gymnasium', 'highway_env', 'rich', 'pytest'};"
         "print(sorted(heavy & set(sys.modules)))"
     )

@@ -20,7 +20,7 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.perturbations.phrase import parse, render
+from pytest_drive_robust.perturbations.sentences import parse, render
 
 finite = st.floats(0.0, 1e6)
 milliseconds = st.one_of(finite, st.integers(0, 5000))

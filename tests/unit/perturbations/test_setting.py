@@ -186,7 +186,7 @@ def test_reset_learns_of_the_episode_and_of_twins_in_the_stack() -> None:
         def schedule(self) -> tuple[Injection, ...]:
             return (Injection("curious", "gps", 0, 1),)
 
-    stack = started(Curious() + GpsNoise() + Curious(), route_id="17", seed=4, dt_s=0.1)
+    stack = started(Curious() + GpsNoise() + Curious(), route_id="17", seed=4, dt_s=0.1, cameras=("front",))
     assert [context.stream for context in contexts] == ["curious", "curious#2"]
     assert {(context.route_id, context.seed, context.dt_s) for context in contexts} == {("17", 4, 0.1)}
     assert [camera.name for camera in contexts[0].cameras] == ["front"]

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.agent import PlannedPath
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.film.above import PATH, SPEED_POINT, TARGET_POINT
 from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Box, text, text_width, wrapped
 from pytest_drive_robust.report.film.film import Film

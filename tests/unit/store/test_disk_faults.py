@@ -6,7 +6,7 @@ import os
 import pytest
 from result_factory import make_result
 
-from pytest_drive_robust.store import shelf
+from pytest_drive_robust.store import record_files, whole_file
 from pytest_drive_robust.store.folder import FolderStore
 
 KEYS = ("aa01", "aa02", "bb01")
@@ -50,7 +50,7 @@ def drive(folder, spill=None):
 
 def calls_of_a_whole_run(folder, monkeypatch):
     disk = Disk(0, stays=False, number=errno.EIO)
-    monkeypatch.setattr(shelf, "os", disk)
+    monkeypatch.setattr(whole_file, "os", disk)
     drive(folder)
     monkeypatch.undo()
     return disk.calls
@@ -66,7 +66,7 @@ def test_whatever_call_fails_nothing_is_lost_and_nothing_half_written(tmp_path, 
     assert calls > 15
     for k in range(1, calls + 1):
         folder, spill = tmp_path / f"{k}", tmp_path / f"spill {k}"
-        monkeypatch.setattr(shelf, "os", Disk(k, stays=stays, number=number))
+        monkeypatch.setattr(whole_file, "os", Disk(k, stays=stays, number=number))
         store = drive(folder)
         assert [store.get(key).episode.route_id for key in KEYS] == list(KEYS)  # this run goes on
         assert len(store.problems()) == 1, k
@@ -86,14 +86,14 @@ def test_whatever_call_fails_nothing_is_lost_and_nothing_half_written(tmp_path, 
 
 def test_what_the_store_does_not_take_goes_to_the_folder_of_the_run(tmp_path, monkeypatch):
     store = FolderStore(tmp_path / "store", run="one", spill=tmp_path / "spill")
-    real = shelf.Shelf.write
+    real = record_files.RecordFiles.write
 
     def full(self, key, data):
         if self.folder == tmp_path / "store":
             raise OSError(errno.ENOSPC, "No space left on device")
         real(self, key, data)
 
-    monkeypatch.setattr(shelf.Shelf, "write", full)
+    monkeypatch.setattr(record_files.RecordFiles, "write", full)
     store.put("aa01", make_result("aa01"))
     beside = FolderStore(tmp_path / "store", run="one", spill=tmp_path / "spill")
     assert beside.get("aa01").episode.route_id == "aa01"
@@ -102,7 +102,7 @@ def test_what_the_store_does_not_take_goes_to_the_folder_of_the_run(tmp_path, mo
 
 
 def test_writes_that_take_a_part_only_are_gone_on_with(tmp_path, monkeypatch):
-    monkeypatch.setattr(shelf, "os", Disk(0, stays=False, number=0, short_writes=True))
+    monkeypatch.setattr(whole_file, "os", Disk(0, stays=False, number=0, short_writes=True))
     drive(tmp_path)
     monkeypatch.undo()
     assert FolderStore(tmp_path, run="two").get("aa01").episode.route_id == "aa01"
@@ -123,7 +123,7 @@ def test_a_record_that_cannot_be_read_is_driven_again(tmp_path, monkeypatch):
     def broken(self, key):
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(shelf.Shelf, "read", broken)
+    monkeypatch.setattr(record_files.RecordFiles, "read", broken)
     store = FolderStore(tmp_path, run="two")
     assert store.get("aa01") is None
     assert store.get("aa01") is None

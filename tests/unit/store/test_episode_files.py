@@ -16,8 +16,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.domain.result import Given, Injection, Trace
-from pytest_drive_robust.store import record, shelf
-from pytest_drive_robust.store.episodes import read_episode, write_episode
+from pytest_drive_robust.store import record, whole_file
 from pytest_drive_robust.store.packing import pack, unpack
 from pytest_drive_robust.store.record import (
     CorruptRecordError,
@@ -26,6 +25,7 @@ from pytest_drive_robust.store.record import (
     decode_record,
     encode_episode,
 )
+from pytest_drive_robust.store.record_files import read_episode, write_episode
 
 FULL = replace(
     make_result(
@@ -167,7 +167,7 @@ def test_nothing_is_left_when_writing_breaks(tmp_path, monkeypatch):
     def full_disk(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr(shelf.os, "fsync", full_disk)
+    monkeypatch.setattr(whole_file.os, "fsync", full_disk)
     with pytest.raises(OSError, match="no space left"):
         write_episode(tmp_path / "one.episode", FULL)
     assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 from dataclasses import replace
 
@@ -100,13 +101,12 @@ def test_released_claims_leave_no_files(tmp_path):
     assert list((tmp_path / "claims").iterdir()) == []
 
 
-def test_without_a_lock_service_everybody_gets_the_claim(tmp_path, monkeypatch):
-    from pytest_drive_robust.store import claims
-
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS])
+def test_without_a_lock_service_everybody_gets_the_claim(tmp_path, monkeypatch, number):
     def no_locks(*_: object) -> bool:
-        raise OSError(37, "No locks available")
+        raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(claims, "_lock", no_locks)
+    monkeypatch.setattr("msvcrt.locking" if os.name == "nt" else "fcntl.flock", no_locks)
     one, other = FolderStore(tmp_path), FolderStore(tmp_path)
     assert one.claim(KEY) is not None
     assert other.claim(KEY) is not None
@@ -124,7 +124,7 @@ def test_a_record_under_a_wrong_name_is_damaged(tmp_path):
     store = FolderStore(tmp_path)
     store.put(KEY, make_result())
     other = KEY[:-1] + "a"
-    os.rename(store._shelf.path(KEY), store._shelf.path(other))
+    os.rename(store._files.path(KEY), store._files.path(other))
     fresh = FolderStore(tmp_path)
     assert fresh.get(other) is None
     assert fresh.get(other) is None

@@ -12,7 +12,7 @@ import pytest
 from failing_power import Operation, Recorder, Tree, after_a_cut, lay_out
 from result_factory import make_result
 
-from pytest_drive_robust.store import shelf
+from pytest_drive_robust.store import whole_file
 from pytest_drive_robust.store.folder import FolderStore
 
 PUTS = (("aa01", 1.0), ("aa02", 2.0), ("bb01", 3.0), ("aa01", 4.0))
@@ -30,7 +30,7 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Tree) -> li
     disk.mkdir()
     lay_out(start, disk)
     recorder = Recorder(disk)
-    monkeypatch.setattr(shelf, "os", recorder)
+    monkeypatch.setattr(whole_file, "os", recorder)
     monkeypatch.setattr(Path, "mkdir", lambda path, **options: recorder.mkdir(path, **options))
     for number, (key, wall_s) in enumerate(PUTS):
         recorder.note("begun", number)

@@ -15,9 +15,9 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.store import index
 from pytest_drive_robust.store.care import statistics, sweep, verify
 from pytest_drive_robust.store.folder import FolderStore
-from pytest_drive_robust.store.index import rows_of
+from pytest_drive_robust.store.index import indexed_episodes
 from pytest_drive_robust.store.record import encode_episode
-from pytest_drive_robust.store.shelf import Shelf
+from pytest_drive_robust.store.record_files import RecordFiles
 
 TIMED_OUT = make_result("3", end=End.BLOCKED, outcome=Outcome.AGENT_ERROR)
 
@@ -55,14 +55,14 @@ def test_statistics_count_records_by_agent_and_outcome(store):
 
 
 def test_the_index_reads_only_what_changed(store, monkeypatch):
-    shelf = Shelf(store.folder)
-    before = rows_of(shelf)
+    files = RecordFiles(store.folder)
+    before = indexed_episodes(files)
     store.put("cc01", make_result("9"))
-    shelf.path("aa01").unlink()
+    files.path("aa01").unlink()
     store.put("bb02", make_result("3"))
     read = []
-    monkeypatch.setattr(index.Shelf, "read", lambda self, key: read.append(key) or self.path(key).read_bytes())
-    after = rows_of(shelf)
+    monkeypatch.setattr(index.RecordFiles, "read", lambda self, key: read.append(key) or self.path(key).read_bytes())
+    after = indexed_episodes(files)
     assert read == ["bb02", "cc01"]
     assert [row.key for row in before] == ["aa01", "aa02", "bb01", "bb02"]
     assert [(row.key, row.outcome) for row in after] == [
@@ -75,8 +75,8 @@ def test_the_index_reads_only_what_changed(store, monkeypatch):
 
 @pytest.mark.parametrize("content", [None, b"", b"nonsense" * 1000, "another version", "another table"])
 def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
-    shelf = Shelf(store.folder)
-    before, path = rows_of(shelf), store.folder / "index.sqlite"
+    files = RecordFiles(store.folder)
+    before, path = indexed_episodes(files), store.folder / "index.sqlite"
     if content is None:
         path.unlink()
     elif isinstance(content, bytes):
@@ -87,14 +87,14 @@ def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
             database.execute("CREATE TABLE records (something TEXT)")
             database.execute(f"PRAGMA user_version = {99 if content == 'another version' else index._VERSION}")
         database.close()
-    assert rows_of(shelf) == before
-    assert rows_of(shelf) == before
+    assert indexed_episodes(files) == before
+    assert indexed_episodes(files) == before
 
 
 def test_the_index_holds_names_and_numbers_that_sqlite_does_not(store):
     odd = replace(make_result(), episode=Episode("a\udcff", "../x\0y", "e" * 10_000, 2**80))
     store.put("dd01", odd)
-    (row,) = [row for row in rows_of(Shelf(store.folder)) if row.key == "dd01"]
+    (row,) = [row for row in indexed_episodes(RecordFiles(store.folder)) if row.key == "dd01"]
     assert (row.agent, row.route_id, row.seed) == ("a\\udcff", "../x\0y", 2**80)
 
 
@@ -103,12 +103,12 @@ def test_a_store_without_records_has_no_statistics(tmp_path):
 
 
 def test_every_kind_of_damage_is_found_and_nothing_is_changed(store):
-    shelf = Shelf(store.folder)
-    whole = shelf.path("aa01").read_bytes()
-    shelf.path("aa01").write_bytes(whole[:-7])
-    shelf.path("aa02").write_bytes(b"")
-    shelf.path("bb01").write_bytes(whole)
-    shelf.write("cc01", encode_episode(make_result(), {"key": "cc01"}))
+    files = RecordFiles(store.folder)
+    whole = files.path("aa01").read_bytes()
+    files.path("aa01").write_bytes(whole[:-7])
+    files.path("aa02").write_bytes(b"")
+    files.path("bb01").write_bytes(whole)
+    files.write("cc01", encode_episode(make_result(), {"key": "cc01"}))
     count, damages = verify(store.folder)
     assert count == 5
     assert {damage.key: damage.problem for damage in damages} == {
@@ -120,7 +120,7 @@ def test_every_kind_of_damage_is_found_and_nothing_is_changed(store):
 
 
 def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
-    shelf = Shelf(store.folder)
+    files = RecordFiles(store.folder)
     half, fresh_half = (store.folder / "episodes" / "aa" / name for name in (".aa05-1-x.tmp", ".aa06-1-x.tmp"))
     half.write_bytes(b"123")
     fresh_half.write_bytes(b"123")
@@ -131,8 +131,8 @@ def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
     (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
     half.write_bytes(b"123")
     age(half, 2)
-    age(shelf.path("bb02"), 2)
-    size = shelf.path("bb02").stat().st_size
+    age(files.path("bb02"), 2)
+    size = files.path("bb02").stat().st_size
     for dry in (True, False):
         swept = sweep(store.folder, dry=dry)
         assert (swept.records, swept.set_aside, swept.leftovers, swept.size_bytes) == (1, 1, 1, size + 8)
@@ -146,23 +146,23 @@ def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
 
 
 def test_sweeping_takes_old_records_and_those_of_an_agent_when_asked(store):
-    shelf = Shelf(store.folder)
-    age(shelf.path("aa01"), 40)
-    age(shelf.path("bb01"), 40)
+    files = RecordFiles(store.folder)
+    age(files.path("aa01"), 40)
+    age(files.path("bb01"), 40)
     assert sweep(store.folder, older_than_s=30 * 86_400.0, agents=["other"], dry=True).records == 1
     assert sweep(store.folder, older_than_s=30 * 86_400.0, dry=True).records == 2
     assert sweep(store.folder, agents=["driver"]).records == 3
-    assert [row.agent for row in rows_of(shelf)] == ["other"]
+    assert [row.agent for row in indexed_episodes(files)] == ["other"]
 
 
 def test_a_record_that_is_claimed_stays(store):
     with store.claim("aa01"):
         sweep(store.folder, agents=["driver"])
-        assert [row.key for row in rows_of(Shelf(store.folder))] == ["aa01", "bb01"]
+        assert [row.key for row in indexed_episodes(RecordFiles(store.folder))] == ["aa01", "bb01"]
 
 
 def test_a_clock_of_the_future_makes_nothing_old(store):
-    age(Shelf(store.folder).path("bb02"), -400)
+    age(RecordFiles(store.folder).path("bb02"), -400)
     assert sweep(store.folder, older_than_s=0.0, agents=["nobody"]).records == 0
 
 
@@ -183,7 +183,7 @@ def test_the_command_tells_what_is_there(store, capsys):
 
 def test_the_command_verifies_and_sets_aside(store, capsys):
     assert run_cli(store, "verify") == 0
-    path = Shelf(store.folder).path("aa01")
+    path = RecordFiles(store.folder).path("aa01")
     path.write_bytes(path.read_bytes()[:-1])
     assert run_cli(store, "verify") == 1
     told = capsys.readouterr().out

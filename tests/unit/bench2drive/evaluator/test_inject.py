@@ -141,14 +141,16 @@ def test_stacks_give_the_same_bits_as_the_package(tmp_path: Path) -> None:
         {"ROBUSTNESS_ENABLE": "1", "GPS_DRIFT_ENABLE": "1", "GPS_DRIFT_MODE": "severe", "SPEED_BIAS_ENABLE": "on"},
         {"ROBUSTNESS_ENABLE": "1", "GPS_NOISE_STD": "7", "SENSOR_DELAY_CAM": "2", "BLEND_ENABLE": "1"},
         {"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "200", "WARMUP_STEPS": "3"},
-        {"GPS_DRIFT_ENABLE": "1"},
+        {"ROBUSTNESS_ENABLE": "1", "PARTIAL_OBS_RATIO": "0.8"},
+        {"ROBUSTNESS_ENABLE": "1", "BURST_PROBABILITY": "0.2", "SPEED_BIAS_STD": "0.4"},
+        {"ROBUSTNESS_ENABLE": "1", "PARTIAL_OBS_RATIO": "0.8", "PARTIAL_OBS_TYPE": "blur", "GPS_DRIFT_ENABLE": "0"},
+        {"ROBUSTNESS_ENABLE": "0", "GPS_DRIFT_ENABLE": "1", "SENSOR_DELAY_CAM": "2"},
     ],
 )
 def test_the_variables_of_the_released_code_mean_the_same_as_in_the_package(variables: dict[str, str]) -> None:
     stream = recorded(TICKS)
-    environ = {**variables, "ROBUSTNESS_SEED": "11"}
-    inside = through_package(stream, Setting.from_env(environ), route="17", seed=11)
-    same_bits(injected(stream, environ, "17"), inside)
+    inside = through_package(stream, Setting.from_env(variables), route="17", seed=11)
+    same_bits(injected(stream, {**variables, "ROBUSTNESS_SEED": "11"}, "17"), inside)
 
 
 @pytest.mark.parametrize(
@@ -161,6 +163,13 @@ def test_the_variables_of_the_released_code_mean_the_same_as_in_the_package(vari
         {"ROBUSTNESS_ENABLE": "1", "BLEND_ENABLE": "1", "BLEND_MODE": "cubic"},
         {"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "fast"},
         {"ROBUSTNESS_SEED": "x"},
+        {"GPS_DRIFT_SEED": "7"},
+        {"GPS_DRIFT_ENABLE": "1"},
+        {"PARTIAL_OBS_RATIO": "0.8"},
+        {"SENSOR_DELAY_CAM": "2"},
+        {"INFERENCE_LATENCY_MS": "200"},
+        {"ROBUSTNESS_ENABLE": "1", "PARTIAL_OBS_TYPE": "blur"},
+        {"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MODE": "measured", "INFERENCE_LATENCY_MS": "200"},
     ],
 )
 def test_variables_that_the_package_refuses_are_refused_with_their_name(variables: dict[str, str]) -> None:
@@ -181,6 +190,11 @@ def test_variables_that_the_package_refuses_are_refused_with_their_name(variable
 def test_a_setting_that_cannot_be_injected_is_refused_before_anything_is_driven(text: str) -> None:
     with pytest.raises(inject.SettingRefusedError):
         inject.plan_from({"PDR_SETTING": text})
+
+
+def test_masks_and_bursts_are_those_of_the_cameras_places_whatever_their_ids() -> None:
+    sensors = [{"type": "sensor.other.imu", "id": "IMU"}, *({"type": "sensor.camera.rgb", "id": tag} for tag in "ba")]
+    assert inject.rig_of(sensors) == {"b": "camera 0", "a": "camera 1"}
 
 
 def test_the_clean_setting_hands_over_the_very_objects() -> None:
@@ -227,8 +241,8 @@ def test_a_second_route_in_the_same_process_starts_from_nothing(tmp_path: Path) 
 
 def test_noise_far_from_the_equator_is_as_many_metres_on_the_ground() -> None:
     fix = np.array([42.0, 2.0, 11.0])
-    noise = inject.GpsNoise({"std_m": 10.0}, inject.Draws(0, "1", "gps-noise"), "gps-noise", 0.05)
-    sights = (inject.Sight(tick, {}, {"GPS": inject.Fix.read(fix)}) for tick in range(2000))
+    noise = inject.InjectedGpsNoise({"std_m": 10.0}, inject.InjectedDraws(0, "1", "gps-noise"), "gps-noise", 0.05, {})
+    sights = (inject.SensedTick(tick, {}, {"GPS": inject.GnssFix.read(fix)}) for tick in range(2000))
     moved = [noise.observe(sight).ego["GPS"].written() for sight in sights]
     metres_per_degree = np.array([111_194.9, 111_194.9 * np.cos(np.radians(42.0))])
     spread_m = np.std([(item[:2] - fix[:2]) * metres_per_degree for item in moved], axis=0)

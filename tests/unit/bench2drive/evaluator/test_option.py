@@ -14,7 +14,7 @@ from fake_bench2drive import make
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.plugin.assembly import outside_settings
+from pytest_drive_robust.plugin.backends import external_options
 
 SUITE = """
 import pytest
@@ -78,4 +78,4 @@ def test_options_that_do_not_go_together_are_refused(
     execution: ExecutionOptions, given: dict[str, object], message: str
 ) -> None:
     with pytest.raises(UsageError, match=message):
-        outside_settings(Config(**given), RunOptions(simulator="bench2drive"), execution)  # type: ignore[arg-type]
+        external_options(Config(**given), RunOptions(simulator="bench2drive"), execution)  # type: ignore[arg-type]

@@ -28,7 +28,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-from pytest_drive_robust.store.episodes import write_episode
+from pytest_drive_robust.store.record_files import write_episode
 
 _KINDS = [kind for kind in InfractionKind if kind not in (InfractionKind.MIN_SPEED, InfractionKind.OUTSIDE_LANES)]
 _EVENTS = st.builds(

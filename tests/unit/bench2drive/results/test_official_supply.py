@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, RequirementError, UsageError
 from pytest_drive_robust.metrics import driving_score, is_success, robustness_degradation, summarize
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 
 

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.episode.make_agent import make_agent

@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.replay.recording import difference, record_episode
 from pytest_drive_robust.runner.replay.tape import Tape, main_camera

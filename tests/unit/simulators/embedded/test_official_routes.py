@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.metrics.score import is_success
-from pytest_drive_robust.perturbations.setting import Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c

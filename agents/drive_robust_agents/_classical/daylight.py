@@ -1,0 +1,49 @@
+"""Day or night by the sky of the picture, and how far the vehicle's own headlamps light the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NightDetector", "lamp_light"]
+
+Floats = NDArray[np.float64]
+
+_SKY_ROWS, _SKY_STEP = slice(0, 24, 3), 8
+_NIGHT_SKY = 75
+_DEAD = 3
+_FOLLOW = 0.5
+_LOOK_EVERY = 10
+
+_NEAREST_M, _FULL_M, _FADE_M = 2.0, 6.0, 22.0
+_HALF_M, _WIDENS, _STEEP = 1.6, 0.35, 1.6
+
+
+class NightDetector:
+    """Whether it is night, from the upper rows of the picture: its sky, or what stands before it."""
+
+    def __init__(self) -> None:
+        self._sky: float | None = None
+        self._looks = 0
+
+    def see(self, pixels: NDArray[np.uint8]) -> bool:
+        """True when the sky is dark. Dead (black) pixels say nothing; without any others it stays as it was."""
+        if self._sky is None or self._looks % _LOOK_EVERY == 0:
+            bright = pixels[_SKY_ROWS, ::_SKY_STEP].max(axis=2)
+            alive = bright[bright > _DEAD]
+            if len(alive):
+                sky = float(np.median(alive))
+                self._sky = sky if self._sky is None else self._sky + _FOLLOW * (sky - self._sky)
+        self._looks += 1
+        return self._sky is not None and self._sky < _NIGHT_SKY
+
+
+def lamp_light(forward_m: Floats, right_m: Floats) -> Floats:
+    """0..1: how strongly the headlamps light places of the ground, metres ahead of the vehicle and to its right.
+
+    The calibration of a pair of dipped headlamps: a cone that widens, is dark just before the bumper and fades out.
+    """
+    beam = np.clip((1.0 - np.abs(right_m) / (_HALF_M + _WIDENS * np.maximum(forward_m, 0.0))) * _STEEP, 0.0, 1.0)
+    near = np.clip((forward_m - _NEAREST_M) / (_FULL_M - _NEAREST_M), 0.0, 1.0)
+    light: Floats = beam * near / (1.0 + (forward_m / _FADE_M) ** 2)
+    return light

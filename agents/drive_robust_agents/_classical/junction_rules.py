@@ -1,0 +1,89 @@
+"""When to wait before a junction: for a red light, at a stop sign, for a gap in what comes the other way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._classical.corridor import oncoming
+from drive_robust_agents._classical.plan_path import Junction
+from drive_robust_agents._classical.vision import signals
+from pytest_drive_robust import RoadOption
+
+__all__ = ["FRONT_M", "JunctionRules"]
+
+FRONT_M = 2.45
+"""From the middle of the vehicle to its front bumper."""
+
+_DT_S = 0.05
+_BRAKE_MPS2 = 2.5
+_LINE_TO_JUNCTION_M = 5.0
+_BEFORE_LIGHT_M, _BEFORE_SIGN_M, _WAIT_BEFORE_M = 1.5, 1.2, 1.0
+_LOOK_FROM_M = 40.0
+_RED_LASTS_S = 8.0
+_LAMP_PX, _SIGN_PX, _SIGN_TICKS = 3, 8, 4
+
+
+class JunctionRules:
+    """Remembers, for the junction ahead, what was seen of its lights and signs and what was already honoured."""
+
+    def __init__(self) -> None:
+        self._approach(None)
+
+    def _approach(self, junction: Junction | None) -> None:
+        self._junction = junction
+        self._red_s, self._sign_ticks, self._standing_s, self._gap_ticks = 0.0, 0, 0.0, 0
+        self._stopped, self._committed = False, False
+
+    def speed(
+        self, pixels: NDArray[np.uint8], bases: NDArray[np.float64], junction: Junction | None, at_m: float,
+        speed_mps: float,
+    ) -> float:  # fmt: skip
+        """The highest speed that the rules allow, infinity when they do not matter here [m/s].
+
+        `bases` (k, 2) are the foreign points of `vision.GroundModel`, `at_m` the place along the path.
+        """
+        if junction is not self._junction:
+            self._approach(junction)
+        if junction is None:
+            return math.inf
+        to_entry_m = junction.entry_m - at_m
+        turn = self._left_turn(bases, to_entry_m) if junction.command is RoadOption.LEFT else math.inf
+        return min(turn, self._signals(pixels, to_entry_m, speed_mps))
+
+    def _left_turn(self, bases: NDArray[np.float64], to_entry_m: float) -> float:
+        """Wait before the middle of the junction for a gap; then do not hesitate."""
+        to_wait_m = to_entry_m - _WAIT_BEFORE_M
+        if self._committed or not -2.5 < to_wait_m < 12.0:
+            return math.inf
+        self._gap_ticks = 0 if oncoming(bases) else self._gap_ticks + 1
+        self._committed = self._gap_ticks >= 2 and to_wait_m < 2.5
+        return math.inf if self._gap_ticks >= 2 else _stopping(to_wait_m)
+
+    def _signals(self, pixels: NDArray[np.uint8], to_entry_m: float, speed_mps: float) -> float:
+        """Stop before the line while it is red, and once for a stop sign."""
+        if not 0.0 <= to_entry_m < _LOOK_FROM_M:
+            return math.inf
+        seen = signals(pixels)
+        to_line_m = to_entry_m - FRONT_M - _LINE_TO_JUNCTION_M
+        if seen.green >= _LAMP_PX:
+            self._red_s = 0.0
+        elif seen.red >= _LAMP_PX:
+            self._red_s = _RED_LASTS_S
+        else:  # hidden by something: it is red until it is seen green
+            self._red_s = max(0.0, self._red_s - _DT_S)
+        self._sign_ticks += seen.sign >= _SIGN_PX and seen.sign > 3 * seen.red
+        if self._red_s > 0.0 and to_line_m > -0.5:
+            return _stopping(to_line_m - _BEFORE_LIGHT_M)
+        if self._sign_ticks >= _SIGN_TICKS and not self._stopped:
+            self._standing_s = self._standing_s + _DT_S if abs(speed_mps) < 0.05 else 0.0
+            self._stopped = self._standing_s > 0.4 and to_line_m < 3.5
+            return _stopping(to_line_m - _BEFORE_SIGN_M)
+        return math.inf
+
+
+def _stopping(distance_m: float) -> float:
+    """The speed from which a comfortable stop in this distance is possible [m/s]."""
+    return math.sqrt(2.0 * _BRAKE_MPS2 * distance_m) if distance_m > 0.1 else 0.0

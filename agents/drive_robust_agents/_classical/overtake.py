@@ -1,0 +1,89 @@
+"""Around something that stands in the own lane: wait for a gap in the lane to the left, go by, come back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._classical.gap import Gap
+
+__all__ = ["Overtake"]
+
+Floats = NDArray[np.float64]
+
+_LANE_M = 3.4
+_SLOPE = 0.5
+"""Metres to the side per metre ahead when it pulls out and in."""
+_BLOCKED_M, _BLOCKED_HALF_M = 16.0, 1.4
+_STANDING_MPS, _MOVED_M = 0.3, 0.4
+_WAIT_S = 1.0
+_LEFT_LANE_M = (-4.7, -2.3)
+_BESIDE_M, _NEXT_M = 8.0, 22.0
+_SAME_M, _DRIVEN_M, _AHEAD_M = 0.8, 2.0, 9.0
+_LAMPS = (slice(73, 120), slice(90, 166))
+_LAMP_RED, _LAMP_PX = 235, 2
+_DT_S = 0.05
+
+
+class Overtake:
+    """`offset_m` is how far the path is moved to the left of the own lane now (negative), 0 in the lane."""
+
+    def __init__(self) -> None:
+        self.offset_m = 0.0
+        self.passing = False
+        self._gap = Gap()
+        self._blocked_m, self._waited_s, self._clear_m, self._driven_m = math.inf, 0.0, 0.0, 0.0
+
+    def offsets(self, points: int) -> Floats:
+        """The move to the side of a path's points, one a metre: from the present one to the wanted one."""
+        wanted = -_LANE_M if self.passing else 0.0
+        reach = _SLOPE * np.arange(points)
+        moved: Floats = self.offset_m + np.clip(wanted - self.offset_m, -reach, reach)
+        return moved
+
+    def update(
+        self, pixels: NDArray[np.uint8], along_m: Floats, right_m: Floats, *, speed_mps: float, travelled_m: float,
+        allowed: bool,
+    ) -> None:  # fmt: skip
+        """Decide by the foreign points, metres along the own lane and to its right; not `allowed` near junctions."""
+        wanted = -_LANE_M if self.passing else 0.0
+        most = _SLOPE * abs(travelled_m)
+        self.offset_m += min(max(wanted - self.offset_m, -most), most)
+        own = np.sort(along_m[(np.abs(right_m) < _BLOCKED_HALF_M) & (along_m > 0.0)])
+        first = float(own[1]) if len(own) >= 2 else math.inf
+        if self.passing:
+            self._clear_m = 0.0 if first < _NEXT_M else self._clear_m + travelled_m
+            self.passing = allowed and self._clear_m < _BESIDE_M and not self._drives_off(first, travelled_m)
+        elif allowed:
+            left = along_m[(right_m > _LEFT_LANE_M[0]) & (right_m < _LEFT_LANE_M[1])]
+            self._wait(first, left, pixels, speed_mps)
+        else:
+            self._waited_s = 0.0
+
+    def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float) -> None:
+        """Behind something that does not move either; then for a gap in the lane to the left."""
+        still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
+        still = still and not _brakes(pixels)
+        self._blocked_m = first_m
+        self._waited_s = self._waited_s + _DT_S if still else 0.0
+        if not still:
+            self._gap = Gap()
+        elif self._gap.open(left_m, pixels) and self._waited_s > _WAIT_S:
+            self.passing, self._clear_m, self._waited_s, self._driven_m = True, 0.0, 0.0, 0.0
+
+    def _drives_off(self, first_m: float, travelled_m: float) -> bool:
+        """Has what stood in the way set off itself?"""
+        moved = first_m - (self._blocked_m - travelled_m)
+        self._driven_m = self._driven_m + moved if abs(moved) < _SAME_M else 0.0
+        self._blocked_m = first_m
+        return self._driven_m > _DRIVEN_M and first_m > _AHEAD_M
+
+
+def _brakes(pixels: NDArray[np.uint8]) -> bool:
+    """Does somebody right ahead show brake lamps? Who does will drive on."""
+    ahead = pixels[_LAMPS].astype(np.int16)
+    red, green, blue = ahead[:, :, 0], ahead[:, :, 1], ahead[:, :, 2]
+    lit = (red >= _LAMP_RED) & (red > 3 * np.maximum(green, blue))
+    return int(np.count_nonzero(lit)) >= _LAMP_PX

@@ -1,0 +1,199 @@
+"""Plain image processing on one front camera: where the free road ends, and which lamps and signs are lit red or green.
+
+A classical colour pipeline knows the palette of its world: asphalt is grey and learnt per image row (haze brightens far
+rows), everything that stands on it has a dark base (tyres, shadow, trousers) or is much bluer or redder than asphalt;
+lamps shine in plain red and green; a stop sign is a plate of darker red at the height of the camera.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._classical.daylight import NightDetector, lamp_light
+from pytest_drive_robust import CameraSpec
+
+__all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
+_FOCAL_PX = CAMERA.width_px / 2.0 / math.tan(math.radians(CAMERA.fov_deg) / 2.0)
+_HORIZON = CAMERA.height_px // 2
+_FIRST_ROW = _HORIZON + 5
+_HIGHEST_ROW = 12
+_SIGN_ROWS = 20
+_COLUMN_STEP = 2
+
+_DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
+_DARK_BY_NIGHT, _SHINING = 0.55, 200
+_MOONLIGHT = 0.12
+"""What lights the road by night, as a share of the headlamps."""
+_LIT, _DIM = 0.2, 0.5
+_ASPHALT_RANGE = (65.0, 125.0)
+_ENOUGH = 40
+_DEAD = 3
+_LEARN = 0.12
+_LAMP_RED = 210
+
+
+class GroundModel:
+    """Where each image column first meets something that is not ground, by a model of what asphalt looks like there.
+
+    By day the model is the colour of each row; by night it is the light of the vehicle's own headlamps, which fades
+    to the sides, and only what they light is judged: street lamps make the road brighter, never darker.
+    """
+
+    def __init__(self) -> None:
+        rows = np.arange(_FIRST_ROW, CAMERA.height_px, dtype=np.float64)
+        columns = np.arange(0, CAMERA.width_px, _COLUMN_STEP, dtype=np.float64)
+        self._depth_m = _FOCAL_PX * CAMERA.z_m / (rows + 0.5 - CAMERA.height_px / 2.0)
+        self._slope = (columns + 0.5 - CAMERA.width_px / 2.0) / _FOCAL_PX
+        right_m = self._depth_m[:, None] * self._slope
+        self._patch = np.abs(right_m) < np.maximum(1.1, 0.06 * self._depth_m)[:, None]
+        lit = lamp_light(self._depth_m[:, None] + CAMERA.x_m, right_m)
+        self._light = (lit + _MOONLIGHT).astype(np.float32)
+        self._lit, self._dim = lit > _LIT, lit < _DIM
+        self._asphalt: NDArray[np.float32] | None = None
+        self._paint = np.full(3, 98.0, dtype=np.float32)
+        self._dusk = NightDetector()
+        self._night = False
+
+    def brightness(self, forward_m: Floats) -> Floats:
+        """Brightness (green, 0..255) of the asphalt straight ahead, so many metres from the vehicle's middle."""
+        if self._night:
+            lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
+            return lit
+        return np.full_like(forward_m, 98.0 if self._asphalt is None else self._asphalt[-20:, 1].mean())
+
+    def bases(self, pixels: Bytes) -> Floats:
+        """(k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
+
+        Columns whose view of the ground is blocked by dead (black) pixels first, and columns that are free, are left
+        out.
+        """
+        image = np.ascontiguousarray(pixels[_FIRST_ROW:, ::_COLUMN_STEP])
+        self._night = self._dusk.see(pixels)
+        planes = [plane.astype(np.float32) for plane in cv2.split(image)]
+        dead = np.maximum(np.maximum(planes[0], planes[1]), planes[2]) <= _DEAD
+        foreign = self._by_night(planes, dead) if self._night else self._by_day(image, planes)
+        solid = foreign[1:] & foreign[:-1]  # two pixels high at least
+        upward = (solid | dead[1:])[::-1]
+        lowest = len(upward) - np.argmax(upward, axis=0)  # row of `foreign` again
+        hit = upward.any(axis=0)
+        columns = np.flatnonzero(hit)
+        rows = lowest[columns]
+        seen = ~dead[rows, columns]
+        columns, rows = columns[seen], rows[seen]
+        forward = self._depth_m[rows]
+        return np.column_stack((forward + CAMERA.x_m, forward * self._slope[columns]))
+
+    # --- day ---
+
+    def _by_day(self, image: Bytes, planes: list[Floats32]) -> Mask:
+        """Which pixels are not ground, against the asphalt of their row."""
+        if self._asphalt is None:
+            self._asphalt = _first_asphalt(image, self._patch)
+        red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
+        bright = np.maximum(np.maximum(red, green), blue)
+        dirt = (red > _BROWN * blue) & (green > blue)
+        foreign: Mask = ((bright < _DARK) & ~dirt) | (blue > _BLUE * red) | (red > _RED * green)
+        grey = (bright < 1.25) & (green > 0.8) & (blue > _GREY * red)  # no dirt
+        self._learn(planes, self._patch & grey & ~foreign)
+        return foreign
+
+    def _learn(self, planes: list[Floats32], like: Mask) -> None:
+        """Follow the colour of what looks like asphalt in the lane ahead, row by row."""
+        assert self._asphalt is not None
+        ones = np.ones(like.shape[1], dtype=np.float32)
+        chosen = like.astype(np.float32)
+        count = chosen @ ones
+        total = np.column_stack([(chosen * plane) @ ones for plane in planes])
+        known = count >= 3.0
+        mean = total[known] / count[known, None]
+        self._asphalt[known] += np.float32(_LEARN) * (mean - self._asphalt[known])
+
+    # --- night ---
+
+    def _by_night(self, planes: list[Floats32], dead: Mask) -> Mask:
+        """Which pixels are not ground, against asphalt in the headlamps; what shines beside their cone is a lamp."""
+        self._follow_paint(planes, dead)
+        red, green, blue = (plane / (self._paint[k] * self._light) for k, plane in enumerate(planes))
+        bright = np.maximum(np.maximum(red, green), blue)
+        dirt = (red > _BROWN * blue) & (green > blue)
+        foreign = ((bright < _DARK_BY_NIGHT) & ~dirt) | ((blue > _BLUE * red) & ~self._dim) | (red > _RED * green)
+        lamp = np.minimum(np.minimum(planes[0], planes[1]), planes[2]) > _SHINING
+        found: Mask = (foreign & self._lit) | (lamp & self._dim)
+        return found
+
+    def _follow_paint(self, planes: list[Floats32], dead: Mask) -> None:
+        """Follow the colour of asphalt in full light, by the darker part of the lane: lamps and markings add to it."""
+        patch = (self._patch & self._lit & ~dead)[::3, ::2]
+        shades = [plane[::3, ::2][patch] / self._light[::3, ::2][patch] for plane in planes]
+        if len(shades[1]) < _ENOUGH:
+            return
+        darker = np.partition(shades[1], len(shades[1]) // 4)[len(shades[1]) // 4]
+        like = np.abs(shades[1] - darker) < 0.15 * darker
+        for k, shade in enumerate(shades):
+            self._paint[k] += _LEARN * (float(shade[like].mean()) - self._paint[k])
+        np.clip(self._paint, *_ASPHALT_RANGE, out=self._paint)
+
+
+def _first_asphalt(image: Bytes, patch: Mask) -> Floats32:
+    """The median colour of each row's patch; going up it may change only as slowly as haze does, grey for grey."""
+    medians = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))], dtype=np.float32)
+    medians = np.maximum(medians, 8.0)
+    medians[-10:] = np.median(medians[-10:], axis=0)
+    for row in range(len(medians) - 11, -1, -1):
+        tint = (medians[row, 2] / medians[row, 0]) / (medians[row + 1, 2] / medians[row + 1, 0])
+        seen = medians[row] if 0.9 < tint < 1.1 else medians[row + 1]
+        medians[row] = np.clip(seen, 0.985 * medians[row + 1], 1.05 * medians[row + 1])
+    return medians
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """Pixels above the horizon: of the largest red and green lamp that faces the camera, and of a stop sign's red."""
+
+    red: int
+    green: int
+    sign: int
+
+
+def signals(pixels: Bytes) -> Signals:
+    """Look for lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
+    red, green, blue = cv2.split(np.ascontiguousarray(pixels[_HIGHEST_ROW:_HORIZON, CAMERA.width_px // 4 :]))
+    red16, green16, blue16 = (plane.astype(np.int16) for plane in (red, green, blue))  # 2.2 times: 5 to 11
+    reddish = (5 * red16 > 11 * np.maximum(green16, blue16)) & (red > 90)
+    lit = red >= _LAMP_RED
+    return Signals(
+        red=_largest_facing(reddish & lit),
+        green=_largest_facing((green > 180) & (5 * green16 > 9 * red16) & (2 * green16 > 3 * blue16)),
+        sign=int(np.count_nonzero((reddish & ~lit)[-_SIGN_ROWS:])),
+    )
+
+
+def _largest_facing(mask: NDArray[np.bool_]) -> int:
+    """The largest blob that is about as wide as high: lamps of crossing roads are seen from the side, as slivers."""
+    if not mask.any():
+        return 0
+    *_, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    blobs = stats[1:]
+    width, height = blobs[:, cv2.CC_STAT_WIDTH], blobs[:, cv2.CC_STAT_HEIGHT]
+    facing = (width >= 2) & (width >= 0.7 * height)
+    return int(blobs[facing, cv2.CC_STAT_AREA].max(initial=0))
+
+
+def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
+    depth = forward_m - CAMERA.x_m
+    rows = np.floor(CAMERA.height_px / 2.0 + _FOCAL_PX * CAMERA.z_m / depth).astype(np.int64)
+    columns = np.floor(CAMERA.width_px / 2.0 + _FOCAL_PX * right_m / depth).astype(np.int64)
+    return np.clip(rows, 0, CAMERA.height_px - 1), np.clip(columns, 0, CAMERA.width_px - 1)

@@ -1,0 +1,147 @@
+"""The lanes that the ego wants: those of the route, changed when there is a gap, and the one that frees the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drive_robust_agents._planning.control import Floats
+from drive_robust_agents._planning.lateral import blend
+from drive_robust_agents._planning.projection import project_all
+from drive_robust_agents._planning.static_scene import Change, StaticScene
+from drive_robust_agents._planning.traffic import Traffic
+from pytest_drive_robust.domain.truth import ActorKind, LaneKind, WorldState
+
+__all__ = ["LaneChanges", "Siren"]
+
+_EARLY_M = 45.0
+"""A lane change may begin so much before the place where the route changes lanes."""
+_CHANGE_S, _SHORTEST_M, _LONGEST_M = 2.4, 13.0, 60.0
+_SHORT_WINDOW_M = 25.0
+_STOP_BEFORE_END_M = 13.0
+_BESIDE_M = 60.0
+
+
+class LaneChanges:
+    """The lane changes of the route, one after the other, each as soon as somebody says that it is free."""
+
+    def __init__(self, scene: StaticScene) -> None:
+        self._scene = scene
+        self._left = [change for change in scene.changes if change.last - change.first > _SHORT_WINDOW_M]
+        self._settled = np.zeros(scene.count)
+        self.busy_until_row = self._ends_row = -1.0
+        self.profile: Floats = self._waiting()
+
+    @property
+    def pending(self) -> Change | None:
+        """The next lane change, or None."""
+        return self._left[0] if self._left else None
+
+    def candidate(self, row: float, speed_mps: float) -> Floats | None:
+        """The profile that changes lanes now, or None when that would be too early."""
+        change = self.pending
+        if change is None or row < max(change.first + 1, change.start - _EARLY_M):
+            return None
+        length = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_M, _LONGEST_M))
+        end = row + max(min(length, change.last - 2.0 - row), 6.0)
+        self._ends_row = end
+        return self._changed(change, row, end)
+
+    def adopt(self, profile: Floats) -> None:
+        """The next change is under way along `profile`, the latest candidate."""
+        self.busy_until_row = self._ends_row
+        self._left.pop(0)
+        self._settled = profile
+        self.profile = self._waiting()
+
+    def stop_row(self) -> float:
+        """The row that the front bumper must not pass in the lane that is to be left."""
+        return math.inf if self.pending is None else self.pending.last - _STOP_BEFORE_END_M
+
+    def traffic_mps(self, traffic: Traffic, row: float) -> float | None:
+        """Mean speed of who drives in the lane to be taken, near the ego; None when there is nobody or it is early."""
+        change = self.pending
+        if change is None or row < max(change.first - 30.0, change.start - _EARLY_M):
+            return None
+        at = project_all(self._scene.route, int(row - _BESIDE_M), int(row + _BESIDE_M), traffic.boxes)
+        rows = np.clip(at[:, 0], 0, self._scene.count - 1).astype(int)
+        along = np.cos(traffic.boxes[:, 2] - self._scene.route[rows, 2]) > 0.8
+        beside = np.abs(at[:, 1] - change.new[rows]) < 1.5
+        close = np.abs(at[:, 0] - row) < _BESIDE_M
+        speeds = traffic.boxes[along & beside & close & (traffic.kinds < ActorKind.PEDESTRIAN), 3]
+        return float(speeds.mean()) if len(speeds) else None
+
+    def _waiting(self) -> Floats:
+        """The profile that stays in the lane until the next change begins."""
+        change = self.pending
+        if change is None:
+            return self._settled
+        rows = self._scene.rows
+        return np.where((rows >= change.start) & (rows <= change.last), change.old, self._settled)
+
+    def _changed(self, change: Change, start: float, end: float) -> Floats:
+        rows = self._scene.rows
+        share = blend(rows, start, end)
+        within = (rows >= change.first) & (rows <= change.last)
+        changed = (1.0 - share) * np.where(rows < change.start, self._settled, change.old) + share * change.new
+        return np.where(within, changed, np.where(rows < change.first, self._settled, 0.0))
+
+
+class Siren:
+    """Frees the lane for an emergency vehicle behind, and comes back once it has passed."""
+
+    _APPROACH_M, _PASSED_M, _SHIFT_M = 70.0, 12.0, 24.0
+
+    def __init__(self) -> None:
+        self._aside: Floats | None = None
+
+    @property
+    def active(self) -> bool:
+        """Is the ego out of the way now?"""
+        return self._aside is not None
+
+    def shifts(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> list[Floats]:
+        """Profiles to be added to the lane's own, best first, that free the lane; none while nobody wants past."""
+        if self.active:
+            return []
+        ahead = self._metres_ahead(traffic, frame)
+        if ahead is None or not -self._APPROACH_M < ahead < -3.0:
+            return []
+        share = blend(scene.rows, row, row + self._SHIFT_M)
+        return [share * aside for aside in _free_sides_m(scene, row)]
+
+    def step_aside(self, profile: Floats) -> None:
+        """Hold this profile until the siren has passed."""
+        self._aside = profile
+
+    def profile(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> Floats | None:
+        """What is added to the lane's own profile now, or None."""
+        if self._aside is None:
+            return None
+        ahead = self._metres_ahead(traffic, frame)
+        if ahead is None or ahead > self._PASSED_M:
+            self._aside = None
+        return self._aside
+
+    @staticmethod
+    def _metres_ahead(traffic: Traffic, frame: WorldState) -> float | None:
+        ego = frame.ego
+        for box in traffic.boxes[traffic.kinds == ActorKind.EMERGENCY]:
+            if math.cos(box[2] - ego.yaw_rad) > 0.7 and box[3] > 1.0:
+                dx, dy = box[0] - ego.x_m, box[1] - ego.y_m
+                return float(dx * math.cos(ego.yaw_rad) + dy * math.sin(ego.yaw_rad))
+        return None
+
+
+def _free_sides_m(scene: StaticScene, row: float) -> list[float]:
+    """Sideways metres that free the lane: to the lane on the right, to the one on the left, else to the right edge."""
+    found = []
+    for side, sign in (("right", 1.0), ("left", -1.0)):
+        lane, same_way = scene.neighbour(row, side)
+        if lane is not None and same_way:
+            found.append(sign * lane.width_m)
+    here = scene.lane_at(row)
+    if not found and here.right >= 0 and scene.lane_map.lanes[here.right].kind is LaneKind.PARKING:
+        found.append(0.5 * (here.width_m + scene.lane_map.lanes[here.right].width_m))
+    return found or [0.5 * here.width_m]

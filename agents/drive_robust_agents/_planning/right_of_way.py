@@ -1,0 +1,58 @@
+"""Where the ego has to wait: lights, stop signs, junctions that others are about to cross."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._planning.control import Floats
+from drive_robust_agents._planning.projection import crossed_boxes
+from drive_robust_agents._planning.static_scene import StaticScene
+from drive_robust_agents._planning.traffic import Traffic
+from pytest_drive_robust.domain.truth import LightState, WorldState
+
+__all__ = ["RightOfWay"]
+
+Ints = NDArray[np.int64]
+
+_LOOK_M = 90.0
+_HARD_BRAKE_MPS2 = 7.0
+_LINE_GAP_M, _SIGN_GAP_M = 0.6, 0.4
+_SOON_STEPS = 31
+"""Somebody who reaches the junction within so many forecast steps counts as crossing it."""
+
+
+class RightOfWay:
+    """Remembers at which stop signs the ego came to rest."""
+
+    def __init__(self) -> None:
+        self._stopped_at: set[int] = set()
+
+    def stop_row(self, scene: StaticScene, frame: WorldState, row: float) -> float:
+        """The row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
+        nearest, v = math.inf, frame.ego.speed_mps
+        for index, at in scene.stops:
+            if not -2.0 < at - row < _LOOK_M:
+                continue
+            light = LightState(int(frame.lights[index]))
+            front = at - row - frame.ego.length_m / 2.0
+            if light is LightState.STOP_SIGN and index not in self._stopped_at:
+                if v < 0.09 and front < 3.0:
+                    self._stopped_at.add(index)
+                else:
+                    nearest = min(nearest, at - _SIGN_GAP_M)
+            can_stop = front > -0.3 and v * v / (2.0 * _HARD_BRAKE_MPS2) < front + 0.5
+            if light in (LightState.RED, LightState.YELLOW) and can_stop:
+                nearest = min(nearest, at - _LINE_GAP_M)
+        return nearest
+
+    def keep_clear(self, scene: StaticScene, traffic: Traffic, path: Floats, leads: Ints) -> Floats:
+        """(m, 2) first and last row of the junctions in which the ego must not come to rest: others cross them."""
+        if len(scene.boxes) == 0:
+            return scene.boxes
+        moving = (traffic.boxes[:, 3] > 0.5) & (leads == 0)
+        forecast = np.ascontiguousarray(traffic.forecast[moving][:, :_SOON_STEPS])
+        crossed: Floats = scene.boxes[crossed_boxes(path, scene.boxes, forecast) == 1]
+        return crossed

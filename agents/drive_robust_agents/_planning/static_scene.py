@@ -1,0 +1,229 @@
+"""What the expert knows about a route before it moves: lanes under it, junctions, stop lines, lane changes."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._planning.control import Floats, speed_profile
+from drive_robust_agents._planning.tracks import lane_under
+from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
+
+__all__ = ["Change", "LaneGraph", "StaticScene"]
+
+Ints = NDArray[np.int64]
+
+_LATERAL_MPS2, _BRAKE_MPS2 = 2.8, 1.8
+_BESIDE_M = 5.5
+"""A lane whose centre is farther from the route than this is not beside it."""
+_ABREAST_M = 0.9
+"""Two lanes run side by side where their centres are a lane's width apart, within this much."""
+_BEYOND_M = 60
+
+
+class LaneGraph:
+    """All lanes that vehicles use, as the kernels want them: see `tracks.tracks`.
+
+    `after` is the lane that traffic is expected to take behind each lane: the straightest one, until somebody was seen
+    on another.
+    """
+
+    def __init__(self, lane_map: LaneMap) -> None:
+        self.lanes = lane_map.lanes
+        used = [lane.kind in (LaneKind.DRIVING, LaneKind.BIKING) for lane in self.lanes]
+        sizes = [len(lane.centre) if keep else 0 for lane, keep in zip(self.lanes, used, strict=True)]
+        self.first: Ints = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self.points: Floats = np.concatenate([lane.centre for lane, keep in zip(self.lanes, used, strict=True) if keep])
+        self.owner: Ints = np.repeat(np.arange(len(self.lanes), dtype=np.int64), sizes)
+        self.after: Ints = np.array([_straightest(self.lanes, lane) for lane in self.lanes], dtype=np.int64)
+        self._before: dict[int, list[int]] = {}
+        for lane in self.lanes:
+            for k in lane.successors:
+                self._before.setdefault(k, []).append(lane.index)
+
+    def learn(self, rows: Ints) -> None:
+        """Somebody drives at each of these rows of `points` (-1: nobody): remember which way was taken at a fork."""
+        for row in rows:
+            if row < 0:
+                continue
+            lane = int(self.owner[row])
+            share = (row - self.first[lane]) / max(len(self.lanes[lane].centre), 1)
+            if self.lanes[lane].junction and share > 0.35:
+                for k in self._before.get(lane, ()):
+                    self.after[k] = lane
+
+    def fork(self) -> LaneGraph:
+        """The same lanes with a memory of its own."""
+        other = copy.copy(self)
+        other.after = self.after.copy()
+        return other
+
+    def before(self, lane: int) -> int:
+        """The lane that leads straightest into this one, or -1."""
+        options = self._before.get(lane, [])
+        plain = [k for k in options if not self.lanes[k].junction]
+        return (plain or options or [-1])[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A lane change that the route asks for.
+
+    Between the rows `first` and `last` both lanes run side by side. `old` and `new` are (n,): metres from the route to
+    the centre of the lane that is left and of the one that is taken, at each row of the route. The route itself changes
+    at the rows `start` to `end`.
+    """
+
+    first: int
+    last: int
+    start: int
+    end: int
+    old: Floats
+    new: Floats
+
+
+class StaticScene:
+    """The static side of one episode. Rows are rows of `GroundTruth.route`, about a metre each.
+
+    `route` (n, 4) goes on straight beyond its end (`given` rows) so that plans have room; `limits` (n,) is the highest
+    sensible speed, `lanes` (n,) the lane underneath, `boxes` (m, 2) the first and last row of each junction, `stops`
+    the (number, row) of each stop line, `changes` the lane changes.
+    """
+
+    def __init__(self, truth: GroundTruth) -> None:
+        self.given = len(truth.route)
+        self.route = _prolonged(truth.route)
+        self.count = len(self.route)
+        self.rows: Floats = np.arange(self.count, dtype=np.float64)
+        self.sines: Floats = np.sin(self.route[:, 2])
+        self.cosines: Floats = np.cos(self.route[:, 2])
+        self.lane_map = truth.lane_map
+        self.graph = LaneGraph(truth.lane_map)
+        self.limits = speed_profile(self.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
+        self.size = np.array([truth.frame.ego.length_m, truth.frame.ego.width_m])
+        self.lanes = self._lanes_under()
+        self.boxes = self._boxes()
+        self.stops = self._stops()
+        self.changes = self._changes()
+
+    def fork(self) -> StaticScene:
+        """The same scene; what its `graph` learns about traffic from here on is its own."""
+        other = copy.copy(self)
+        other.graph = self.graph.fork()
+        return other
+
+    def lane_at(self, row: float) -> Lane:
+        """The lane under a row."""
+        return self.lane_map.lanes[int(self.lanes[int(np.clip(row, 0, self.count - 1))])]
+
+    def neighbour(self, row: float, side: str) -> tuple[Lane | None, bool]:
+        """(the driving lane on that side of the one under a row or None, whether it leads the same way)."""
+        lane = self.lane_at(row)
+        index, same = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
+        if index < 0 or self.lane_map.lanes[index].kind is not LaneKind.DRIVING:
+            return None, False
+        return self.lane_map.lanes[index], same
+
+    def _lanes_under(self) -> Ints:
+        graph, found = self.graph, np.empty(self.count, dtype=np.int64)
+        driving = np.array([lane.kind is LaneKind.DRIVING for lane in self.lane_map.lanes])
+        keep = driving[graph.owner]
+        points, owner = np.ascontiguousarray(graph.points[keep]), np.ascontiguousarray(graph.owner[keep])
+        last = int(owner[0])
+        for k, (x, y, yaw) in enumerate(self.route[:, :3]):
+            row, _ = lane_under(points, owner, x, y, yaw, 4.0)
+            last = int(owner[row]) if row >= 0 else last
+            found[k] = last
+        return _longest_connector(self.lane_map, found)
+
+    def _boxes(self) -> Floats:
+        """(m, 2): first and last row of every junction on the route."""
+        inside = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+        boxes: Floats = edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
+        return boxes
+
+    def _stops(self) -> tuple[tuple[int, float], ...]:
+        """(number, row) of every stop line on the route."""
+        found = []
+        for line in self.lane_map.stop_lines:
+            away = np.hypot(self.route[:, 0] - line.x_m, self.route[:, 1] - line.y_m)
+            k = int(np.argmin(away))
+            if away[k] < 1.5 and math.cos(self.route[k, 2] - line.heading_rad) > 0.7:
+                found.append((line.index, float(k)))
+        return tuple(found)
+
+    def _changes(self) -> tuple[Change, ...]:
+        found = []
+        for k in range(1, self.count):
+            here, there = self.lane_map.lanes[self.lanes[k - 1]], self.lane_map.lanes[self.lanes[k]]
+            beside = there.index in (here.left, here.right) or here.index in (there.left, there.right)
+            if here.index != there.index and there.index not in here.successors and beside:
+                found.append(self._change(k, here.index, there.index))
+        return tuple(found)
+
+    def _change(self, k: int, old: int, new: int) -> Change:
+        offsets = [self._offsets(k, lane) for lane in (old, new)]
+        apart = np.abs(np.abs(offsets[0] - offsets[1]) - self.lane_map.lanes[old].width_m)
+        both = np.nan_to_num(apart, nan=np.inf) < _ABREAST_M
+        first, last = k, k
+        while first > 0 and both[first - 1]:
+            first -= 1
+        while last < self.count - 1 and both[last + 1]:
+            last += 1
+        start, end = k, k
+        while start > first and abs(offsets[0][start]) > 0.15:
+            start -= 1
+        while end < last and abs(offsets[1][end]) > 0.15:
+            end += 1
+        return Change(first, last, start, end, np.nan_to_num(offsets[0]), np.nan_to_num(offsets[1]))
+
+    def _offsets(self, k: int, lane: int) -> Floats:
+        """Metres to the right of the route to the centre line through `lane`; NaN where that line is not beside it."""
+        chain, graph = [lane], self.graph
+        while (earlier := graph.before(chain[0])) >= 0 and earlier not in chain and len(chain) < 8:
+            chain.insert(0, earlier)
+        while (later := _straightest(graph.lanes, graph.lanes[chain[-1]])) >= 0 and later not in chain:
+            chain.append(later)
+        line = np.concatenate([graph.lanes[index].centre for index in chain])
+        low, high = max(0, k - 220), min(self.count, k + 220)
+        dx = line[:, 0] - self.route[low:high, None, 0]
+        dy = line[:, 1] - self.route[low:high, None, 1]
+        nearest = np.argmin(dx * dx + dy * dy, axis=1)
+        rows = np.arange(high - low)
+        dx, dy, yaw = dx[rows, nearest], dy[rows, nearest], self.route[low:high, 2]
+        ahead, right = dx * np.cos(yaw) + dy * np.sin(yaw), -dx * np.sin(yaw) + dy * np.cos(yaw)
+        aligned = np.cos(line[nearest, 2] - yaw) > 0.8
+        found = np.full(self.count, np.nan)
+        found[low:high] = np.where((np.abs(ahead) < 1.2) & (np.abs(right) < _BESIDE_M) & aligned, right, np.nan)
+        return found
+
+
+def _prolonged(route: Floats) -> Floats:
+    """The route and a straight piece behind its end."""
+    x, y, yaw, limit = route[-1]
+    ahead = np.arange(1.0, _BEYOND_M + 1.0)
+    more = [x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), np.full(len(ahead), yaw), np.full(len(ahead), limit)]
+    return np.ascontiguousarray(np.concatenate([route, np.column_stack(more)]))
+
+
+def _straightest(lanes: tuple[Lane, ...], lane: Lane) -> int:
+    """The successor that turns least, or -1."""
+    options = lane.successors
+    if not options:
+        return -1
+    return min(options, key=lambda k: abs(float(lanes[k].centre[-1, 2] - lanes[k].centre[0, 2])))
+
+
+def _longest_connector(lane_map: LaneMap, found: Ints) -> Ints:
+    """Within a junction the connectors that share their first metres take turns: keep the one that follows best."""
+    cleaned: Ints = found.copy()
+    for k in range(len(found) - 2, -1, -1):
+        here, there = lane_map.lanes[cleaned[k]], lane_map.lanes[cleaned[k + 1]]
+        if here.junction and there.junction and here.index != there.index and there.index not in here.successors:
+            cleaned[k] = there.index
+    return cleaned

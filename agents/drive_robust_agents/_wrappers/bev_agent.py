@@ -1,0 +1,87 @@
+"""What the two agents that look around with six cameras have in common: their inputs, and how they drive by waypoints.
+
+They follow the wrappers of Bench2DriveZoo (`team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
+from drive_robust_agents._wrappers.memory import Memory, Sensed, can_bus, motion_between
+from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust.domain.camera_rigs import rig
+
+__all__ = ["CAMERAS", "BevAgent"]
+
+CAMERAS = rig("nuscenes", width_px=160, height_px=96)
+"""Six cameras all around, in the order in which the networks take their pictures."""
+
+
+class BevAgent(LearnedAgent):
+    """Six pictures, a command and a can bus in, waypoints out; what an episode remembers is in here.
+
+    A subclass gives the `tuning` of its controller and says in `remembers` which outputs of its network come back
+    0.5 s later. The network is run with
+
+    ============ ================== ============================================================
+    name         shape and type     meaning
+    ============ ================== ============================================================
+    images       (N, 6, H, W, 3) u8 RGB in the order of `CAMERAS`
+    can_bus      (N, 6) f32         `CAN_BUS`
+    command      (N,) i64           the planner's `RoadOption`, 1..6
+    motion       (N, 3) f32         `motion_between`: the ego now, seen from the memory; else 0
+    known        (N,) f32           1 where there is a memory, else 0 and zeros in the next ones
+    old_<name>   (N, *shape) f32    what the network gave as <name> 0.5 s ago
+    ============ ================== ============================================================
+
+    and gives at least `waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `<name>` of each memory.
+    """
+
+    consumes = frozenset({"cameras", "gps", "compass", "imu", "speed"})
+    tuning: ClassVar[WaypointTuning]
+    remembers: ClassVar[Mapping[str, tuple[int, ...]]]
+
+    def sensors(self) -> Sequence[CameraSpec]:
+        """Six cameras all around."""
+        return CAMERAS
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        """Forget the last episode. The seed is not used: nothing is drawn."""
+        super().reset(route, seed)
+        self._controller, self._memory = WaypointController(self.tuning), Memory(self.remembers)
+
+    def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+        """(6, 2) from the outputs of one row; for agents that change the plan after the network."""
+        return outputs["waypoints"]
+
+    def _look(self, observation: Observation) -> NetworkRow:
+        pose, imu = Sensed.of(observation), observation.imu
+        target = self._target(pose.x_m, pose.y_m)
+        then, old = self._memory.recall(observation.tick)
+        motion = motion_between(np.array([pose if then is None else then]), np.array([pose]))
+        measured = np.array([[imu.forward_mps2, imu.right_mps2, imu.yaw_rate_radps]], dtype=np.float32)
+        inputs: dict[str, NDArray[Any]] = {
+            "images": np.stack([observation.cameras[camera.name].pixels for camera in CAMERAS]),
+            "can_bus": can_bus(np.array([observation.speed.mps], dtype=np.float32), measured, motion)[0],
+            "command": np.array(int(target.command), dtype=np.int64),
+            "motion": motion[0],
+            "known": np.array(then is not None, dtype=np.float32),
+        }
+        aim, _ = target.seen_from(*pose)
+        return NetworkRow(inputs | {f"old_{name}": values for name, values in old.items()}, (aim,))
+
+    def _follow(
+        self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
+    ) -> Control:
+        self._memory.keep(observation.tick, Sensed.of(observation), outputs)
+        way = tuple((float(x), float(y)) for x, y in self.waypoints(outputs))
+        self._planned = PlannedPath(path=way, target_points=targets, speed_points=way)
+        pedals = self._controller.step(way, observation.speed.mps, targets[0])
+        brake = 0.0 if pedals.throttle > pedals.brake else pedals.brake
+        return Control(throttle=pedals.throttle, steer=pedals.steer, brake=brake)

@@ -1,0 +1,119 @@
+"""What the learned agents have in common: they look, one network answers for all of them at once, they follow."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._nets.inference import Network, Policy
+from drive_robust_agents._nets.weights import Build
+from drive_robust_agents._wrappers.pid import Point
+from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+
+__all__ = ["LearnedAgent", "NetworkRow"]
+
+
+class NetworkRow(NamedTuple):
+    """One row of the network's inputs, and the target points behind it: (forward, right) metres of the vehicle."""
+
+    inputs: Mapping[str, NDArray[Any]]
+    targets: tuple[Point, ...]
+
+
+class LearnedAgent(ABC):
+    """A network that drives, with all that an episode remembers.
+
+    A subclass names itself as the manifest of weights does and says how its network is built, which weights ship with
+    it, and within how many metres it drops a point of the plan. Constructors repeat the keywords below, so that a
+    reader of one agent sees all that it takes.
+    """
+
+    consumes: ClassVar[frozenset[str]]
+    name: ClassVar[str]
+    build: ClassVar[Build]
+    weights: ClassVar[tuple[Path, ...]]
+    drops_within_m: ClassVar[float] = MIN_M
+
+    _options: Mapping[str, object] = MappingProxyType({})
+    """Those of the network; an agent that has any sets them before it calls this constructor."""
+    _method = "forward"
+    """Which method of the network is asked."""
+
+    def __init__(
+        self,
+        *,
+        engine: str = "torch",
+        device: str = "cpu",
+        dtype: str = "float32",
+        threads: int = 1,
+        weights: str | Path | None = None,
+        network: Network | None = None,
+    ) -> None:
+        """`network` or, without one, what `Policy.of` makes of the others."""
+        self._network = network or Policy.of(
+            self.name,
+            type(self).build,
+            engine=engine,
+            device=device,
+            dtype=dtype,
+            threads=threads,
+            weights=weights,
+            **self._options,
+        )
+        self.reset(GlobalPlan(()), 0)
+
+    @classmethod
+    def check(cls) -> None:
+        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
+        Policy.check(cls.name, cls.build)
+
+    @abstractmethod
+    def sensors(self) -> Sequence[CameraSpec]:
+        """The cameras of the rig."""
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        """Forget the last episode. The seed is not used: nothing is drawn."""
+        self._planner = RoutePlanner(route, min_m=self.drops_within_m) if route.points else None
+        self._planned = PlannedPath()
+
+    def act(self, observation: Observation) -> Control:
+        """Look, plan, steer. Raises `ValueError` before a `reset` with a plan."""
+        return self.act_batch((self,), (observation,))[0]
+
+    @classmethod
+    def act_batch(cls, agents: Sequence[LearnedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
+        """`act` for agents that share a network and are made alike, in one run of it."""
+        seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
+        inputs = {name: np.stack([one.inputs[name] for one in seen]) for name in seen[0].inputs}
+        outputs = agents[0]._network.run(agents[0]._method, **inputs)
+        return [
+            agent._follow(observation, one.targets, {name: values[row] for name, values in outputs.items()})
+            for row, (agent, observation, one) in enumerate(zip(agents, observations, seen, strict=True))
+        ]
+
+    def plan(self) -> PlannedPath:
+        """Path, target points and waypoints behind the last control."""
+        return self._planned
+
+    @abstractmethod
+    def _look(self, observation: Observation) -> NetworkRow:
+        """What the network is asked in this tick."""
+
+    @abstractmethod
+    def _follow(
+        self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
+    ) -> Control:
+        """The control of what the network said to this row. Sets what `plan` shows."""
+
+    def _target(self, x_m: float, y_m: float) -> Target:
+        """Where the route goes on from a position in its frame. Once a tick: it drops what has been reached."""
+        if self._planner is None:
+            raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
+        return self._planner.step(x_m, y_m)

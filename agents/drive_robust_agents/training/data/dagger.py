@@ -1,0 +1,107 @@
+"""DAgger (Ross et al. 2011): the learner drives, the expert says what it should have done.
+
+Agent and expert take turns of 1 to 3 s. The expert watches all the time, so that it knows what has happened when it is
+asked: a fork of it drives on from every moment that is kept, and that drive is the label.
+
+With settings the learner drives under deployment failures, and comes to where they lead it. What is kept is the moment
+as it is, but for the targets: the planners follow the positions that were told. What else was told wrongly is for the
+training to draw anew (`failures`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents.training.data.draws import draws
+from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpisode
+from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
+from pytest_drive_robust.domain.agent import Agent, is_privileged
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
+from pytest_drive_robust.runner.episode.loop import private_truth
+
+__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
+
+_TURN_TICKS = (20, 60)
+_STUCK_S = 15.0
+"""A learner that stands so long teaches nothing new."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """Who drives: an agent by name or reference, or by a weights file, and the expert for a share `beta` of the time.
+
+    `agent` is the learned agent that the data is for; its class reads the weights. Any other agent may drive, too.
+    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean.
+    """
+
+    agent: str
+    driver: str
+    beta: float
+    settings: tuple[str, ...] = ()
+
+    def setting(self, rng: np.random.Generator) -> Setting:
+        """That of an episode. Raises `RequirementError` for a sentence that is none."""
+        return Setting.parse(self.settings[rng.integers(len(self.settings))]) if self.settings else Setting.CLEAN
+
+
+def agent_of(mixture: Mixture) -> Agent:
+    """A new agent. Raises `UsageError` where it does not load."""
+    registry = default_registry()
+    if mixture.driver.endswith(".safetensors"):
+        file = Path(mixture.driver)
+        if not file.is_file():
+            raise UsageError(f"--dagger {mixture.driver}: there is no such weights file.")
+        factory = cast("Callable[..., Agent]", registry.entry("agents", mixture.agent).load())
+        return factory(weights=file)
+    return registry.agent(mixture.driver)
+
+
+def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np.bool_]:
+    """(ticks,) true where the agent drives; each turn of 1 to 3 s is the expert's with probability `beta`."""
+    mine, at = np.zeros(ticks, dtype=bool), 0
+    while at < ticks:
+        last = at + int(rng.integers(_TURN_TICKS[0], _TURN_TICKS[1] + 1))
+        mine[at:last] = rng.random() >= beta
+        at = last
+    return mine
+
+
+def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: int, seed: int) -> list[Sample]:
+    """The samples of one episode: kept moments up to the first fault, labelled by what the expert does from there.
+
+    Moments from which even the expert cannot but break a rule are left out.
+    """
+    cameras = tuple(agent.sensors())
+    course = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    simulator = course.simulator
+    setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
+    failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
+    turns = agent_turns(draws(data_seed, route.id, seed, "turns"), TICK_CAP + 1, mixture.beta)
+    rng = draws(data_seed, route.id, seed, "moments")
+    phase, found = int(rng.integers(KEEP_TICKS)), list[Sample]()
+    agent_reset(agent, simulator.plan(), seed)
+    while not course.over:
+        tick, ego = simulator.frame.tick, simulator.frame.ego
+        seen = failures.observe(simulator.observe())
+        course.told = seen.gps
+        if tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng):
+            sample = sample_branch(course, None, DAGGER)
+            found += [sample] if sample is not None else []
+        course.targets()
+        wanted, said = course.act(), None
+        if failures.wants_inference(tick):
+            truth = private_truth(simulator.truth()) if is_privileged(agent) else None
+            said = agent_act(agent, replace(seen.private(), truth=truth))
+        late = failures.actuate(tick, said, 0.0)
+        simulator.step(late if turns[tick] else wanted)
+    return found

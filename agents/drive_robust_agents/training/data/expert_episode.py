@@ -1,0 +1,99 @@
+"""One episode under way, with an expert that drives or watches: what samples are taken from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drive_robust_agents._wrappers.route_planner import MIN_M, MIN_SIMLINGO_M, RoutePlanner, Target
+from drive_robust_agents.expert import Expert
+from drive_robust_agents.training.data.labels import ExpertMoment
+from drive_robust_agents.training.data.poses import FreeSpace
+from pytest_drive_robust import CameraSpec, Compass, Control, Gps, Imu, Observation, Speed
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded import state as c
+
+__all__ = ["STUCK_S", "TICK_CAP", "ExpertEpisode", "faults", "seen_by_expert"]
+
+TICK_CAP, STUCK_S = 4000, 40.0
+
+
+@dataclass(slots=True)
+class ExpertEpisode:
+    """One episode under way: the world, the expert that watches or drives it, and the two route planners.
+
+    `told` is where the planners think that the ego is; None: where it is.
+    """
+
+    simulator: EmbeddedSimulator
+    expert: Expert
+    planners: tuple[RoutePlanner, RoutePlanner]
+    room: FreeSpace
+    night: bool
+    told: Gps | None = None
+    frames: list[WorldState] = field(default_factory=list)
+    controls: list[Control] = field(default_factory=list)
+
+    @classmethod
+    def begin(
+        cls, route: Route, *, seed: int, cameras: Sequence[CameraSpec] = (), stuck_s: float = STUCK_S
+    ) -> ExpertEpisode:
+        """The first moment of an episode."""
+        simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s))
+        simulator.reset(route, seed=seed, cameras=cameras)
+        expert, plan = Expert(), simulator.plan()
+        expert.reset(plan, seed)
+        planners = RoutePlanner(plan, min_m=MIN_M), RoutePlanner(plan, min_m=MIN_SIMLINGO_M)
+        night = route.weather.sun_altitude_angle < 0.0
+        return cls(simulator, expert, planners, FreeSpace(simulator.world.lane_map), night)
+
+    @property
+    def over(self) -> bool:
+        """Has the episode ended, or has anybody broken a rule?"""
+        return self.simulator.done is not None or faults(self.simulator) > 0
+
+    def targets(self) -> tuple[Target, Target]:
+        """What the planners say here; they drop what is reached, as in every tick."""
+        at = self.told or self.simulator.frame.ego
+        return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
+
+    def act(self) -> Control:
+        """The expert's control for this moment."""
+        return self.expert.act(seen_by_expert(self.simulator))
+
+    def here(self, targets: tuple[Target, Target]) -> ExpertMoment:
+        """This moment; the expert has acted in it."""
+        return ExpertMoment(self.simulator.truth(), self.expert.intent(), targets, self.night)
+
+    def step(self, recorded: Control, applied: Control) -> None:
+        """Drive on, and note the moment that is left behind."""
+        self.frames.append(self.simulator.frame)
+        self.controls.append(recorded)
+        self.simulator.step(applied)
+
+
+def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
+    """What the expert acts on; nothing is drawn for it."""
+    frame = simulator.frame
+    tick, ego = frame.tick, frame.ego
+    return Observation(
+        tick=tick,
+        gps=Gps(ego.x_m, ego.y_m, tick),
+        compass=Compass(float(np.remainder(ego.yaw_rad + np.pi / 2.0, 2.0 * np.pi)), tick),
+        imu=Imu(ego.forward_mps2, ego.right_mps2, ego.yaw_rate_radps, tick),
+        speed=Speed(ego.speed_mps, tick),
+        truth=simulator.truth(),
+    )
+
+
+def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:
+    """How many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
+    state = simulator.world.state
+    events = state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND]
+    outside = lanes and state.criteria[c.C_OUTSIDE_M] > 0.0
+    return int(np.count_nonzero(events != c.EVENT_SPEED)) + int(outside)

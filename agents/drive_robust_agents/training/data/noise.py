@@ -1,0 +1,39 @@
+"""Bursts of steering noise: the expert is pushed off its way and shows how it comes back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drive_robust_agents._planning.vehicle import STEER_MAX_RAD, WHEELBASE_M
+
+__all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
+
+Floats = NDArray[np.float64]
+
+NOISY_SHARE = 0.4
+"""So many of the episodes have bursts."""
+_WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
+_TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
+
+
+def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
+    """(ticks,) strength (-1..1) of the noise in each tick: bursts of 0.5 to 1 s with 2 to 8 s of none between them.
+
+    All zero in the episodes without noise.
+    """
+    added = np.zeros(ticks)
+    if rng.random() >= NOISY_SHARE:
+        return added
+    at = int(rng.integers(20, _PAUSE_TICKS[1]))
+    while at < ticks:
+        last = at + int(rng.integers(_TICKS[0], _TICKS[1] + 1))
+        added[at:last] = float(rng.uniform(-1.0, 1.0))
+        at = last + int(rng.integers(*_PAUSE_TICKS))
+    return added
+
+
+def burst_steer(strength: float, speed_mps: float) -> float:
+    """What is added to the steering (-1..1): up to 0.12 rad of wheel, at speed no more than pulls with 3 m/s2."""
+    most = min(_WHEEL_RAD, _LATERAL_MPS2 * WHEELBASE_M / max(speed_mps, 1.0) ** 2)
+    return strength * most / STEER_MAX_RAD

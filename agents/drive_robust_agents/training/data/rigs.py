@@ -1,0 +1,44 @@
+"""What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors.
+
+ExpertMoment, and not in the agents' own modules, because data is collected by processes that do not import torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.domain.camera_rigs import rig
+from pytest_drive_robust.errors import UnknownNameError
+
+__all__ = ["AGENT_RIGS", "AgentRig", "agent_rig"]
+
+
+@dataclass(frozen=True, slots=True)
+class AgentRig:
+    """`cameras` of the agent; `perception`: are boxes and map vectors among the labels?"""
+
+    cameras: tuple[CameraSpec, ...]
+    perception: bool
+
+
+_AROUND = rig("nuscenes", width_px=160, height_px=96)
+
+AGENT_RIGS: Mapping[str, AgentRig] = MappingProxyType(
+    {
+        "simlingo": AgentRig(rig("simlingo", width_px=256, height_px=128), perception=False),
+        "tcp": AgentRig((CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128),), False),
+        "uniad": AgentRig(_AROUND, perception=True),
+        "vad": AgentRig(_AROUND, perception=True),
+    }
+)
+"""By the name of the agent."""
+
+
+def agent_rig(agent: str) -> AgentRig:
+    """The agent_rig of an agent. Raises `UnknownNameError`."""
+    if agent not in AGENT_RIGS:
+        raise UnknownNameError.of("learned agent", agent, AGENT_RIGS)
+    return AGENT_RIGS[agent]

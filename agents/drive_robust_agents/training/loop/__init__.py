@@ -1,0 +1,1 @@
+"""The training loop: batches, learning rate, average, states on disk, weights out."""

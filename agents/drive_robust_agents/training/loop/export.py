@@ -1,0 +1,73 @@
+"""Weights out of a training: half precision, checked by reading them back, listed in a manifest."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import nn
+
+from drive_robust_agents._nets import weights
+from drive_robust_agents._nets.manifest import MOST_BYTES, WeightsEntry, plain_spec, read_manifest, write_entry
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.store.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from drive_robust_agents.training.loop.trainer import TrainingOptions
+    from drive_robust_agents.training.recipes.recipe import TrainingRecipe
+
+__all__ = ["publish", "write_weights"]
+
+
+def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, step: int, version: str = "0.0") -> Path:
+    """Write `NAME.safetensors` and its manifest into a folder; gives the file. Raises `UsageError` when too large."""
+    spec: Any = net.spec
+    content = weights.encode(net, spec)
+    if len(content) > MOST_BYTES:
+        raise UsageError(f"the weights have {len(content)} bytes, at most {MOST_BYTES} ship: make the network smaller.")
+    name = options.agent
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.safetensors"
+    write_whole(path, content)
+    entry = WeightsEntry(
+        name=name,
+        version=version,
+        file=path.name,
+        sha256=hashlib.sha256(content).hexdigest(),
+        size_bytes=len(content),
+        architecture=type(net).__name__,
+        spec=plain_spec(spec),
+        parameters=sum(parameter.numel() for parameter in net.parameters()),
+        provenance={
+            "trainer": {**asdict(options), "step": step},
+            "simulator": EmbeddedSimulator.version,
+            "torch": torch.__version__.partition("+")[0],
+        },
+    )
+    write_entry(folder, entry)
+    return path
+
+
+def publish(
+    file: Path, folder: Path, *, recipe: TrainingRecipe, version: str, score: Mapping[str, Any] | None, **about: object
+) -> WeightsEntry:
+    """Copy weights that were chosen into a folder (that of the package), with version, rig and closed-loop score.
+
+    The file is verified before and loaded after. Raises `UsageError`.
+    """
+    entry = read_manifest(file.parent, recipe.name)
+    content = weights.verified_bytes(file, entry)
+    provenance = {
+        **entry.provenance, **about, "rig": [asdict(camera) for camera in recipe.rig], "score": score
+    }  # fmt: skip
+    entry = replace(entry, version=version, provenance=provenance)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / entry.file, content)
+    write_entry(folder, entry)
+    weights.load(recipe.name, lambda spec: recipe.make(spec), weights=folder / entry.file)
+    return entry

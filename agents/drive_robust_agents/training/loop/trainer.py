@@ -1,0 +1,230 @@
+"""The loop: AdamW with one cycle of the learning rate, a mean of the weights, validation, states, candidates.
+
+A run that is interrupted goes on where its last state was written, and on one thread of a CPU it ends with the same
+weights, bit for bit, as one that was not.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor, nn
+
+from drive_robust_agents._nets.blocks import channels_last
+from drive_robust_agents._nets.torch_engine import TYPES
+from drive_robust_agents._nets.weights import begin_with
+from drive_robust_agents.training.data.draws import draws
+from drive_robust_agents.training.loop.average import Average
+from drive_robust_agents.training.loop.schedule import learning_rate, stage_at
+from drive_robust_agents.training.loop.state import States
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from drive_robust_agents.training.loop.feed import Feed
+    from drive_robust_agents.training.loop.progress import Display
+    from drive_robust_agents.training.recipes.recipe import TrainingRecipe
+
+__all__ = ["Trainer", "TrainingOptions"]
+
+_OPTIONS_FILE = "settings.json"
+_VALIDATED_FRAMES = 2048
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingOptions:
+    """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
+
+    `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
+    `frames`, `drawn` and `start` say for the manifest what was learnt from, the names of folders and with which seeds
+    each was drawn, and which weights it began with.
+    """
+
+    agent: str
+    steps: int
+    batch: int
+    lr: float
+    weight_decay: float
+    clip: float
+    seed: int = 0
+    robust: bool = False
+    dtype: str = "float32"
+    spec: Mapping[str, Any] | None = None
+    frames: tuple[str, ...] = ()
+    drawn: tuple[Mapping[str, Any], ...] = ()
+    start: str = ""
+
+
+class Trainer:
+    """One training in the folder `run`.
+
+    `net` is the network under training, `average` its mean, `step` how many steps are done; `start` are weights to
+    begin with: then only the last stage of the recipe follows, as what the others are for is learnt already. Raises
+    `UsageError` when the folder holds a run with other options.
+    """
+
+    def __init__(
+        self,
+        recipe: TrainingRecipe,
+        feed: Feed,
+        options: TrainingOptions,
+        run: Path,
+        *,
+        device: str = "cpu",
+        save_every_s: float = 300.0,
+        start: Path | None = None,
+    ) -> None:
+        self.recipe, self.feed, self.options, self.run = recipe, feed, options, run
+        self.device = torch.device(device)
+        self._claim()
+        torch.manual_seed(options.seed)
+        self.net = channels_last(recipe.make(options.spec)).to(self.device).train()
+        if start is not None:
+            begin_with(self.net, options.agent, start)
+        self.average = Average(self.net)
+        self._optimizer = _optimizer(self.net, options)
+        self._states, self._save_every_s = States(run), save_every_s
+        self._stages = recipe.stages if start is None else recipe.stages[-1:]
+        self._stage = -1
+        self.step = 0
+        known = self._states.latest()
+        if known is not None:
+            self._states.restore(self.net, self.average.net, self._optimizer)
+            self.step = int(known["step"])
+
+    def train(self, display: Display, *, candidates: Mapping[int, Path], stop_after: int | None = None) -> None:
+        """Go on to the end (or for `stop_after` steps), saving on the way; KeyboardInterrupt saves and goes through.
+
+        `candidates`: at which steps the mean is written out as weights, and where. Raises `UsageError` when the loss is
+        no number any more; the last state is from before that.
+        """
+        from drive_robust_agents.training.loop.export import write_weights
+
+        end = self.options.steps if stop_after is None else min(self.options.steps, self.step + stop_after)
+        saved = time.monotonic()
+        marks = {round(self.options.steps * share / 10) for share in range(1, 11)}
+        try:
+            for batch in self.feed.batches(self.step, end):
+                parts = self._advance(batch)
+                display.step(self.step, parts, self._rate())
+                if self.step in marks:
+                    self._note(display)
+                if self.step in candidates:
+                    write_weights(self.average.net, candidates[self.step], options=self.options, step=self.step)
+                if time.monotonic() - saved > self._save_every_s:
+                    self.save()
+                    saved = time.monotonic()
+        except KeyboardInterrupt:
+            self.save()
+            raise
+        self.save()
+
+    def save(self) -> None:
+        """Write the state of this step."""
+        self._states.save(self.step, self.net, self.average.net, self._optimizer, {"settings": asdict(self.options)})
+
+    def validate(self) -> dict[str, float]:
+        """The parts of the loss of the mean weights on frames of episodes that are never trained on."""
+        sums: dict[str, float] = {}
+        rows = 0
+        for batch in self.feed.validating(_VALIDATED_FRAMES):
+            moved = self._moved(batch)
+            count = len(next(iter(moved.values())))
+            with torch.no_grad(), self._precision():
+                total, parts = self.recipe.loss(self.average.net, moved)
+            rows += count
+            for name, value in {"loss": total, **parts}.items():
+                sums[name] = sums.get(name, 0.0) + float(value) * count
+        return {name: value / rows for name, value in sums.items()}
+
+    def _advance(self, batch: Mapping[str, Tensor]) -> Mapping[str, Tensor | float]:
+        """One step; what the loss was made of."""
+        options = self.options
+        self._enter_stage()
+        torch.manual_seed(int(draws("torch", options.seed, self.step).integers(1 << 62)))
+        for group in self._optimizer.param_groups:
+            group["lr"] = self._rate()
+        moved = self._moved(batch)
+        with self._precision():
+            total, parts = self.recipe.loss(self.net, moved)
+        self._optimizer.zero_grad(set_to_none=True)
+        total.backward()  # type: ignore[no-untyped-call,unused-ignore]
+        nn.utils.clip_grad_norm_(self.net.parameters(), options.clip, foreach=True)
+        self._optimizer.step()
+        self.average.follow(self.step)
+        self.step += 1
+        return {"loss": total.detach(), **parts}
+
+    def _rate(self) -> float:
+        return learning_rate(self._stages, min(self.step, self.options.steps - 1), self.options.steps, self.options.lr)
+
+    def _enter_stage(self) -> None:
+        """Let parameters rest, with their statistics, as the stage of this step says."""
+        number, _ = stage_at(self._stages, self.step, self.options.steps)
+        if number == self._stage:
+            return
+        self._stage = number
+        resting = self._stages[number].frozen
+        for name, parameter in self.net.named_parameters():
+            parameter.requires_grad_(not name.startswith(resting) if resting else True)
+        for name, module in self.net.named_modules():
+            if isinstance(module, nn.modules.batchnorm._BatchNorm):
+                module.train(not (resting and name.startswith(resting)))
+
+    def _moved(self, batch: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        if self.device.type == "cpu":
+            return dict(batch)
+        return {name: value.pin_memory().to(self.device, non_blocking=True) for name, value in batch.items()}
+
+    def _precision(self) -> AbstractContextManager[Any]:
+        dtype = TYPES[self.options.dtype]
+        return nullcontext() if dtype is None else torch.autocast(self.device.type, dtype)
+
+    def _note(self, display: Display) -> None:
+        """Validate, show it and append it to the log."""
+        found = self.validate()
+        if not math.isfinite(found["loss"]):
+            raise UsageError(
+                f"the validation loss of {self.run} is {found['loss']} at step {self.step}: the training has diverged. "
+                f"Give a smaller --lr than {self.options.lr:g} and a new --run."
+            )
+        display.validated(self.step, found)
+        line = {"step": self.step, "visits": self.step * self.options.batch, **found}
+        with (self.run / "log.jsonl").open("a", encoding="utf-8") as log:
+            log.write(json.dumps(line) + "\n")
+
+    def _claim(self) -> None:
+        """Note in the folder what is trained there, or check that it is the same."""
+        asked = json.loads(json.dumps(asdict(self.options)))
+        file = self.run / _OPTIONS_FILE
+        if file.is_file():
+            there = json.loads(file.read_text(encoding="utf-8"))
+            other = sorted(name for name in asked if there.get(name) != asked[name])
+            if other:
+                said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
+                raise UsageError(
+                    f"{self.run} holds another training ({said}). Give another --run, or the same options to go on."
+                )
+            return
+        self.run.mkdir(parents=True, exist_ok=True)
+        write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+
+
+def _optimizer(net: nn.Module, options: TrainingOptions) -> torch.optim.AdamW:
+    """AdamW in one fused kernel; no decay of biases, scales and embeddings of one row."""
+    groups = list(_groups(net, options.weight_decay))
+    return torch.optim.AdamW(groups, lr=options.lr, fused=True)
+
+
+def _groups(net: nn.Module, decay: float) -> Iterator[dict[str, Any]]:
+    parameters = list(net.parameters())
+    yield {"params": [parameter for parameter in parameters if parameter.ndim > 1], "weight_decay": decay}
+    yield {"params": [parameter for parameter in parameters if parameter.ndim <= 1], "weight_decay": 0.0}

@@ -1,0 +1,1 @@
+"""What each agent's training is made of: inputs, augmentation, targets and losses."""

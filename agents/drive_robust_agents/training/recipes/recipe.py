@@ -1,0 +1,83 @@
+"""What an agent brings to its training: what it reads, its network, its targets and its loss."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+
+from pytest_drive_robust.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from torch import Tensor, nn
+
+    from pytest_drive_robust import CameraSpec
+
+    Arrays = Mapping[str, NDArray[Any]]
+
+__all__ = ["RECIPES", "Defaults", "TrainingRecipe", "TrainingStage", "recipe_of"]
+
+RECIPES = {"simlingo": "SimLingoRecipe", "tcp": "TcpRecipe", "uniad": "UniadRecipe", "vad": "VadRecipe"}
+"""The class of each agent's recipe in the module of that name."""
+
+
+class TrainingStage(NamedTuple):
+    """A part of the training: its share of all steps, parameters that rest (by prefix), factor on the learning rate."""
+
+    share: float = 1.0
+    frozen: tuple[str, ...] = ()
+    lr_factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Defaults:
+    """RunOptions of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
+
+    batch: int = 64
+    lr: float = 1e-3
+    weight_decay: float = 0.01
+    clip: float = 1.0
+    visits: int = 1_000_000
+
+
+class TrainingRecipe(Protocol):
+    """One agent's training. Has no state: `batch` is called in background threads.
+
+    `rig` are the cameras of the agent. `needs` are the arrays of a sample that `batch` reads, `history` those that it
+    also reads from the frame half a second before, as `old_<name>`, with `old_ok` (N,) False (and zeros) where there
+    is no such frame.
+    """
+
+    name: str
+    needs: tuple[str, ...]
+    history: tuple[str, ...]
+    stages: tuple[TrainingStage, ...]
+    defaults: Defaults
+
+    @property
+    def rig(self) -> tuple[CameraSpec, ...]:
+        """The cameras, as the agent's `sensors()`."""
+        ...
+
+    def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
+        """A new network of a plain specification, or of the one that ships."""
+        ...
+
+    def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
+        """Inputs (augmented in training) and targets of a batch; every tensor has the batch as its first axis."""
+        ...
+
+    def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
+        """The loss and its parts for people, each without gradient."""
+        ...
+
+
+def recipe_of(agent: str, *, robust: bool = False) -> TrainingRecipe:
+    """The recipe of an agent; `robust`: with the deployment failures as augmentation. Raises `UnknownNameError`."""
+    if agent not in RECIPES:
+        raise UnknownNameError.of("learned agent", agent, RECIPES)
+    made = getattr(import_module(f"{__package__}.{agent}"), RECIPES[agent])
+    return cast("TrainingRecipe", made(robust=True) if robust else made())

@@ -1,0 +1,258 @@
+"""Perturbations as sentences and back: `InferenceLatency(ms=200)` is `"200 ms latency"`.
+
+Built from the `phrase` of each class, so that a user's own perturbation has a sentence form as well. A class says its
+sentence in class attributes (see `Perturbation`), so nothing here knows a perturbation by name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import re
+import string
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar, Generic, Protocol, TypeVar
+
+from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
+from pytest_drive_robust.perturbations.values import (
+    field_types,
+    is_number_type,
+    parse_value,
+    render_value,
+    split_outside_quotes,
+)
+
+__all__ = ["CLEAN", "Spoken", "Template", "kebab_name", "parse", "parse_stack", "render", "templates_of"]
+
+CLEAN = "clean"
+"""The sentence of the empty stack."""
+
+_NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
+_BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
+_VALUE = r'"(?:[^"\\]|\\.)*"|[^\s()",=]+'
+
+
+class Spoken(Protocol):
+    """A dataclass with a sentence form: what of a perturbation matters here."""
+
+    phrase: ClassVar[str]
+    variants: ClassVar[Mapping[str, Mapping[str, object]]]
+    example: ClassVar[Mapping[str, object]]
+
+    def parameters(self) -> dict[str, object]:
+        """Return the severities by name."""
+
+
+_S = TypeVar("_S", bound=Spoken)
+
+
+@dataclasses.dataclass(frozen=True)
+class Template(Generic[_S]):
+    """One sentence form of `cls`: `text` with its fields in braces, and the fields that it implies (`fixed`)."""
+
+    cls: type[_S]
+    text: str
+    fixed: Mapping[str, object]
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The names of the fields in braces, in order."""
+        return tuple(name for _, name, _, _ in string.Formatter().parse(self.text) if name is not None)
+
+    def fits(self, parameters: Mapping[str, object]) -> bool:
+        """True when the parameters have all that the form implies."""
+        return all(name in parameters and parameters[name] == value for name, value in self.fixed.items())
+
+    def fill(self, parameters: Mapping[str, object]) -> str:
+        """The sentence without brackets. Raises `PerturbationError` when the template shows an unknown field."""
+        missing = sorted({*self.shown} - {*parameters})
+        if missing:
+            raise PerturbationError(
+                f"the phrase {self.text!r} of {self.cls.__name__} shows {missing[0]!r}, which is none of its fields "
+                f"({', '.join(parameters) or 'it has none'}). Is {self.cls.__name__} decorated with @dataclass?"
+            )
+        return self.text.format(**{name: render_value(parameters[name]) for name in self.shown})
+
+    def pattern(self) -> re.Pattern[str]:
+        """Matches the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
+        kinds = field_types(self.cls)
+        parts: list[str] = []
+        for literal, name, _, _ in string.Formatter().parse(self.text):
+            parts.append(_literal(literal, after_number=bool(parts)))
+            if name is not None:
+                parts.append(f"(?P<{name}>{_NUMBER if is_number_type(kinds.get(name, object)) else _VALUE})")
+        return re.compile(rf"\s*{''.join(parts)}\s*(?:\((?P<_brackets>{_BRACKETS})\))?\s*", re.IGNORECASE)
+
+
+def templates_of(cls: type[_S]) -> list[Template[_S]]:
+    """Return the forms of a class, special ones first: its `variants`, then its `phrase`.
+
+    A class without a phrase gets its own name in words.
+    """
+    usual = cls.phrase or kebab_name(cls).replace("-", " ")
+    return [*(Template(cls, text, fixed) for text, fixed in cls.variants.items()), Template(cls, usual, {})]
+
+
+def kebab_name(cls: type) -> str:
+    """Return the name of a class in lower case with hyphens.
+
+    >>> class BurstFrameDrop: ...
+    >>> kebab_name(BurstFrameDrop)
+    'burst-frame-drop'
+    """
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", cls.__name__).lower()
+
+
+def render(perturbation: Spoken) -> str:
+    """The sentence of a perturbation; fields that it does not show follow in brackets when they are not the default."""
+    parameters = perturbation.parameters()
+    template = next(form for form in templates_of(type(perturbation)) if form.fits(parameters))
+    defaults = _defaults(type(perturbation))
+    hidden = [
+        f"{name}={render_value(value)}"
+        for name, value in parameters.items()
+        if name not in template.shown and name not in template.fixed
+        if name not in defaults or value != defaults[name]
+    ]
+    sentence = template.fill(parameters)
+    return f"{sentence} ({', '.join(hidden)})" if hidden else sentence
+
+
+def parse(text: str, known: Iterable[type[_S]]) -> _S:
+    """The inverse of `render` over the classes `known`. Case and spacing do not matter; `"200ms latency"` is fine.
+
+    Raises `RequirementError` with the nearest valid sentence, and `PerturbationError` when the sentence is right but
+    its severity is not.
+    """
+    classes = list(known)
+    found = _match(text, classes)
+    if found is None:
+        raise _unknown(text, classes)
+    template, match = found
+    cls = template.cls
+    values: dict[str, object] = dict(template.fixed)
+    groups = match.groupdict()
+    brackets = groups.pop("_brackets")
+    for name, value in groups.items():
+        values[name] = _converted(cls, name, value)
+    for name, value in _bracketed(text, brackets, cls, values):
+        values[name] = _converted(cls, name, value)
+    return _built(cls, values)
+
+
+def parse_stack(text: str, known: Iterable[type[_S]]) -> tuple[_S, ...]:
+    """Read sentences that are joined by "and"; `"clean"` is the empty stack. Raises as `parse` does."""
+    if text.strip().lower() == CLEAN:
+        return ()
+    classes = list(known)
+    return tuple(parse(sentence, classes) for sentence in _sentences(text, classes))
+
+
+def _sentences(text: str, classes: Sequence[type[Spoken]]) -> list[str]:
+    """Cut at "and". A sentence of a user's class may hold an "and" itself, so the longest that matches is taken."""
+    words = split_outside_quotes(text, r"\s+and\s+")
+    sentences: list[str] = []
+    start = 0
+    while start < len(words):
+        for end in range(len(words), start, -1):
+            sentence = " and ".join(words[start:end])
+            if end == start + 1 or _match(sentence, classes) is not None:
+                break
+        if len(words) > 1 and sentence.strip().lower() == CLEAN:
+            raise RequirementError(f"{text.strip()!r} does not parse: 'clean' means no perturbation and stands alone.")
+        sentences.append(sentence)
+        start = end
+    return sentences
+
+
+def _match(text: str, known: Iterable[type[_S]]) -> tuple[Template[_S], re.Match[str]] | None:
+    for cls in known:
+        for template in templates_of(cls):
+            match = template.pattern().fullmatch(text)
+            if match is not None:
+                return template, match
+    return None
+
+
+def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, object]) -> Iterable[tuple[str, str]]:
+    """The `name=value` pairs within the brackets, names checked."""
+    if brackets is None:
+        return
+    open_fields = [name for name in field_types(cls) if name not in taken]
+    for pair in split_outside_quotes(brackets, ","):
+        name, equals, value = (part.strip() for part in pair.partition("="))
+        if name in open_fields and value:
+            yield name, value
+            continue
+        message = f"{text.strip()!r} does not parse: "
+        if not equals or not value:
+            message += f"{pair.strip()!r} in the brackets is no name=value."
+        elif name in taken:
+            message += f"{name!r} is already said in the sentence itself."
+        else:
+            close = nearest(name, open_fields)
+            message += f"{cls.__name__} has no field {name!r}."
+            message += f" Did you mean {close!r}?" if close is not None else ""
+        raise RequirementError(f"{message} The brackets may hold: {', '.join(open_fields) or 'nothing'}.")
+
+
+def _converted(cls: type, name: str, text: str) -> object:
+    kind = field_types(cls).get(name, object)
+    try:
+        return parse_value(text, kind)
+    except ValueError:
+        expected = getattr(kind, "__name__", str(kind))
+        raise PerturbationError(f"{cls.__name__}: {name} is {text!r}, expected {expected}") from None
+
+
+def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
+    try:
+        return cls(**values)
+    except TypeError as error:
+        raise PerturbationError(f"{cls.__name__} cannot be built from a sentence: {error}") from error
+
+
+def _defaults(cls: type) -> dict[str, object]:
+    defaults: dict[str, object] = {}
+    for field in dataclasses.fields(cls):
+        if field.default is not dataclasses.MISSING:
+            defaults[field.name] = field.default
+        elif field.default_factory is not dataclasses.MISSING:
+            defaults[field.name] = field.default_factory()
+    return defaults
+
+
+def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
+    numbers = [float(number) for number in re.findall(r"\d+\.?\d*|\.\d+", text)]
+    forms = [template for cls in classes for template in templates_of(cls)]
+    near = nearest(" ".join(text.split()), filter(None, (_example(form, numbers) for form in forms)))
+    message = f"there is no perturbation {text.strip()!r}."
+    if near is not None:
+        message += f" Did you mean {near!r}?"
+    examples = [example for form in forms if (example := _example(form, []))]
+    return RequirementError(f"{message} Known sentences: {', '.join(map(repr, [CLEAN, *examples]))}.")
+
+
+def _example(form: Template[_S], numbers: list[float]) -> str | None:
+    """A valid sentence of the form, with the given numbers as far as they are possible."""
+    usual = {**form.cls.example, **form.fixed}
+    given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers, strict=False)}
+    for values in ({**usual, **given}, usual):
+        with contextlib.suppress(UsageError):  # an impossible severity is no example
+            return form.fill(_built(form.cls, values).parameters())
+    return None
+
+
+def _in_unit(name: str, number: float) -> float:
+    """`0.2` for milliseconds was meant in seconds, `200` for seconds in milliseconds."""
+    if name.split("_")[-1] == "ms" and 0.0 < number < 1.0:
+        return 1000.0 * number
+    return number / 1000.0 if name.endswith("_s") and number >= 100.0 else number
+
+
+def _literal(text: str, *, after_number: bool) -> str:
+    """Words of a template as a pattern; the blank between a number and its unit may be left out."""
+    words = r"\s+".join(re.escape(word) for word in text.split())
+    before = r"\s*" if after_number else ""
+    after = r"\s+" if words and text[-1:].isspace() else ""
+    return before + words + after

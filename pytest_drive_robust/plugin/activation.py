@@ -1,0 +1,111 @@
+"""With `--drive-robust`: what this process does, registered as plugin objects. Imported only then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import pytest
+
+from pytest_drive_robust.options.execution import ExecutionOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin import xdist
+from pytest_drive_robust.plugin.backends import backend_for, external_options, is_external
+from pytest_drive_robust.plugin.collection import CollectionPlugin
+from pytest_drive_robust.plugin.driving import DrivingPlugin
+from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
+from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
+from pytest_drive_robust.plugin.interrupt import InterruptPlugin
+from pytest_drive_robust.plugin.judging import DriveContext
+from pytest_drive_robust.plugin.plan_option import PlanPlugin, check_plan_alone
+from pytest_drive_robust.plugin.probe_option import ProbePlugin
+from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+from pytest_drive_robust.plugin.regression_checks import RegressionChecks
+from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
+from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs, RunRecord
+from pytest_drive_robust.plugin.terminal import progress_for
+from pytest_drive_robust.plugin.waivers import WaivingPlugin
+from pytest_drive_robust.registry.plugins import plugin_words
+from pytest_drive_robust.regression.options import RegressionOptions
+from pytest_drive_robust.regression.waivers import Waivers
+from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.store.base import new_run_name, open_store
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.runner.campaign import Observer
+    from pytest_drive_robust.store.base import EpisodeStore
+
+__all__ = ["activate"]
+
+
+def activate(config: pytest.Config) -> None:
+    """Decide what this process does, and register only that. Raises `UsageError`."""
+    options = replace(RunOptions.from_pytest_config(config), plugins=plugin_words(config.pluginmanager))
+    execution = ExecutionOptions.from_pytest_config(config)
+    options = external_options(config, options, execution)
+    regression = RegressionOptions.from_pytest_config(config, config.rootpath)
+    waivers = Waivers.of(regression.waivers)
+    config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
+    config.pluginmanager.register(InterruptPlugin(), "drive_robust_interrupt")
+    drive_here = partial(_drive_here, config, options, execution, regression)
+    if not is_worker(config):
+        _report_here(config, options, execution, regression, waivers, drive_here)
+        return
+    folder = xdist.join_run(config, options, partial(drive_here, shared=True))
+    if not is_external(options):
+        context = config.stash[DRIVE_CONTEXT]
+        name: str = config.workerinput["workerid"]  # type: ignore[attr-defined]
+        idle = IdleWorkerPlugin(folder, name, context.scopes, context.campaign)
+        config.pluginmanager.register(idle, "drive_robust_idle_worker")
+
+
+def _report_here(
+    config: pytest.Config,
+    options: RunOptions,
+    execution: ExecutionOptions,
+    regression: RegressionOptions,
+    waivers: Waivers,
+    drive_here: Callable[..., None],
+) -> None:
+    """In the one process that people look at: drive here, or follow what the workers drive."""
+    if config.getoption("drive_plan"):
+        check_plan_alone(config)
+    checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
+    first_line = " ".join((header(options), *regression.in_words()))
+    record: RunRecord
+    if is_controller(config):
+        execution.check_workers()
+        record = xdist.start_run(config, options, execution)
+    else:
+        record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=new_run_name()))
+        drive_here(local.store, local, shared=False)
+    outputs = RunOutputs(options, record, versions={"pytest": pytest.__version__}, checks=checks)
+    config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
+    if config.getoption("drive_probe"):
+        config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
+
+
+def _drive_here(
+    config: pytest.Config,
+    options: RunOptions,
+    execution: ExecutionOptions,
+    regression: RegressionOptions,
+    store: EpisodeStore,
+    observer: Observer,
+    *,
+    shared: bool,
+) -> None:
+    scopes, executor = backend_for(config, options, execution, shared=shared, store=store, ticked=observer.ticked)
+    campaign = Campaign(
+        store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
+    )
+    config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign)
+    last_words = getattr(executor, "last_words", tuple)
+    config.pluginmanager.register(DrivingPlugin(campaign, last_words), "drive_robust_driving")
+    collection = CollectionPlugin()
+    config.pluginmanager.register(collection, "drive_robust_collection")
+    if config.getoption("drive_plan"):
+        plan = PlanPlugin(config, store, collection.requests, slots=executor.slots)
+        config.pluginmanager.register(plan, "drive_robust_planning")

@@ -1,0 +1,105 @@
+"""What answers the requests of a run: our simulators, the official evaluator, or results that are there already."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.execution import ExecutionOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.executor import executor_of
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.store.base import EpisodeStore
+
+__all__ = ["BENCH2DRIVE", "RESULTS", "backend_for", "external_options", "is_external"]
+
+RESULTS = "results"
+"""What stands for a simulator, and for an agent without a name, with `--drive-results`."""
+BENCH2DRIVE = "bench2drive"
+"""The simulator that is the official evaluator."""
+
+
+def is_external(options: RunOptions) -> bool:
+    """Return True when no simulator of ours is driven."""
+    return options.simulator in (RESULTS, BENCH2DRIVE)
+
+
+def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
+    """Return the options of a run where somebody else drives or has driven: nothing is kept in our store.
+
+    The evaluator keeps its own records. Raises `UsageError` for options that do not go together.
+    """
+    if execution.results:
+        if options.simulator == BENCH2DRIVE:
+            raise UsageError("--drive-results judges what was driven before: leave --drive-sim bench2drive out.")
+        agent = config.getoption("drive_agent") or config.getini("drive_agent") or RESULTS
+        return replace(options, agent=agent, simulator=RESULTS, store="off")
+    if options.simulator != BENCH2DRIVE:
+        return options
+    if not execution.b2d_root:
+        raise UsageError(
+            "--drive-sim bench2drive needs --drive-b2d-root=FOLDER, a checkout of Bench2Drive; "
+            "`drive-robust doctor --root FOLDER` says what else is missing."
+        )
+    if config.getoption("dist", "no") != "no":
+        raise UsageError(
+            "--drive-sim bench2drive drives from one process: leave -n out; --drive-workers N gives N CARLA servers."
+        )
+    return replace(options, store="off")
+
+
+def backend_for(
+    config: pytest.Config,
+    options: RunOptions,
+    execution: ExecutionOptions,
+    *,
+    shared: bool,
+    store: EpisodeStore,
+    ticked: Callable[[], object],
+) -> tuple[Scopes, Executor]:
+    """Return the scopes of tests and the executor of their episodes. Nothing is started. Raises `UsageError`.
+
+    `shared`, `ticked`: see `executor_of`.
+    """
+    registry = default_registry()
+    if is_external(options):
+        from pytest_drive_robust.bench2drive.results.outside import OutsideScopes
+
+        if options.simulator == RESULTS:
+            from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
+
+            results = ResultsExecutor.read(execution.results, registry.perturbations())
+            return OutsideScopes(options, registry, resolve_routes, results), results
+        from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+        from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
+
+        evaluator = Bench2DriveExecutor(
+            Checkout.find(Path(execution.b2d_root)),
+            folder=config.rootpath / ".drive-robust" / BENCH2DRIVE,
+            routes=_route_file(options),
+            slots=execution.workers or 1,
+        )
+        return OutsideScopes(options, registry, resolve_routes, evaluator), evaluator
+    scopes = Scopes(
+        options,
+        registry,
+        resolve_routes,
+        lockstep=execution.lockstep is not None,
+        is_stored=lambda key: store.get(key) is not None,
+    )
+    return scopes, executor_of(config, options, execution, shared=shared, agents=lambda: scopes.agents, ticked=ticked)
+
+
+def _route_file(options: RunOptions) -> Path | None:
+    """The route file that the evaluator reads: the one of `--drive-routes`, else its own 220 routes."""
+    if not options.routes_given:
+        return None
+    file = Path(options.routes if options.routes.endswith(".xml") else options.routes.rpartition(":")[0])
+    return file if file.is_file() else None

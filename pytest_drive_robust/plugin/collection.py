@@ -1,0 +1,74 @@
+"""What the selected tests need, checked and counted after collection and before anything is driven."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, FIXTURES
+from pytest_drive_robust.plugin.judging import DriveContext, marker_options
+from pytest_drive_robust.plugin.process_roles import is_worker
+from pytest_drive_robust.plugin.usage_errors import PROBLEMS, note_problem
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.store.events import Advised
+from pytest_drive_robust.verdict.forms import advice_on, by_evidence
+from pytest_drive_robust.verdict.model import Requirement
+
+__all__ = ["CollectionPlugin"]
+
+
+class CollectionPlugin:
+    """In every process that runs tests: plans the episodes of the selected tests.
+
+    `requests` are these episodes by key, in the order of the tests.
+    """
+
+    def __init__(self) -> None:
+        self.requests: dict[str, EpisodeRequest] = {}
+        self._advice: dict[str, None] = {}
+        self._scopes: dict[tuple[str, str], Scope] = {}
+        self._judged_by_evidence = 0
+
+    @pytest.hookimpl(tryfirst=True)  # and registered later than plugin.hooks, so called before its refusal
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
+        config = session.config
+        if config.stash[PROBLEMS]:
+            return
+        context = config.stash[DRIVE_CONTEXT]
+        note_problem(config, "", context.scopes.check)
+        for item in session.items:
+            if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
+                note_problem(config, item.nodeid, lambda item=item: self._add(context, item))  # type: ignore[misc]
+        if context.options.correction != "none":
+            context = context._replace(family=max(1, self._judged_by_evidence))
+            config.stash[DRIVE_CONTEXT] = context
+        context.campaign.planned(self.requests, ahead=not is_worker(config))
+        note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
+        if is_worker(config) and self._advice:
+            context.campaign.tell(Advised(tuple(self._advice)))  # the controller shows it
+        scopes = self._scopes.values()
+        note_problem(config, "", lambda: context.campaign.identified(map(context.scopes.identify, scopes)))
+
+    def pytest_report_collectionfinish(self) -> list[str]:
+        """Return what so many routes cannot show, each sentence once."""
+        return [f"drive-robust: {text}" for text in self._advice]
+
+    def _add(self, context: DriveContext, item: pytest.Item) -> None:
+        """Add the episodes of one test. Raises `UsageError` where its routes can show next to nothing."""
+        marker = marker_options(item)
+        scope = context.scopes.of(marker)
+        self._scopes.setdefault((scope.agent, scope.routes_spec), scope)
+        callspec = getattr(item, "callspec", None)
+        params = callspec.params.values() if callspec is not None else ()
+        wanted = [value for value in params if isinstance(value, Requirement)]
+        verdict_rule = marker.verdict_rule(context.options.verdict_rule).for_routes(len(scope.routes))
+        for requirement in wanted:
+            context.scopes.check_setting(requirement.setting)
+            advice = advice_on(requirement, verdict_rule, len(scope.routes))
+            if advice.level == "refuse":
+                raise UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
+            if advice.text:
+                self._advice[advice.text] = None
+        self.requests.update(scope.plan(wanted))
+        self._judged_by_evidence += by_evidence(wanted, verdict_rule)

@@ -1,0 +1,116 @@
+"""A worker of pytest-xdist whose tests are done drives what other workers still wait for."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.reading import routes_in_order
+from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.store.claims import Claims
+from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
+from pytest_drive_robust.store.journal import JournalReader
+
+__all__ = ["IdleWorkerPlugin", "stop_idle_workers"]
+
+_STOP = "stop"
+_BUSY = "busy"
+
+
+def stop_idle_workers(folder: Path) -> None:
+    """Tell workers without tests that the run is ending: all is done, or it was interrupted. For the controller."""
+    (folder / _STOP).touch()
+
+
+class IdleWorkerPlugin:
+    """Lets one worker help others. `folder` is the run's; `name` is what the worker is called.
+
+    It drives only what other workers have asked for and not yet decided without, each in the order in which its test
+    reads it, and only as many at a time as if the test ran here: a verdict that comes early leaves little behind.
+    """
+
+    def __init__(self, folder: Path, name: str, scopes: Scopes, campaign: Campaign) -> None:
+        self._stop = folder / _STOP
+        self._folder = folder
+        self._name = name
+        self._scopes = scopes
+        self._campaign = campaign
+        self._workers: Claims = Claims(folder / _BUSY)
+        self._own = self._workers.attempt(name)  # the system frees it should this process be killed
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, Any, Any]:
+        """Help after the tests of this worker."""
+        outcome = yield
+        if self._own is not None:
+            self._own.release()
+        if not (session.shouldstop or session.shouldfail):
+            self._help()
+        return outcome
+
+    def pytest_unconfigure(self) -> None:
+        """Free the name where no test ran."""
+        if self._own is not None:
+            self._own.release()
+
+    def _help(self) -> None:
+        wanted = _OpenRequests(self._folder, self._scopes)
+        try:
+            while not self._stop.exists() and self._others_are_busy():
+                self._campaign.assist(wanted.requests())
+        except UsageError:  # the worker that asked says so in its test
+            return
+
+    def _others_are_busy(self) -> bool:
+        for path in (self._folder / _BUSY).glob("*.lock"):
+            claim = None if path.stem == self._name else self._workers.attempt(path.stem)
+            if claim is not None:
+                claim.release()
+            elif path.stem != self._name:
+                return True
+        return False
+
+
+class _OpenRequests:
+    """The requests of the workers of a run that are not answered yet, read from their journals."""
+
+    def __init__(self, folder: Path, scopes: Scopes) -> None:
+        self._journals = JournalReader(folder)
+        self._scopes = scopes
+        self._open: list[tuple[Asked, list[EpisodeRequest]]] = []
+
+    def requests(self) -> Iterator[EpisodeRequest]:
+        """Yield them in the order in which they are read, one test after the other. Raises `UsageError`."""
+        for event in self._journals.read():
+            if isinstance(event, Asked):  # clean episodes are asked for alone first, then named by what needs them
+                self._open = [(asked, requests) for asked, requests in self._open if asked.keys != event.clean_keys]
+                self._open.append((event, self._in_order(event)))
+            elif isinstance(event, (Used, Spared)):
+                done = frozenset(event.keys)
+                self._open = [
+                    (asked, [request for request in left if request.key not in done]) for asked, left in self._open
+                ]
+            elif isinstance(event, Judged):
+                over = (event.agent, event.routes_spec, event.setting, event.seeds)
+                self._open = [
+                    (asked, left)
+                    for asked, left in self._open
+                    if (asked.agent, asked.routes_spec, asked.setting, asked.seeds) != over
+                ]
+        self._open = [(asked, left) for asked, left in self._open if left]
+        return (request for _, left in self._open for request in left)
+
+    def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
+        scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
+        need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))
+        wanted = frozenset((*asked.keys, *asked.clean_keys))
+        return [
+            request for route in routes_in_order(scope, need) for request in route.requests if request.key in wanted
+        ]

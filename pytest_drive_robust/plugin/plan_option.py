@@ -1,0 +1,46 @@
+"""`--drive-plan`: show which episodes the selected tests may need and drive nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.report.plan_table import plan_text
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.store.base import EpisodeStore
+
+__all__ = ["PlanPlugin", "check_plan_alone"]
+
+
+def check_plan_alone(config: pytest.Config) -> None:
+    """Raise `UsageError` where workers collect, so that this process knows no test."""
+    if config.getoption("dist", "no") != "no":
+        raise UsageError("--drive-plan looks at the tests in one process: leave -n out, or add -n0.")
+
+
+class PlanPlugin:
+    """Shows the plan in place of running tests.
+
+    `requests` are the episodes of the selected tests by key, filled by their collection; `slots` is how many episodes a
+    run would drive at a time.
+    """
+
+    def __init__(
+        self, config: pytest.Config, store: EpisodeStore, requests: Mapping[str, EpisodeRequest], *, slots: int
+    ) -> None:
+        self._config = config
+        self._store = store
+        self._slots = slots
+        self._requests = requests
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self) -> bool:
+        """Show the plan; no test runs."""
+        reporter = self._config.pluginmanager.get_plugin("terminalreporter")
+        if reporter is not None:
+            text = plan_text(self._requests.values(), self._store.get, slots=self._slots, colour=reporter.hasmarkup)
+            reporter.section("drive-robust plan")
+            reporter.write_line(text)
+        return True

@@ -1,0 +1,17 @@
+"""What this process is to pytest-xdist: a worker, the controller, or a session without workers."""
+
+from __future__ import annotations
+
+import pytest
+
+__all__ = ["is_controller", "is_worker"]
+
+
+def is_worker(config: pytest.Config) -> bool:
+    """Return True in a worker of pytest-xdist."""
+    return hasattr(config, "workerinput")
+
+
+def is_controller(config: pytest.Config) -> bool:
+    """Return True where pytest-xdist will hand all tests to workers."""
+    return config.getoption("dist", "no") != "no" and not is_worker(config)

@@ -1,0 +1,93 @@
+"""After a run: store it, compare it with another, and review its waivers."""
+
+from __future__ import annotations
+
+from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.fingerprint import Mismatch
+from pytest_drive_robust.regression.options import RegressionOptions
+from pytest_drive_robust.regression.outcome import Comparison, Terms
+from pytest_drive_robust.regression.references import References
+from pytest_drive_robust.regression.snapshot import Snapshot
+from pytest_drive_robust.regression.verdicts import parse_kind
+from pytest_drive_robust.regression.waivers import Waivers
+from pytest_drive_robust.report.comparison import comparison_text
+from pytest_drive_robust.report.json_file import json_text, run_as_json
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.store.events import Judged
+
+__all__ = ["RegressionChecks"]
+
+
+class RegressionChecks:
+    """Checks a finished run. Made before anything is driven, so that a reference that is not there costs nothing.
+
+    Raises `UsageError` for such a reference, and for one of another simulator unless that is allowed.
+    """
+
+    def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
+        self._regression = regression
+        self._waivers = waivers
+        self._references = References(regression.home, regression.baselines)
+        kind = parse_kind(options.verdict_rule.kind, source="--drive-verdict")
+        self._terms = Terms(regression.allowances, kind, regression.policy)
+        self._before = self._load(options.simulator) if regression.compare else None
+        self._comparison: Comparison | None = None
+        self._lines: list[str] = []
+
+    def finish(self, run: RunResult, *, whole: bool) -> bool:
+        """Store, compare, review. True when the run must not be green; `whole`: every test was selected and ran."""
+        self._lines += self._waivers.review(run.judged, whole=whole)
+        if not run.episodes:
+            return False  # the owner of the run says so
+        document = run_as_json(run)
+        red = any(not self._waived(judged) for judged in run.late)  # their tests were over before they failed
+        if self._regression.save:
+            red = self._store(document) or red
+        if self._before is not None:
+            red = self._compare(self._before, document) or red
+        return red
+
+    def sections(self, *, colour: bool) -> list[tuple[str, str]]:
+        """(title, text) of what there is to tell."""
+        told = []
+        if self._comparison is not None:
+            title = f"drive-robust: compared with {self._comparison.before.label}"
+            told.append((title, comparison_text(self._comparison, colour=colour)))
+        if self._lines:
+            told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
+        return told
+
+    def _waived(self, judged: Judged) -> bool:
+        waiver = self._waivers.find(judged.requirement, judged.nodeid, agent=judged.agent)
+        return waiver is not None and self._waivers.holds(waiver)
+
+    def _load(self, simulator: str) -> Snapshot:
+        before = self._references.load(self._regression.compare, simulator=simulator)
+        known = before.simulator
+        mismatch = Mismatch("simulator", f"the simulator was {known} and is {simulator}")
+        if known not in (None, simulator) and mismatch.refuses(self._regression.policy):
+            raise UsageError(f"{before.label} cannot be compared with: {mismatch.text}. Give --drive-sim {known}.")
+        return before
+
+    def _store(self, document: dict[str, object]) -> bool:
+        try:
+            path = self._references.runs.save(document, json_text, name=self._regression.save)
+        except OSError as error:
+            self._lines.append(f"ERROR: the run was not stored: {error}")
+            return True
+        self._lines.append(
+            f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
+            f'drive-robust bless {path.stem} --reason "..."'
+        )
+        return False
+
+    def _compare(self, before: Snapshot, document: dict[str, object]) -> bool:
+        try:
+            self._comparison = compare(before, snapshot_of(document, label="this run"), self._terms)
+        except DriveRobustError as error:
+            self._lines.append(f"ERROR: not compared with {before.label}: {error}")
+            return True
+        return bool(self._comparison.refusals or self._comparison.regressions)

@@ -1,0 +1,106 @@
+"""In the one process that people look at: the header, the table, the exit code."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.plugin.backends import is_external
+from pytest_drive_robust.plugin.driving import NOT_JUDGED
+from pytest_drive_robust.plugin.judging import INCONCLUSIVE
+from pytest_drive_robust.plugin.run_outputs import RunOutputs
+from pytest_drive_robust.plugin.usage_errors import PROBLEMS
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
+
+__all__ = ["ReportingPlugin", "every_test_ran", "header"]
+
+_DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
+_NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")
+
+
+class ReportingPlugin:
+    """Shows the outputs of the run: in the only process, or in the controller of pytest-xdist."""
+
+    def __init__(self, config: pytest.Config, outputs: RunOutputs, header: str) -> None:
+        self._config = config
+        self._outputs = outputs
+        self._header = header
+        self._ran = False
+
+    def pytest_report_header(self) -> str:
+        """Return the effective options, in one line."""
+        return self._header
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self) -> None:
+        """Note that tests are about to run; --fixtures, --markers and the like never come here."""
+        self._ran = not any(self._config.getoption(name, False) for name in _DRIVES_NOTHING)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_report_teststatus(
+        self, report: pytest.TestReport
+    ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
+        """Count what could not be judged as an error of the test; an open verdict is neither dot nor F."""
+        if getattr(report, NOT_JUDGED, False):
+            return "error", "E", ("ERROR", {"red": True})
+        if report.when == "call" and report.passed and any(name == INCONCLUSIVE for name, _ in report.user_properties):
+            return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
+        return None
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Write every report. A run that drove no episode, or whose file was not written, is not green."""
+        if self._ran and not self._config.stash[PROBLEMS]:
+            problem = self._outputs.finish(whole=every_test_ran(session))
+            if problem and session.exitstatus == pytest.ExitCode.OK:
+                session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Write the table, and why the run is not green."""
+        text = self._outputs.text(colour=terminalreporter.hasmarkup)
+        if text:
+            terminalreporter.section("drive-robust")
+            terminalreporter.write_line(text)
+        for title, text in self._outputs.sections(colour=terminalreporter.hasmarkup):
+            terminalreporter.section(title)
+            terminalreporter.write_line(text)
+
+
+def every_test_ran(session: pytest.Session) -> bool:
+    """Return True when the tests of the whole root folder, or of its `suites`, were selected and all ran.
+
+    Only then does a requirement that was not judged say something.
+    """
+    config = session.config
+    narrowed = any(config.getoption(name, None) for name in _NARROWING)
+    stopped = session.shouldstop or session.shouldfail or session.exitstatus not in (0, 1)
+    wide = {config.rootpath, config.rootpath / "suites"}
+    places = {(config.invocation_params.dir / place).resolve() for place in config.args}
+    return bool(wide & places) and not narrowed and not stopped
+
+
+def header(options: RunOptions) -> str:
+    """Return the options that decide a run's numbers, in one line. Raises `UsageError` for unknown routes."""
+    seeds = ",".join(map(str, options.seeds))
+    correction = "" if options.correction == "none" else f" correction={options.correction}"
+    return (
+        f"drive-robust: agent={options.agent} sim={options.simulator} routes={_routes_in_words(options)} "
+        f"seeds={seeds} metrics={options.metrics}{correction}"
+    )
+
+
+def _routes_in_words(options: RunOptions) -> str:
+    """How many routes are driven, and what they are called."""
+    if is_external(options):
+        return options.routes if options.routes_given else f"all of {options.simulator}"
+    if options.simulator == DEFAULT_SIMULATOR:
+        return f"{len(resolve_routes(options.routes))} ({options.routes})"
+    try:
+        simulator = default_registry().simulator(options.simulator)
+    except UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
+        return options.routes
+    spec = default_spec(options, simulator)
+    return f"{len(routes_for(spec, simulator))} ({spec})"

@@ -1,0 +1,155 @@
+"""What comes of a run: one result, built from the record of what happened, and every report that is made of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from pytest_drive_robust import __version__
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.regression_checks import RegressionChecks
+from pytest_drive_robust.report.csv_file import write_csv
+from pytest_drive_robust.report.github import append_step_summary
+from pytest_drive_robust.report.json_file import write_json
+from pytest_drive_robust.report.progress import Progress
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.report.terminal import run_summary
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.events import Event
+
+__all__ = ["LocalRunRecord", "RunOutputs", "RunRecord"]
+
+_NOTHING_DRIVEN = (
+    "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
+    "Select tests that use the drive fixture, or leave --drive-robust out."
+)
+
+
+class RunRecord(Protocol):
+    """What happened in a run, wherever it happened."""
+
+    def events(self) -> list[Event]:
+        """Everything so far; in order within each process."""
+        ...
+
+    def find(self, key: str) -> EpisodeResult | None:
+        """The finished episode of a key, or None."""
+        ...
+
+
+class LocalRunRecord:
+    """The record of a run in one process; as its observer, it also moves the progress display."""
+
+    def __init__(self, progress: Progress, store: EpisodeStore) -> None:
+        self.store = store
+        self._progress = progress
+        self._events: list[Event] = []
+
+    def events(self) -> list[Event]:
+        """Everything so far."""
+        return self._events
+
+    def find(self, key: str) -> EpisodeResult | None:
+        """The finished episode of a key, or None."""
+        return self.store.get(key)
+
+    def __call__(self, event: Event) -> None:
+        """Something happened (see `runner.campaign.Observer`)."""
+        self._events.append(event)
+        self._progress.see(event)
+
+    def ticked(self) -> None:
+        """An episode is still under way."""
+        self._progress.refresh()
+
+    def idle(self) -> None:
+        """pytest is about to write."""
+        self._progress.pause()
+
+
+class RunOutputs:
+    """Builds the one `RunResult` and what is made of it. A report that breaks is named and spoils no other."""
+
+    def __init__(
+        self,
+        options: RunOptions,
+        record: RunRecord,
+        *,
+        versions: Mapping[str, str],
+        checks: RegressionChecks,
+    ) -> None:
+        self._options = options
+        self._record = record
+        self._versions = versions
+        self._checks = checks
+        self._run: RunResult | None = None
+        self._problems: list[str] = []
+        self._notes: list[str] = []
+
+    def note(self, sentence: str) -> None:
+        """Keep what every report shall say."""
+        self._notes.append(sentence)
+
+    def finish(self, *, whole: bool = False) -> bool:
+        """Build the result and write the files. True when the run must not be green for a reason of its own.
+
+        `whole` says that every test was selected and ran.
+        """
+        try:
+            self._run = self._build()
+        except Exception as error:
+            self._problems.append(f"ERROR: the result of the run could not be put together: {_reason(error)}")
+            return True
+        if not self._run.episodes:
+            self._problems.append(_NOTHING_DRIVEN)
+        self._write(self._options.json_path, write_json, self._run)
+        self._write(self._options.csv_path, write_csv, self._run)
+        try:
+            append_step_summary(self._run, os.environ)
+        except Exception as error:
+            self._problems.append(f"ERROR: the step summary was not written: {_reason(error)}")
+        return self._conclude(self._run, whole=whole) or bool(self._problems)
+
+    def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
+        if path is None:
+            return
+        try:
+            write(path, run)
+        except Exception as error:
+            self._problems.append(f"ERROR: {os.fspath(path)} was not written: {_reason(error)}")
+
+    def _conclude(self, run: RunResult, *, whole: bool) -> bool:
+        try:
+            return self._checks.finish(run, whole=whole)
+        except Exception as error:
+            self._problems.append(f"ERROR: the run was not stored or compared: {_reason(error)}")
+            return True
+
+    def sections(self, *, colour: bool) -> list[tuple[str, str]]:
+        """(title, text) of what comes after the table."""
+        try:
+            return self._checks.sections(colour=colour)
+        except Exception as error:
+            return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
+
+    def text(self, *, colour: bool) -> str:
+        """The table and what is wrong with the run; empty when there is nothing to say."""
+        parts = []
+        if self._run is not None:
+            try:
+                parts.append(run_summary(self._run, colour=colour))
+            except Exception as error:
+                parts.append(f"the table could not be drawn: {_reason(error)}")
+        return "\n".join(part for part in (*parts, *self._problems) if part)
+
+    def _build(self) -> RunResult:
+        versions = {"pytest-drive-robust": __version__, **self._versions}
+        events, notes = self._record.events(), tuple(self._notes)
+        return RunResult.of(self._options, events, self._record.find, versions=versions, notes=notes)
+
+
+def _reason(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,83 @@
+"""Usage errors of a session: found while names are registered and tests are collected, shown together, exit code 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+
+__all__ = ["PROBLEMS", "ProblemCourier", "as_pytest_usage_error", "note_problem", "refuse_problems", "usage_error_in"]
+
+PROBLEMS = pytest.StashKey["dict[str, str]"]()
+"""The errors in the order found: what is wrong, and where first; one of the run itself has no place."""
+_OUTPUT = "drive_robust_problems"
+
+
+def note_problem(config: pytest.Config, where: str, attempt: Callable[[], object]) -> None:
+    """Call `attempt`; a usage error in it becomes one of the session's problems."""
+    try:
+        attempt()
+    except UsageError as error:
+        config.stash[PROBLEMS].setdefault(str(error), where)
+
+
+def refuse_problems(session: pytest.Session) -> None:
+    """Raise pytest's usage error for the session's problems. A worker runs nothing: its controller reports them."""
+    problems = session.config.stash[PROBLEMS]
+    if problems and is_worker(session.config):
+        session.items.clear()
+    elif problems:
+        raise pytest.UsageError("\n".join(_sentences(problems)))
+
+
+def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
+    """Return our usage error behind a failed collection, also when a conftest.py raised it."""
+    call = report.__dict__.get("call")
+    error = call.excinfo.value if call is not None and call.excinfo is not None else None
+    error = getattr(error, "cause", error)
+    return error if isinstance(error, UsageError) else None
+
+
+@contextmanager
+def as_pytest_usage_error() -> Iterator[None]:
+    """Turn our usage errors into pytest's, which end with exit code 4 and without a traceback."""
+    try:
+        yield
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from None
+
+
+class ProblemCourier:
+    """Carries usage errors from the workers of pytest-xdist, which collect, to the controller, which exits."""
+
+    def __init__(self, problems: dict[str, str]) -> None:
+        self._problems = problems
+
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Take the problems of a worker that ended (a hook of pytest-xdist). One that crashed brings none."""
+        for problem, place in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, {}).items():
+            self._problems.setdefault(problem, place)
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Hand the problems over in a worker; set exit code 4 on the controller."""
+        if is_worker(session.config):
+            session.config.workeroutput[_OUTPUT] = self._problems  # type: ignore[attr-defined]
+        elif self._problems and is_controller(session.config):
+            session.exitstatus = pytest.ExitCode.USAGE_ERROR
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Say what pytest itself would have said without workers."""
+        if is_controller(terminalreporter.config):
+            for sentence in _sentences(self._problems):
+                terminalreporter.write_line(f"ERROR: {sentence}", red=True)
+
+
+def _sentences(problems: dict[str, str]) -> list[str]:
+    """`"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
+    return [f"{place}: {problem}" if place else problem for problem, place in problems.items()]

@@ -1,0 +1,171 @@
+"""Collecting: the same bytes with any number of workers and after any number of interruptions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from training_drives import data_seed, key_of, route_of, samples_of
+
+from drive_robust_agents.expert import Expert
+from drive_robust_agents.training import collect as collect_module
+from drive_robust_agents.training.collect import Collection, collect, main
+from drive_robust_agents.training.data.pool import written
+from drive_robust_agents.training.data.rigs import agent_rig
+from drive_robust_agents.training.data.rollouts import ON_WAY
+from drive_robust_agents.training.data.rows import rows
+from drive_robust_agents.training.data.shards import Shard
+from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+
+WAY = "ControlLoss"
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+def shards(folder: Path) -> list[Shard]:
+    """Two shards of a short route each."""
+    return [Shard(folder, k, (key_of(WAY, k),), k, "tcp", 1, 0) for k in range(2)]
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Written by two processes."""
+    folder = tmp_path_factory.mktemp("frames")
+    assert {one.number for one in written(shards(folder), 2)} == {0, 1}
+    return folder
+
+
+def test_one_process_writes_what_two_have_written_over_what_an_interruption_left(
+    collected: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / ".shard-00001.part"
+    broken.mkdir()
+    (broken / "speed.npy").write_bytes(b"half")
+    found = list(written(shards(tmp_path), 1))
+    assert [one.number for one in found] == [0, 1]
+    assert content(tmp_path) == content(collected)
+    done = json.loads((tmp_path / "shard-00001" / "done.json").read_text())
+    assert done["routes"] == [key_of(WAY, 1).id]
+    assert done["rows"] == found[1].rows == len(np.load(tmp_path / "shard-00001" / "speed.npy"))
+
+
+def test_pictures_are_what_the_agent_is_given_at_that_tick() -> None:
+    cameras = agent_rig("tcp").cameras
+
+    class Looking(Expert):
+        """The expert, with the cameras of the learner."""
+
+        def sensors(self) -> tuple[CameraSpec, ...]:
+            return cameras
+
+    route, given = route_of(WAY), {}
+
+    def on_tick(tick: int, frame: object, observation: object, control: object) -> None:
+        given[tick] = observation.cameras["front"].pixels.copy()
+
+    drive_episode(
+        EmbeddedSimulator(), Looking(), route=route, setting=Setting.CLEAN, seed=0, agent_name="x", on_tick=on_tick
+    )
+    samples = samples_of(WAY)
+    assert data_seed(route, noisy=False) >= 0
+    compared = 0
+    for row in rows(samples, route, agent_rig("tcp"), tag=0, episode=0):
+        if row["source"] == ON_WAY:
+            assert np.array_equal(row["cam_front"], given[int(row["tick"])])
+            compared += 1
+    assert compared > 20
+
+
+def fake_write(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
+    """Shards without a drive; the ids of the routes of each that is asked for."""
+    from drive_robust_agents.training.data.frames import write_shard
+    from drive_robust_agents.training.data.shards import WrittenShard
+
+    asked = []
+
+    def driven(left: list[Shard], workers: int):
+        for shard in left:
+            ids = [key.id for key in shard.keys]
+            asked.append(tuple(ids))
+            about = {"routes": ids, "seed": 0, "skipped": []}
+            rows_ = [{"speed": np.float32(1.0)}]
+            yield WrittenShard(shard.number, 1, write_shard(shard.folder, shard.number, rows_, about))
+
+    monkeypatch.setattr(collect_module, "written", driven)
+    return asked
+
+
+def test_shards_that_are_complete_are_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = fake_write(monkeypatch)
+    wish = Collection("tcp", routes=6, shard_routes=2)
+    assert collect(wish, tmp_path, progress=False).rows == 3
+    (tmp_path / "shard-00001" / "done.json").unlink()
+    asked.clear()
+    assert collect(wish, tmp_path, progress=False).rows == 3
+    assert asked == [("1-301", "1-401")]
+
+
+def test_more_routes_are_added_to_those_that_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = fake_write(monkeypatch)
+    collect(Collection("tcp", routes=3, shard_routes=2), tmp_path, progress=False)
+    asked.clear()
+    assert collect(Collection("tcp", routes=6, shard_routes=2), tmp_path, progress=False).shards == 3
+    assert asked == [("1-301", "1-401"), ("1-501", "1-601")]  # the shard of one route was not whole
+
+
+def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    collect(Collection("tcp", routes=1), tmp_path, progress=False)
+    with pytest.raises(UsageError, match=r"holds other data \(data_seed: 0 there, 5 now\)"):
+        collect(Collection("tcp", routes=1, data_seed=5), tmp_path, progress=False)
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "letter.txt").write_text("mine")
+    with pytest.raises(UsageError, match=r"is not empty and holds no collect\.json"):
+        collect(Collection("tcp", routes=1), other, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--agent", "tpc"], "Did you mean 'tcp'"),
+        (["--agent", "tcp", "--route-seed", "0"], "route seed 0 draws no training routes"),
+        (["--agent", "tcp", "--per-type", "0"], "expected 1 to 99"),
+        (["--agent", "tcp", "--routes", "0"], "--routes is 0, expected at least 1"),
+        (["--agent", "tcp", "--episodes", "0"], "--episodes is 0, expected at least 1"),
+        (["--agent", "tcp", "--shard-routes", "0"], "--shard-routes is 0, expected at least 1"),
+        (["--agent", "tcp", "--workers", "0"], "--workers is 0, expected at least 1"),
+        (["--agent", "tcp", "--beta", "1.5"], "--beta is 1.5, expected the expert's share"),
+        (["--agent", "tcp", "--dagger", "reactiv"], "Did you mean 'reactive'"),
+        (["--agent", "tcp", "--dagger", "reactive", "--settings", "GPS nois 15 m"], "GPS noise"),
+        (["--agent", "tcp", "--settings", "clean"], "--settings are for the agent of --dagger, which is lacking"),
+    ],
+)
+def test_what_cannot_be_collected_is_said_before_anything_is_written(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, "--out", str(tmp_path / "frames")])
+    assert ended.value.code == 4
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "frames").exists()
+
+
+def test_an_interrupted_run_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(left: list[Shard], workers: int):
+        yield from ()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(collect_module, "written", interrupted)
+    assert main(["--agent", "tcp", "--out", str(tmp_path / "frames")]) == 130
+    assert "the same command goes on" in capsys.readouterr().out

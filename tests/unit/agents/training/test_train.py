@@ -1,0 +1,198 @@
+"""`python -m drive_robust_agents.training`: from frames to candidates, to a choice in closed loop, to what ships."""
+
+# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+torch = pytest.importorskip("torch")
+from frames_on_disk import write_frames
+from result_factory import make_result
+
+import drive_robust_agents.tcp
+from drive_robust_agents._nets.manifest import read_manifest
+from drive_robust_agents._nets.tcp import TcpNet
+from drive_robust_agents._nets.weights import load
+from drive_robust_agents.training import evaluate as evaluating
+from drive_robust_agents.training.__main__ import main
+from drive_robust_agents.training.candidates import candidate, candidate_name
+from drive_robust_agents.training.data.rigs import AGENT_RIGS
+from drive_robust_agents.training.drives import degradation, summary
+from drive_robust_agents.training.recipes.recipe import recipe_of
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.testing import fake_route
+
+FAKE = "pytest_drive_robust.testing:FakeSimulator"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cameras = {"front": (128, 256)}
+    return write_frames(tmp_path_factory.mktemp("frames"), rows=48, cameras=cameras, episodes=6)
+
+
+@pytest.fixture(scope="module")
+def run(frames: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished training of the network that ships, five steps long."""
+    folder = tmp_path_factory.mktemp("run")
+    arguments = ["--frames", str(frames), "--run", str(folder), "--batch", "8", "--visits", "40"]
+    assert main(["train", "--agent", "tcp", *arguments]) == 0
+    return folder
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    with pytest.raises(SystemExit) as left:
+        main(list(arguments))
+    assert left.value.code == 4
+    return " ".join(capsys.readouterr().err.split())
+
+
+def evaluation(run: Path, best: int) -> dict[str, Any]:
+    files = sorted(path.relative_to(run) for path in run.glob("weights/*/tcp.safetensors"))
+    scored = [{"file": str(file), "driving_score": 10.0 * k, "episodes": 1} for k, file in enumerate(files)]
+    return {"agent": "tcp", "routes": "held-out", "best": best, "candidates": scored}
+
+
+def test_training_leaves_candidates_that_load_and_a_log(run: Path) -> None:
+    steps = [int(path.parent.name) for path in sorted(run.glob("weights/*/tcp.safetensors"))]
+    assert steps == [3, 4, 5]
+    _, entry = load("tcp", TcpNet.build, weights=run / "weights" / "000000005" / "tcp.safetensors")
+    assert entry.parameters == 1_287_689
+    assert entry.size_bytes < 6_000_000
+    assert entry.provenance["trainer"]["batch"] == 8
+    assert [json.loads(line)["step"] for line in (run / "log.jsonl").read_text().splitlines()][-1] == 5
+
+
+def test_the_same_command_has_nothing_left_to_do(run: Path, frames: Path) -> None:
+    before = {path: path.read_bytes() for path in run.glob("weights/*/*")}
+    arguments = ["--frames", str(frames), "--run", str(run), "--batch", "8", "--visits", "40"]
+    assert main(["train", "--agent", "tcp", *arguments]) == 0
+    assert {path: path.read_bytes() for path in run.glob("weights/*/*")} == before
+
+
+def test_a_time_to_train_becomes_a_number_of_steps_that_stays(frames: Path, tmp_path: Path) -> None:
+    arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--minutes", "0.0001"]
+    for _ in range(2):
+        assert main(["train", "--agent", "tcp", *arguments]) == 0
+    assert json.loads((tmp_path / "settings.json").read_text())["steps"] == 6
+
+
+def test_training_may_begin_with_published_weights(run: Path, frames: Path, tmp_path: Path) -> None:
+    start = run / "weights" / "000000005" / "tcp.safetensors"
+    arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--visits", "8", "--lr", "1e-9"]
+    assert main(["train", "--agent", "tcp", "--start", str(start), "--robust", *arguments]) == 0
+    old, _ = load("tcp", TcpNet.build, weights=start)
+    new, entry = load("tcp", TcpNet.build, weights=tmp_path / "weights" / "000000001" / "tcp.safetensors")
+    assert (old.pooled.weight - new.pooled.weight).abs().max() < 1e-3
+    assert entry.provenance["trainer"]["start"].startswith("tcp@0.0:")
+    assert entry.provenance["trainer"]["robust"] is True
+
+
+def test_the_best_of_the_evaluated_candidates_is_published_with_its_score(run: Path, tmp_path: Path) -> None:
+    (run / "evaluation.json").write_text(json.dumps(evaluation(run, best=1)))
+    arguments = ["--run", str(run), "--version", "1.0", "--to", str(tmp_path), "--note", "one core"]
+    assert main(["publish", "--agent", "tcp", *arguments]) == 0
+    entry = read_manifest(tmp_path, "tcp")
+    chosen = read_manifest(run / "weights" / "000000004", "tcp")
+    assert (entry.version, entry.sha256) == ("1.0", chosen.sha256)
+    assert entry.provenance["score"] == {"driving_score": 10.0, "episodes": 1, "routes": "held-out"}
+    assert entry.provenance["note"] == "one core"
+    assert [camera["name"] for camera in entry.provenance["rig"]] == ["front"]
+    assert (tmp_path / "tcp.safetensors").read_bytes() == (
+        run / "weights" / "000000004" / "tcp.safetensors"
+    ).read_bytes()
+
+
+def test_changed_candidates_are_not_published(run: Path, tmp_path: Path) -> None:
+    copied = tmp_path / "run" / "weights" / "000000005"
+    copied.mkdir(parents=True)
+    for file in (run / "weights" / "000000005").iterdir():
+        (copied / file.name).write_bytes(file.read_bytes())
+    content = bytearray((copied / "tcp.safetensors").read_bytes())
+    content[-1] ^= 1
+    (copied / "tcp.safetensors").write_bytes(content)
+    scored = {**evaluation(run, best=0), "candidates": [{"file": "weights/000000005/tcp.safetensors"}]}
+    (tmp_path / "run" / "evaluation.json").write_text(json.dumps(scored))
+    with pytest.raises(SystemExit):
+        main(["publish", "--agent", "tcp", "--run", str(tmp_path / "run"), "--version", "1.0", "--to", str(tmp_path)])
+    assert not (tmp_path / "manifest.json").exists()
+
+
+def test_what_cannot_be_used_is_said_with_exit_code_four(
+    tmp_path: Path, frames: Path, run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    train = ["train", "--agent", "tcp", "--run", str(tmp_path)]
+    assert "no complete shards" in refused(capsys, *train, "--frames", str(tmp_path))
+    assert "do not fill a batch of 4096" in refused(capsys, *train, "--frames", str(frames), "--batch", "4096")
+    assert "evaluate the run first" in refused(
+        capsys, "publish", "--agent", "tcp", "--run", str(tmp_path), "--version", "1.0"
+    )
+    assert "holds no weights of 'tcp'" in refused(capsys, "evaluate", "--agent", "tcp", "--run", str(tmp_path))
+    if not torch.cuda.is_available():
+        assert "sees no CUDA device" in refused(capsys, *train, "--frames", str(frames), "--device", "cuda")
+
+
+def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) -> None:
+    file = run / "weights" / "000000005" / "tcp.safetensors"
+    factory = candidate(candidate_name("tcp", file).partition(":")[2])
+    factory.check()
+    assert factory.weights == (file,)
+    assert type(factory()) is drive_robust_agents.tcp.TCP
+    assert factory().sensors() == AGENT_RIGS["tcp"].cameras == recipe_of("tcp").rig
+    with pytest.raises(UsageError, match="expected candidate:AGENT=FILE"):
+        candidate(f"tcp={tmp_path / 'nothing.safetensors'}")
+    with pytest.raises(UsageError, match="Did you mean 'tcp'"):
+        candidate(f"tpc={file}")
+
+
+@pytest.mark.slow
+def test_candidates_are_driven_and_the_best_is_named(run: Path, tmp_path: Path) -> None:
+    save_routes([fake_route("7", length_m=20.0)], tmp_path / "fake.xml")
+    files = [run / "weights" / f"{step:09d}" / "tcp.safetensors" for step in (3, 5)]
+    driving = {"routes_spec": str(tmp_path / "fake.xml"), "workers": 1, "store": tmp_path / "store", "simulator": FAKE}
+    found = evaluating.evaluate("tcp", files, settings=[], **driving)
+    scores = [one["driving_score"] for one in found["candidates"]]
+    assert found["best"] == scores.index(max(scores))
+    assert [(one["episodes"], one["by_type"]["Straight"]["episodes"]) for one in found["candidates"]] == [
+        (1, 1),
+        (1, 1),
+    ]
+    assert [Path(one["file"]) for one in found["candidates"]] == files
+    assert evaluating.evaluate("tcp", files, settings=["clean"], **driving) == found  # out of the store
+    json.dumps(found, allow_nan=False)
+
+
+def results(*completion: float) -> list[EpisodeResult]:
+    ends = [End.COMPLETED if value == 100.0 else End.STUCK for value in completion]
+    return [make_result(str(k), completion_pct=completion[k], end=end) for k, end in enumerate(ends)]
+
+
+def test_a_summary_holds_means_and_intervals_around_them() -> None:
+    found = summary(results(100.0, 100.0, 40.0, 80.0))
+    low, high = found["driving_score_interval"]
+    assert found["driving_score"] == pytest.approx(80.0)
+    assert low < found["driving_score"] < high <= 100.0
+    low, high = found["success_rate_interval"]
+    assert 0.0 < low < found["success_rate"] < high < 1.0
+    assert sum(kind["episodes"] for kind in found["by_type"].values()) == 4
+
+
+def test_degradation_is_paired_and_unknown_bounds_are_none() -> None:
+    found = degradation(results(100.0, 80.0, 90.0), results(50.0, 40.0, 45.0))
+    assert found["rd"] == pytest.approx(0.5)
+    assert found["rd_interval"] == pytest.approx([0.5, 0.5], abs=1e-6)
+    assert degradation(results(50.0), results(25.0))["rd_interval"] == [None, 1.0]
+    assert degradation(results(0.0, 0.0), results(1.0, 0.0)) == {"rd": None, "rd_interval": None}
