@@ -71,7 +71,7 @@ class LockstepHandler:
         return bare_result(order.route, order.episode, outcome=outcome, end=end, detail=admission.problem or "")
 
     def drive_alone(self, order: PickledRequest, width: int) -> EpisodeResult:
-        """Drive one episode in a batch of its own, and share everything that scoring it without its agent would take."""
+        """Drive one episode in a batch of its own, and share what scoring it without its agent would take."""
         request = self.read(order)
         self._alone = True
         try:

@@ -32,10 +32,10 @@ __all__ = ["LockstepSupervisor"]
 
 
 class LockstepSupervisor(Supervisor):
-    """One worker process at a time (see `runner.lockstep.executor.BatchDriver`). `drive` gives an episode its own batch.
+    """One worker process at a time (see `runner.lockstep.executor.BatchDriver`).
 
-    An episode of a batch takes as long as all of them: each may take `width` times the limit of an episode. A call of
-    `act_batch` has the time of any other call.
+    `drive` gives an episode a batch of its own. An episode of a batch takes as long as all of them: each may take
+    `width` times the limit of an episode. A call of `act_batch` has the time of any other call.
     """
 
     _kind = ALONE

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.above import Ground
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
     from pytest_drive_robust.report.film.story import Event
-    from pytest_drive_robust.runner.replay.tape import TapeTick, Tape
+    from pytest_drive_robust.runner.replay.tape import Tape, TapeTick
 
 __all__ = ["Scene"]
 

@@ -37,9 +37,9 @@ class Admissions:
         self._known: dict[str, Admission] = {}
 
     def may_share(self, agent: str, ask: Callable[[], Admission]) -> bool:
-        """Return False when nothing is known yet. Raises `UsageError` for an agent that is refused, and what `ask` does.
+        """Return whether the agent may be driven in lockstep; `ask` where that is not known yet. False: still unknown.
 
-        `ask` is called where nothing is known of the agent.
+        Raises `UsageError` for an agent that is refused, and what `ask` does.
         """
         with self._lock:
             admission = self._known.get(agent) or ask()

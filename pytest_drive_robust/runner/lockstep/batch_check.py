@@ -86,8 +86,9 @@ def check_lockstep(
     """Why the agent must not be driven in lockstep, in one sentence, or None when nothing speaks against it.
 
     The same observations are given in batches of all `widths`, at other places and among other neighbours; every
-    control must agree to the last bit. `watch` is told whose code runs. Raises `ValueError` without recordings and for widths that are no multiples of
-    four.
+    control must agree to the last bit. `watch` is told whose code runs.
+
+    Raises `ValueError` without recordings and for widths that are no multiples of four.
     """
     if not recordings or any(width < ROWS or width % ROWS for width in widths):
         raise ValueError(f"expected recordings and widths that are multiples of {ROWS}, got widths {tuple(widths)}")

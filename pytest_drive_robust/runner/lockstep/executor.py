@@ -190,11 +190,14 @@ class _Queue:
     def _drive(self) -> Generator[None, None, None]:
         """Batch after batch; a step for every episode that has ended."""
         while (agent := self._next_agent()) is not None:
-            try:
-                yield from self._drive_batch(agent)
-            except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
-                self._fail(agent, error)
-                yield
+            yield from self._drive_agent(agent)
+
+    def _drive_agent(self, agent: str) -> Generator[None, None, None]:
+        try:
+            yield from self._drive_batch(agent)
+        except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
+            self._fail(agent, error)
+            yield
 
     def _drive_batch(self, agent: str) -> Generator[None, None, None]:
         first = self._waiting[0]

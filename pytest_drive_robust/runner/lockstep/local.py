@@ -17,8 +17,8 @@ from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.episode.loop import OnTick, Watch
     from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.episode.loop import OnTick, Watch
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 

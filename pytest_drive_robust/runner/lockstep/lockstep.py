@@ -141,7 +141,7 @@ class Lockstep:
             except AgentError as error:
                 broken = [episode for episode, _ in asked]
                 if alone:
-                    broken.pop().drive.crash = error
+                    broken.pop().running.crash = error
             else:
                 for (episode, _), answer in zip(asked, answers, strict=True):
                     episode.answer(answer, inference_s)

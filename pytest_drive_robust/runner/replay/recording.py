@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.replay.tape import TapeTick, Picture, PictureFile, Tape, main_camera
+from pytest_drive_robust.runner.replay.tape import Picture, PictureFile, Tape, TapeTick, main_camera
 
 if TYPE_CHECKING:
     from collections.abc import Callable

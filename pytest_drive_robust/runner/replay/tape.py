@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
-__all__ = ["TapeTick", "Picture", "PictureFile", "Tape", "main_camera"]
+__all__ = ["Picture", "PictureFile", "Tape", "TapeTick", "main_camera"]
 
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92

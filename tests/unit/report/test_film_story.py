@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.report.film.story import story_of
-from pytest_drive_robust.runner.replay.tape import TapeTick, PictureFile, Tape
+from pytest_drive_robust.runner.replay.tape import PictureFile, Tape, TapeTick
 
 
 def tape_of(result: EpisodeResult) -> Tape:
