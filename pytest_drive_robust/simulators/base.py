@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, Route
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 
-__all__ = ["Score", "Simulator", "SimulatorOptions"]
+__all__ = ["EpisodeScore", "Simulator", "SimulatorOptions"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class SimulatorOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class EpisodeScore:
     """What the criteria say about the episode so far; read once, at its end."""
 
     end: End
@@ -92,7 +92,7 @@ class Simulator(Protocol):
         """Metres of the route that are behind the ego."""
         ...
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         """Close the criteria (percentages, yield, route completion) and report them."""
         ...
 

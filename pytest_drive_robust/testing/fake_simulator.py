@@ -23,7 +23,7 @@ from pytest_drive_robust.domain.route import (
     Waypoint,
 )
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, Lane, LaneKind, LaneMap, WorldState
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -150,11 +150,11 @@ class FakeSimulator:
         """The furthest is the nearest here: x, within the route."""
         return min(max(self._ego.x_m, 0.0), self._length_m)
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         """Share of the road, and the infractions as told."""
         self._maybe_raise("score")
         end = self.done or End.TICK_CAP
-        return Score(
+        return EpisodeScore(
             end=end,
             end_detail=f"{end.value} after {self._tick} ticks",
             route_completion_pct=100.0 * self.progress_m / self._length_m,

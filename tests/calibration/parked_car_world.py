@@ -20,7 +20,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.store.events import Asked, Used
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
@@ -53,7 +53,7 @@ class ParkedCarWorld(FakeSimulator):
     def done(self) -> End | None:
         return End.BLOCKED if self._hit else super().done
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         score = super().score()
         if not self._hit:
             return score

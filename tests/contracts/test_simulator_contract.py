@@ -10,7 +10,7 @@ import pytest
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
 
@@ -43,7 +43,7 @@ def test_a_world_that_breaks_is_told() -> None:
 
 def test_a_wrong_share_of_the_route_is_found() -> None:
     class Generous(FakeSimulator):
-        def score(self) -> Score:
+        def score(self) -> EpisodeScore:
             return replace(super().score(), route_completion_pct=140.0)
 
     assert failed(check_simulator(Generous)) == ["end"]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
     from pytest_drive_robust.perturbations.base import RunningStack, Setting
-    from pytest_drive_robust.simulators.base import Score, Simulator
+    from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
     OnTick = Callable[[int, WorldState, Observation, Control], object]
 
@@ -209,7 +209,7 @@ class RunningEpisode:
 
     def result(self, episode: Episode) -> EpisodeResult:
         """Close the books. A world that cannot even report its score makes the episode an `infra_error`."""
-        score: Score | None = None
+        score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
         try:
@@ -247,7 +247,7 @@ class RunningEpisode:
     def _enter(self, phase: str) -> None:
         tell_phase(self._watch, phase, self.recorder.ticks)
 
-    def _end(self, score: Score | None) -> tuple[End, str]:
+    def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
             return End.AGENT_CRASHED, str(self.crash)
         if self.crash is not None or score is None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
     from pytest_drive_robust.perturbations.base import Setting
-    from pytest_drive_robust.simulators.base import Score, Simulator
+    from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
 __all__ = ["difference", "record_episode"]
 
@@ -150,7 +150,7 @@ class _WatchedSimulator:
     def progress_m(self) -> float:
         return self._inner.progress_m
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         return self._inner.score()
 
     def versions(self) -> Mapping[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing, Trigger
 
-__all__ = ["SIZES_M", "Cast", "Script"]
+__all__ = ["SIZES_M", "ActorSpec", "Cast", "Script"]
 
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
     ActorKind.CAR: (4.6, 1.9, 1.5),
@@ -29,6 +29,40 @@ SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
     ActorKind.DIRT: (4.0, 3.0, 0.02),
 }
 """Length, width, height in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActorSpec:
+    """An actor on a path: where it is, how fast, and how it behaves.
+
+    It starts `s_m` along the path and `right_m` beside its middle, and drives on to `end_m`; there it stays, or it
+    `leaves`. From `speed_mps` it goes on to `target_mps` (None: the same). `background` actors count for the driving
+    efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far ahead of the ego; one that `appears` does not
+    exist before its script starts. `sees` says what it brakes for: whatever is ahead (`SEES_ALL`), only who is in the
+    middle of its lane already (`SEES_LATE`), or nothing at all (`SEES_NOBODY`). `yaw_rad` turns a standing one against
+    its path; `state` are its lamps.
+    """
+
+    kind: ActorKind
+    path: int
+    s_m: float
+    speed_mps: float = 0.0
+    mode: int = c.MODE_DRIVE
+    right_m: float = 0.0
+    yaw_rad: float = 0.0
+    target_mps: float | None = None
+    end_m: float = np.inf
+    leaves: bool = False
+    lateral_mps: float = 1.2
+    brake_mps2: float = 6.0
+    accel_mps2: float = 2.0
+    background: bool = False
+    obeys_lights: bool = False
+    leash: bool = False
+    sync_m: float = 0.0
+    appears: bool = False
+    sees: int = c.SEES_ALL
+    state: ActorState = ActorState.NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,51 +90,22 @@ class Cast:
     flow_ints: list[list[int]] = field(default_factory=list)
     flow_gaps: list[NDArray[np.float64]] = field(default_factory=list)
 
-    def add(
-        self,
-        kind: ActorKind,
-        *,
-        mode: int,
-        path: int,
-        s_m: float,
-        right_m: float = 0.0,
-        speed_mps: float = 0.0,
-        target_mps: float | None = None,
-        end_m: float = np.inf,
-        at_end: int = c.AT_END_STAY,
-        lateral_mps: float = 1.2,
-        brake_mps2: float = 6.0,
-        accel_mps2: float = 2.0,
-        background: bool = False,
-        obeys_lights: bool = False,
-        leash: bool = False,
-        sync_m: float = 0.0,
-        appears: bool = False,
-        blind: bool = False,
-        late: bool = False,
-        yaw_rad: float = 0.0,
-    ) -> int:
-        """Add one actor on a path; returns its number. Without a script it just does what its mode says.
-
-        `background` actors count for the driving efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far
-        ahead of the ego; one that `appears` does not exist before its script starts; a `blind` one drives on whatever
-        is ahead of it, a `late` one brakes only for who is in the middle of its lane already; `yaw_rad` turns a
-        standing one against its path.
-        """
+    def add(self, spec: ActorSpec) -> int:
+        """Add one actor and return its number. Without a script it just does what its mode says."""
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
-        row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[kind]
-        row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = s_m, right_m, right_m
-        row[[c.A_V, c.A_TARGET_V]] = speed_mps, speed_mps if target_mps is None else target_mps
-        row[[c.A_LAT_RATE, c.A_END_S, c.A_SYNC_M]] = lateral_mps, end_m, sync_m
-        row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = brake_mps2, accel_mps2, yaw_rad
-        whole[[c.I_KIND, c.I_MODE, c.I_PATH, c.I_AT_END]] = int(kind), mode, path, at_end
-        whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if appears else 1, 1, -100000, -1
-        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = background, obeys_lights, leash
-        whole[c.I_BLIND] = c.SEES_NOBODY if blind else c.SEES_LATE if late else c.SEES_ALL
-        if kind is ActorKind.DIRT:
+        row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[spec.kind]
+        row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = spec.s_m, spec.right_m, spec.right_m
+        row[[c.A_V, c.A_TARGET_V]] = spec.speed_mps, spec.speed_mps if spec.target_mps is None else spec.target_mps
+        row[[c.A_LAT_RATE, c.A_END_S, c.A_SYNC_M]] = spec.lateral_mps, spec.end_m, spec.sync_m
+        row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = spec.brake_mps2, spec.accel_mps2, spec.yaw_rad
+        whole[[c.I_KIND, c.I_MODE, c.I_PATH]] = int(spec.kind), spec.mode, spec.path
+        whole[c.I_AT_END] = c.AT_END_LEAVE if spec.leaves else c.AT_END_STAY
+        whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if spec.appears else 1, 1, -100000, -1
+        whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = spec.background, spec.obeys_lights, spec.leash
+        whole[[c.I_SEES, c.I_STATE, c.I_PHASE]] = spec.sees, int(spec.state), c.PHASE_DONE
+        if spec.kind is ActorKind.DIRT:
             whole[c.I_SOLID] = 0
-        whole[c.I_PHASE] = c.PHASE_DONE
-        if kind is ActorKind.EMERGENCY:
+        if spec.kind is ActorKind.EMERGENCY:
             whole[c.I_STATE] = int(ActorState.SIREN)
         self.rows.append(row)
         self.ints.append(whole)
@@ -121,42 +126,18 @@ class Cast:
             whole[c.I_TRIGGER] = c.TRIGGER_PROGRESS
             row[c.A_TRIGGER_PROGRESS_M] = trigger.progress_m
 
-    def flow(
-        self,
-        path: int,
-        *,
-        source_m: float,
-        sink_m: float,
-        speed_mps: float,
-        gaps_m: NDArray[np.float64],
-        background: bool,
-        right_m: float,
-        kinds: tuple[ActorKind, ...],
-        obeys_lights: bool,
-        blind: bool,
-        late: bool,
-    ) -> None:
-        """A source and a sink on a path; `gaps_m` are the distances between one car and the next, drawn beforehand."""
-        slots = int((sink_m - source_m) / float(np.min(gaps_m))) + 3
+    def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: NDArray[np.float64]) -> None:
+        """Add cars like `car`, of these kinds in turn, that come into being at `s_m` and leave at `end_m`.
+
+        `gaps_m` are the distances between one car and the next, drawn beforehand.
+        """
+        slots = int((car.end_m - car.s_m) / float(np.min(gaps_m))) + 3
         first = len(self.rows)
         for k in range(slots):
-            actor = self.add(
-                kinds[k % len(kinds)],
-                mode=c.MODE_DRIVE,
-                path=path,
-                s_m=source_m,
-                right_m=right_m,
-                speed_mps=speed_mps,
-                end_m=sink_m,
-                at_end=c.AT_END_LEAVE,
-                background=background,
-                obeys_lights=obeys_lights,
-                blind=blind,
-                late=late,
-            )
+            actor = self.add(replace(car, kind=kinds[k % len(kinds)], leaves=True))
             self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
-        self.flow_rows.append([source_m, sink_m, speed_mps, float(gaps_m[0]), right_m])
-        self.flow_ints.append([path, first, first + slots, -1, 1])
+        self.flow_rows.append([car.s_m, car.end_m, car.speed_mps, float(gaps_m[0]), car.right_m])
+        self.flow_ints.append([car.path, first, first + slots, -1, 1])
         self.flow_gaps.append(gaps_m)
 
     def freeze(

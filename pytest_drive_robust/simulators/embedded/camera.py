@@ -19,10 +19,10 @@ from pytest_drive_robust.errors import SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BOX_COLUMNS
 from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-from pytest_drive_robust.simulators.embedded.drawing.entry import (
-    Ground,
+from pytest_drive_robust.simulators.embedded.drawing.entry_points import (
+    CameraGround,
+    FrameScene,
     Passes,
-    Scene,
     draw_camera,
     fill_boxes,
     measure_camera,
@@ -33,7 +33,7 @@ from pytest_drive_robust.simulators.embedded.drawing.looks import LOOKS, PAINTS,
 from pytest_drive_robust.simulators.embedded.drawing.shade import CLEAR_STEPS_PER_M
 from pytest_drive_robust.simulators.embedded.drawing.sky import sky_rows
 from pytest_drive_robust.simulators.embedded.drawing.texture import GroundTexture, ground_texture
-from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 from pytest_drive_robust.simulators.embedded.semantics import KIND_LABELS
 
 if TYPE_CHECKING:
@@ -62,15 +62,15 @@ class _Eye:
 
     spec: CameraSpec
     canvas: Canvas
-    ground: Ground
+    ground: CameraGround
     passes: Passes
 
     @classmethod
     def of(cls, spec: CameraSpec, air: Air, texture: GroundTexture, clear: NDArray[np.float32]) -> _Eye:
         width, height = spec.width_px, spec.height_px
-        view = View.of(spec, 0.0, 0.0, 0.0)
+        view = CameraView.of(spec, 0.0, 0.0, 0.0)
         rows = ground_rows(height, view, air.haze_per_m, texture.levels)
-        ground = Ground(rows, sky_rows(height, view, air), texture.texels, texture.levels, clear)
+        ground = CameraGround(rows, sky_rows(height, view, air), texture.texels, texture.levels, clear)
         return cls(spec, Canvas.of(width, height), ground, _NOT_WANTED)
 
     def wanted(self, names: Collection[str]) -> Passes:
@@ -146,7 +146,7 @@ class CameraRig:
     def _headlamps(self, frame: WorldState) -> Headlamps:
         return Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
 
-    def _scene(self, frame: WorldState) -> Scene:
+    def _scene(self, frame: WorldState) -> FrameScene:
         """The boxes of all that is there."""
         still = len(self._furniture.rows)
         needed = still + len(frame.actors) * _MOST_PARTS
@@ -157,13 +157,15 @@ class CameraRig:
             self._ends = np.zeros(len(frame.actors) + 1, np.int64)
         self._furniture.show(self._rows, frame.lights)
         actors = np.array(frame.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
-        scene = Scene(self._rows, still, self._ends, actors, self._furniture.street_lamps)
+        scene = FrameScene(self._rows, still, self._ends, actors, self._furniture.street_lamps)
         fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
         return scene
 
-    def _draw(self, eye: _Eye, frame: WorldState, scene: Scene, lamps: Headlamps, *, picture: bool = True) -> View:
+    def _draw(
+        self, eye: _Eye, frame: WorldState, scene: FrameScene, lamps: Headlamps, *, picture: bool = True
+    ) -> CameraView:
         eye.canvas = eye.canvas.with_room(len(scene.rows))
-        view = View.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
+        view = CameraView.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
         draw_camera(eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture)
         return view
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["finish", "judge", "nearest_lane"]

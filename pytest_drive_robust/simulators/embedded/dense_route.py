@@ -17,7 +17,7 @@ from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_to
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.passages import Passage
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
-from pytest_drive_robust.simulators.embedded.traced.survey import survey
+from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
 
 __all__ = ["DenseRoute", "lay_route"]
 
@@ -179,10 +179,10 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(
             f"route {route.id}: its waypoints are {length:.3g} m long, expected {_LONGEST_M:.0f} m at most"
         )
-    surveyed = survey(route) if is_official(route.town) else None
-    town = compile_town(route.town) if surveyed is None else surveyed.town
+    traced = trace_route(route) if is_official(route.town) else None
+    town = compile_town(route.town) if traced is None else traced.town
     lane_map = town.lane_map
-    line = surveyed.line if surveyed else resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
+    line = traced.line if traced else resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
     lanes = match_lanes(lane_map, line)
     if (lanes < 0).any():
         x, y = (float(value) for value in line[int(np.argmin(lanes)), :2])
@@ -194,5 +194,5 @@ def lay_route(route: Route) -> DenseRoute:
     limits = np.array([lane_map.lanes[k].speed_limit_mps for k in lanes])
     rows = np.column_stack([line, limits])
     trigger = route.scenario.trigger
-    trigger_m = surveyed.trigger_m if surveyed else project(line, trigger.x_m, trigger.y_m)[0]
+    trigger_m = traced.trigger_m if traced else project(line, trigger.x_m, trigger.y_m)[0]
     return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m, town)

@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
-from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, Snapshot
+from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
 
 __all__ = ["WorldEnv", "WorldSnapshot"]
 
@@ -31,7 +31,7 @@ _INFRACTION_COST = 10.0
 class WorldSnapshot(NamedTuple):
     """A moment of an episode of `WorldEnv`. Opaque: give it to `WorldEnv.restore`."""
 
-    simulator: Snapshot
+    simulator: EpisodeSnapshot
     next_point: int
     seen: tuple[float, int]
 

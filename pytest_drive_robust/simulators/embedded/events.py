@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State
 
 __all__ = ["note"]

@@ -14,7 +14,7 @@ from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
 from pytest_drive_robust.simulators.embedded.passages import Passage
 
-__all__ = ["Places"]
+__all__ = ["RoutePlaces"]
 
 Floats = NDArray[np.float64]
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
@@ -22,7 +22,7 @@ _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
 _STRAIGHT_RAD = 0.35
 
 
-class Places:
+class RoutePlaces:
     """A route on its town as scenario definitions see it.
 
     Distances `ahead_m` are metres along the route after the scenario's trigger point; `right_m` is metres to the

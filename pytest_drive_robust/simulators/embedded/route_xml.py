@@ -83,11 +83,11 @@ def _route_or_problem(element: ElementTree.Element) -> Route | str:
 
 def _misfit(route: Route) -> str | None:
     """Why no road can be built around a route of the leaderboard, or None."""
-    from pytest_drive_robust.simulators.embedded.traced.survey import survey
+    from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
 
     if is_official(route.town):
         try:
-            survey(route)
+            trace_route(route)
         except RouteError as error:
             return str(error)
     return None

@@ -1,4 +1,4 @@
-"""From the kernels' event rows to the domain's `Score`."""
+"""From the kernels' event rows to the domain's `EpisodeScore`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.state import DT_S
 
@@ -32,7 +32,7 @@ _COLLISIONS = {
 }
 
 
-def score_of(world: World, options: SimulatorOptions) -> Score:
+def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
     """Read the criteria of a finished episode."""
     end = ENDS.get(int(world.state.criteria_ints[c.CI_END]), End.SIMULATION_CRASHED)
     infractions = _infractions(world)
@@ -47,7 +47,7 @@ def score_of(world: World, options: SimulatorOptions) -> Score:
         detail = f"outside its lanes for {outside:.0f} m, {share:.0f} % of the way"
         infractions.append(_here(world, InfractionKind.OUTSIDE_LANES, detail, share_pct=share))
     ratios = [row[c.EV_VALUE] for row in _events(world) if row[c.EV_KIND] == c.EVENT_SPEED]
-    return Score(
+    return EpisodeScore(
         end=end,
         end_detail=_end_detail(world, end, options),
         route_completion_pct=100.0 if end is End.COMPLETED else round(100.0 * passed / world.dense.length_m, 2),

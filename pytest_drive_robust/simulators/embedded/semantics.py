@@ -25,9 +25,9 @@ class SemanticClass(IntEnum):
     POLE = 6
     """Of lights and signs."""
     TRAFFIC_LIGHT = 7
-    """The housing with its lamps; from above: a stop line whose light is not green."""
+    """The housing with its lamps."""
     TRAFFIC_SIGN = 8
-    """Stop and warning signs; from above: a stop line with a stop sign."""
+    """Stop and warning signs."""
     TERRAIN = 10
     """Grass, and all ground outside of the map."""
     SKY = 11

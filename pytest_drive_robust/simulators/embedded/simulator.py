@@ -17,7 +17,7 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scoring import ENDS, score_of
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
@@ -26,10 +26,10 @@ from pytest_drive_robust.simulators.embedded.state import DT_S, State
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["EmbeddedSimulator", "Snapshot"]
+__all__ = ["EmbeddedSimulator", "EpisodeSnapshot"]
 
 
-class Snapshot(NamedTuple):
+class EpisodeSnapshot(NamedTuple):
     """A moment of an episode: the world it is of, its changing arrays, and the last images of slow cameras."""
 
     world: World
@@ -129,17 +129,17 @@ class EmbeddedSimulator:
         world = self.world
         return float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         """Close the criteria and report them; once per episode."""
         self.world.close_criteria()
         return score_of(self.world, self.options)
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> EpisodeSnapshot:
         """A copy of everything that changes; microseconds without slow cameras."""
         world = self.world
-        return Snapshot(world, world.snapshot(), self._rig.snapshot())
+        return EpisodeSnapshot(world, world.snapshot(), self._rig.snapshot())
 
-    def restore(self, snapshot: Snapshot) -> None:
+    def restore(self, snapshot: EpisodeSnapshot) -> None:
         """Go back to a snapshot of the current episode, as often as you like.
 
         Raises `SimulationError` for one of another episode.

@@ -6,22 +6,21 @@ import hashlib
 
 import numpy as np
 
-from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, Cast, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
-from pytest_drive_robust.simulators.embedded.places import Places
+from pytest_drive_robust.simulators.embedded.places import RoutePlaces
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, Program
 from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 
 __all__ = ["Stage"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
-_SPACING_M = 15.0
 _GAPS = 63  # draws of a flow; they repeat after that
 
 
-class Stage(Places):
+class Stage(RoutePlaces):
     """The world of one episode under construction.
 
     `start_right_m` and `start_mps` say how the ego starts: so many metres to the right of the route's first point, and
@@ -55,18 +54,26 @@ class Stage(Places):
     # --- actors ---
 
     def stand(
-        self, kind: ActorKind, ahead_m: float, right_m: float = 0.0, *, yaw_rad: float = 0.0, path: int | None = None
+        self,
+        kind: ActorKind,
+        ahead_m: float,
+        right_m: float = 0.0,
+        *,
+        yaw_rad: float = 0.0,
+        path: int | None = None,
+        state: ActorState = ActorState.NONE,
     ) -> int:
         """Something that does not move, beside or on the ego's way (or `path`), turned by `yaw_rad` against it."""
         chosen = self.ego_path if path is None else path
         s = self.on_ego_path(ahead_m) if path is None else self.along(path, ahead_m)
-        return self.cast.add(kind, mode=c.MODE_STATIC, path=chosen, s_m=s, right_m=right_m, yaw_rad=yaw_rad)
+        return self.cast.add(
+            ActorSpec(kind, chosen, s, mode=c.MODE_STATIC, right_m=right_m, yaw_rad=yaw_rad, state=state)
+        )
 
     def appear(self, kind: ActorKind, ahead_m: float, right_m: float, *, trigger: Trigger, delay_s: float = 0.0) -> int:
         """Something that does not move and comes into being when its trigger fires: a door that is opened."""
-        actor = self.cast.add(
-            kind, mode=c.MODE_STATIC, path=self.ego_path, s_m=self.on_ego_path(ahead_m), right_m=right_m, appears=True
-        )
+        at_m = self.on_ego_path(ahead_m)
+        actor = self.cast.add(ActorSpec(kind, self.ego_path, at_m, mode=c.MODE_STATIC, right_m=right_m, appears=True))
         self.cast.script(actor, trigger, Script(0.0, right_m=right_m, delay_s=delay_s), at=self.spot(ahead_m))
         return actor
 
@@ -96,52 +103,9 @@ class Stage(Places):
         start = self.spot(ahead_m + lean * from_right_m, from_right_m)
         end = self.spot(ahead_m + lean * to_right_m, to_right_m)
         path = self.add_path(np.array([start, end]))
-        actor = self.cast.add(kind, mode=c.MODE_WALK, path=path, s_m=0.0, end_m=self.length_m(path))
+        actor = self.cast.add(ActorSpec(kind, path, 0.0, mode=c.MODE_WALK, end_m=self.length_m(path)))
         self.cast.script(actor, trigger, Script(speed_mps, delay_s=delay_s), at=self.spot(ahead_m))
         return actor
-
-    def drive(
-        self,
-        kind: ActorKind,
-        path: int,
-        s_m: float,
-        speed_mps: float,
-        *,
-        target_mps: float | None = None,
-        right_m: float = 0.0,
-        end_m: float = np.inf,
-        at_end: int = c.AT_END_STAY,
-        lateral_mps: float = 1.2,
-        brake_mps2: float = 6.0,
-        accel_mps2: float = 2.0,
-        background: bool = False,
-        obeys_lights: bool = False,
-        leash: bool = False,
-        sync_m: float = 0.0,
-        appears: bool = False,
-        blind: bool = False,
-    ) -> int:
-        """A car that follows a path with the driver model; the options are those of `Cast.add`."""
-        return self.cast.add(
-            kind,
-            mode=c.MODE_DRIVE,
-            path=path,
-            s_m=s_m,
-            speed_mps=speed_mps,
-            target_mps=target_mps,
-            right_m=right_m,
-            end_m=end_m,
-            at_end=at_end,
-            lateral_mps=lateral_mps,
-            brake_mps2=brake_mps2,
-            accel_mps2=accel_mps2,
-            background=background,
-            obeys_lights=obeys_lights,
-            leash=leash,
-            sync_m=sync_m,
-            appears=appears,
-            blind=blind,
-        )
 
     def flow(
         self,
@@ -149,58 +113,30 @@ class Stage(Places):
         *,
         speed_mps: float,
         gap_m: tuple[float, float],
-        source_m: float = 0.0,
-        sink_m: float | None = None,
         background: bool = False,
         right_m: float = 0.0,
         kinds: tuple[ActorKind, ...] = _CARS,
         obeys_lights: bool = False,
-        blind: bool = False,
-        late: bool = False,
+        sees: int = c.SEES_ALL,
         dense_m: float = 0.0,
     ) -> None:
         """Cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
         Gaps are drawn from `gap_m` (front of one to rear of the next). Our flows never end, so every third gap is
         twice as long: somebody who waits patiently gets through. In the first `dense_m` metres of the flow, counted
-        back from its sink, none is. `blind` cars drive on whatever is ahead of them, `late` ones brake only for who is
-        in the middle of their lane already.
+        back from the path's end, none is. The other options are those of `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
-        sink = self.length_m(path) if sink_m is None else sink_m
         gaps = self.draws(name).uniform(max(gap_m[0], 4.0), max(gap_m[1], 4.5), size=_GAPS)
         length = max(SIZES_M[kind][0] for kind in kinds)
         dense = min(int(np.searchsorted(np.cumsum(gaps + length), dense_m)), _GAPS // 2)
         gaps[dense + 2 :: 3] *= 2.0
         gaps += length
-        self.cast.flow(
-            path,
-            source_m=source_m,
-            sink_m=sink,
-            speed_mps=speed_mps,
-            gaps_m=gaps,
-            background=background,
-            right_m=right_m,
-            kinds=kinds,
-            obeys_lights=obeys_lights,
-            blind=blind,
-            late=late,
-        )
-
-    def surround(self, path: int, *, speed_mps: float, ahead: int = 2, behind: int = 2) -> None:
-        """Background traffic on one lane: cars ahead of the ego's start and behind it, 15 m apart, that stay near it.
-
-        Those ahead wait for the ego beyond 30 m and stand at 45 m, those behind catch up at up to twice their speed
-        (Bench2Drive `scenario_runner/srunner/scenarios/background_activity.py`).
-        """
-        level = self.along(path, -self.trigger_m)
-        for k in (*range(1, ahead + 1), *range(-behind, 0)):
-            s = level + _SPACING_M * k
-            if 0.0 <= s <= self.length_m(path):
-                self.drive(
-                    _CARS[k % len(_CARS)], path, s, 0.5 * speed_mps, target_mps=speed_mps,
-                    end_m=self.length_m(path), at_end=c.AT_END_LEAVE, leash=True, background=True, obeys_lights=True,
-                )  # fmt: skip
+        car = ActorSpec(
+            kinds[0], path, 0.0, speed_mps, right_m=right_m, end_m=self.length_m(path), background=background,
+            obeys_lights=obeys_lights, sees=sees,
+        )  # fmt: skip
+        self.cast.flow(car, kinds=kinds, gaps_m=gaps)
 
     def passing(self, ahead_m: float) -> Trigger:
         """The ego passes a place of the route."""

@@ -16,7 +16,7 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
 from pytest_drive_robust.simulators.embedded.kernels.ego import GRIP_MPS2, WHEELBASE_M
-from pytest_drive_robust.simulators.embedded.kernels.entry import actor_rows, finish, hold, settle, tick
+from pytest_drive_robust.simulators.embedded.kernels.entry_points import actor_rows, finish, pack_world, settle, tick
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
 from pytest_drive_robust.simulators.embedded.stage import Stage
@@ -61,8 +61,8 @@ class World:
             events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
         )
         self._rows = np.zeros((len(actors), 10))
-        self._held = hold(self.statics, self.state)
-        settle(self._held)
+        self._arrays = pack_world(self.statics, self.state)
+        settle(self._arrays)
         _clear_start(self.statics, self.state)
 
     @property
@@ -72,16 +72,16 @@ class World:
 
     def tick(self, control: Control) -> None:
         """Advance by `DT_S` seconds."""
-        tick(self._held, float(control.throttle), float(control.steer), float(control.brake))
+        tick(self._arrays, float(control.throttle), float(control.steer), float(control.brake))
 
     def close_criteria(self) -> None:
         """Note what is only known at the end; once per episode."""
-        finish(self._held)
+        finish(self._arrays)
 
     def frame(self) -> WorldState:
         """The dynamic world of this moment; its arrays belong to the caller."""
         ego = self.state.ego
-        count = actor_rows(self._held, self._rows)
+        count = actor_rows(self._arrays, self._rows)
         return WorldState(
             tick=int(self.state.clock[0]),
             ego=EgoState(

@@ -13,19 +13,19 @@ import numpy as np
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind, LaneMap, WorldState
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import criteria as constants
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
-__all__ = ["Judge"]
+__all__ = ["EpisodeCriteria"]
 
 _WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
 _DEVIATION_ROWS = 5
 _COLLISIONS = {"vehicle": InfractionKind.COLLISION_VEHICLE, "layout": InfractionKind.COLLISION_LAYOUT}
 
 
-class Judge:
+class EpisodeCriteria:
     """What the criteria say about one episode so far; `look` once after every tick."""
 
     def __init__(self, road: LiveRoad, line: RouteLine, lane_map: LaneMap, index: dict[Any, int]) -> None:
@@ -51,7 +51,7 @@ class Judge:
         return float(self._line.s[self.row])
 
     def look(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
-        """Judge the tick that ended with `frame`."""
+        """EpisodeCriteria the tick that ended with `frame`."""
         gained = self._pass_rows(frame)
         self._collisions(frame)
         self._off_road = not self._road.ego.on_road
@@ -61,14 +61,14 @@ class Judge:
         self._still_s = self._still_s + dt_s if frame.ego.speed_mps < constants.STANDING_MPS else 0.0
         self.end = self._end(frame, dt_s, options)
 
-    def score(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> Score:
+    def score(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
         """The criteria of a finished episode, closed."""
         end = self.end or End.SIMULATION_CRASHED
         infractions = [*self._infractions, *self._at_the_end(frame, end)]
         if self._speeds and self.progress_m > 0.95 * self._line.length_m:
             self._close_checkpoint()
         completion = 100.0 if end is End.COMPLETED else round(100.0 * self.progress_m / self._line.length_m, 2)
-        return Score(
+        return EpisodeScore(
             end=end,
             end_detail=self._end_detail(end, frame.tick * dt_s, options, dt_s),
             route_completion_pct=completion,

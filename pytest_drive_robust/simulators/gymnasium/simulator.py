@@ -15,10 +15,10 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.simulators.base import Score, SimulatorOptions
+from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
-from pytest_drive_robust.simulators.gymnasium.criteria import Judge
+from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
 from pytest_drive_robust.simulators.gymnasium.destinations import itinerary_of
 from pytest_drive_robust.simulators.gymnasium.environments import (
     RATE_HZ,
@@ -41,7 +41,7 @@ class _Episode:
     road: LiveRoad
     line: RouteLine
     lane_map: LaneMap
-    judge: Judge
+    judge: EpisodeCriteria
     sensors: Sensors
     frame: WorldState
 
@@ -132,7 +132,7 @@ class GymnasiumSimulator:
         """Metres of the route that are behind the ego."""
         return self._now.judge.progress_m
 
-    def score(self) -> Score:
+    def score(self) -> EpisodeScore:
         """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
         self._classes.check()
         episode = self._now
@@ -183,7 +183,7 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=road_map.lane_map,
-            judge=Judge(road, line, road_map.lane_map, road_map.index),
+            judge=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
             sensors=Sensors(
                 cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
             ),

@@ -85,11 +85,6 @@ class Air(NamedTuple):
         """0..1: how brightly street lamps light the road; nothing before it is half dark."""
         return self.night if self.night > 0.5 else 0.0
 
-    @property
-    def on_lens(self) -> bool:
-        """True when something lies over the finished picture: rain, drops, a dazzling sun."""
-        return self.rain > 0.0 or self.drops > 0.0 or self.glare > 0.0
-
 
 def _sky(day: float, low_sun: float, grey: float, rain: float) -> tuple[Colour, Colour]:
     """The colours of the zenith and of the horizon, without fog, rain and dust."""

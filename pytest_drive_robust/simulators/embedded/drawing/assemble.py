@@ -9,8 +9,8 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorState, WorldState
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,14 +34,14 @@ _LEFT_INDICATOR, _RIGHT_INDICATOR = int(Role.LEFT_INDICATOR), int(Role.RIGHT_IND
 _LEFT_BEACON, _RIGHT_BEACON = int(Role.LEFT_BEACON), int(Role.RIGHT_BEACON)
 _LEFT_LEG, _RIGHT_LEG = int(Role.LEFT_LEG), int(Role.RIGHT_LEG)
 
-_paint_index = inner(paint_index)
+_paint_index = inner_only(paint_index)
 
 _BLINK_TICKS = 8
 _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
 
 
-@inner
+@inner_only
 def assemble(
     rows: Floats,
     ends: NDArray[np.int64],
@@ -75,7 +75,7 @@ def assemble(
     return at
 
 
-@inner
+@inner_only
 def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int, c: float, s: float) -> None:
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
     forward, right = parts[p, 0] * length, parts[p, 1] * width
@@ -98,7 +98,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
     rows[at, box.REACH] = parts[p, 14]
 
 
-@inner
+@inner_only
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _SMALLEST_AREA_PX2 = 1e-6
 _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7), (3, 2, 1, 0)), np.int64)
 
 
-@inner
+@inner_only
 def pick(seen: Floats, side: int, cut: Floats) -> int:
     """Copies a face's projected corners to `cut`; returns 4, or 0 when it looks away."""
     a, b, c, d = _CORNERS[side, 0], _CORNERS[side, 1], _CORNERS[side, 2], _CORNERS[side, 3]
@@ -42,8 +42,8 @@ def pick(seen: Floats, side: int, cut: Floats) -> int:
     return 4
 
 
-@inner
-def clip(corners: Floats, side: int, cut: Floats, view: View, width: int, height: int) -> int:
+@inner_only
+def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, height: int) -> int:
     """As `pick`, for a face that the near plane cuts; returns how many corners are left, or 0."""
     count = 0
     for place in range(4):
@@ -70,7 +70,7 @@ def clip(corners: Floats, side: int, cut: Floats, view: View, width: int, height
     return count if area > _SMALLEST_AREA_PX2 else 0
 
 
-@inner
+@inner_only
 def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
     """Lowest and highest value of a column of the first `count` rows."""
     low, high = cut[0, column], cut[0, column]
@@ -80,7 +80,7 @@ def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
     return low, high
 
 
-@inner
+@inner_only
 def _plane(entry: Floats, cut: Floats, count: int) -> bool:
     """Fills in how near a face is over the picture, from its projected corners; False when it is seen edge on."""
     # two diagonals span the plane, also where an edge has shrunk to nothing
@@ -97,7 +97,7 @@ def _plane(entry: Floats, cut: Floats, count: int) -> bool:
     return True
 
 
-@inner
+@inner_only
 def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
     """Fills a projected face; False when it meets no pixel.
 
@@ -138,7 +138,7 @@ def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
     return True
 
 
-@inner
+@inner_only
 def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int) -> None:
     """Where a convex polygon, clockwise in the picture, crosses the middle of each row: its left and its right end."""
     for corner in range(count):
@@ -158,7 +158,7 @@ def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int
             edges[row, side] = u + (row - first) * slope
 
 
-@inner
+@inner_only
 def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
     """First and last pixel whose centre lies in low..high; where that is none and `keep`, the one in the middle."""
     first, last = int(max(low, 0.0) + 0.5), int(min(max(high, 0.0), float(size)) + 0.5) - 1

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
     Floats = NDArray[np.float64]
     Triple = tuple[float, float, float]
@@ -37,7 +37,7 @@ _255 = np.float32(255.0)
 _MIRROR = 0.75
 
 
-def ground_rows(height: int, view: View, haze_per_m: float, levels: Floats) -> Floats:
+def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
     """What a camera's rows of pixels have in common in every frame, (height, 13).
 
     `DEPTH` is the distance in metres along the optical axis at which a row meets the ground (0: it shows the sky) and
@@ -67,14 +67,14 @@ def ground_rows(height: int, view: View, haze_per_m: float, levels: Floats) -> F
     return rows
 
 
-@inner
+@inner_only
 def draw_ground(
     canvas: Canvas,
     rows: Floats,
     sky: NDArray[np.uint32],
     texels: NDArray[np.uint32],
     levels: Floats,
-    view: View,
+    view: CameraView,
     air: Air,
     lamps: Headlamps,
 ) -> None:
@@ -108,8 +108,8 @@ def draw_ground(
             first = end
 
 
-@inner
-def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
+@inner_only
+def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Triple]:
     """What the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, the sky."""
     flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
     mirrored = _MIRROR * air.mirror * flat * flat * flat * flat
@@ -124,7 +124,7 @@ def _row_light(ground: Floats, view: View, air: Air) -> tuple[Triple, Triple]:
     return light, haze
 
 
-@inner
+@inner_only
 def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     """The first column after `first` with a face; there are none outside of `low`..`high`."""
     end = max(first + 1, low)
@@ -135,7 +135,7 @@ def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     return len(faces)
 
 
-@inner
+@inner_only
 def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
     for u in range(len(colours)):
         red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
@@ -144,7 +144,7 @@ def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: 
         colours[u] = _pack(red, green, blue)
 
 
-@inner
+@inner_only
 def _pack(red: float, green: float, blue: float) -> int:
     """0x00BBGGRR."""
     red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
@@ -152,14 +152,14 @@ def _pack(red: float, green: float, blue: float) -> int:
     return packed
 
 
-@inner
+@inner_only
 def _light_by_night(
     colours: NDArray[np.uint32],
     sums: NDArray[np.uint64],
     ground: Floats,
     light: Triple,
     haze: Triple,
-    view: View,
+    view: CameraView,
     lamps: Headlamps,
     start_px: float,
 ) -> None:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
 __all__ = ["draw_lens"]
 
@@ -32,8 +32,8 @@ _VEIL = 0.33
 _SUN_RED, _SUN_GREEN, _SUN_BLUE = 255.0, 206.0, 132.0
 
 
-@inner
-def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: View, air: Air) -> None:
+@inner_only
+def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: CameraView, air: Air) -> None:
     """Draws over `image` (height, width, 3); a function of `tick`, the picture and the camera only.
 
     `faces` (height, width) is 0 where no box is seen: a box hides the sun.
@@ -46,14 +46,14 @@ def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: Vi
         _drops(image, tick, air.drops)
 
 
-@inner
+@inner_only
 def _hash(first: int, second: int) -> int:
     word = (first * 668265263 + second * 374761393) & 0x7FFFFFFFFFFF
     word = ((word ^ (word >> 13)) * 1274126177) & 0x7FFFFFFFFFFF
     return word ^ (word >> 16)
 
 
-@inner
+@inner_only
 def _rain(image: NDArray[np.uint8], tick: int, air: Air) -> None:
     """Thin streaks a little brighter than the horizon."""
     height, width = image.shape[0], image.shape[1]
@@ -69,12 +69,12 @@ def _rain(image: NDArray[np.uint8], tick: int, air: Air) -> None:
             _blend(image, at_row, at_column, red, green, blue, _OPACITY)
 
 
-@inner
+@inner_only
 def _streak(haze: float) -> float:
     return min(0.8 * haze + 85.0, 235.0)
 
 
-@inner
+@inner_only
 def _blend(
     image: NDArray[np.uint8], row: int, column: int, red: float, green: float, blue: float, share: float
 ) -> None:
@@ -83,7 +83,7 @@ def _blend(
     image[row, column, 2] = np.uint8(image[row, column, 2] + (blue - image[row, column, 2]) * share)
 
 
-@inner
+@inner_only
 def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
     """Round drops, each for 2.5 s at its place, that show what is around them upside down."""
     height, width = image.shape[0], image.shape[1]
@@ -113,8 +113,8 @@ def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
                 )
 
 
-@inner
-def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: View, air: Air) -> None:
+@inner_only
+def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: Air) -> None:
     """The disc of the sun and a glow around it, weaker behind something."""
     height, width = image.shape[0], image.shape[1]
     x, y, z = air.disc
@@ -139,7 +139,7 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: View, air: Air) ->
                 _blend(image, row, column, 255.0, 250.0, 226.0, 0.95)
 
 
-@inner
+@inner_only
 def _glow(image: NDArray[np.uint8], faces: NDArray[Any], u: float, v: float, reach: float, strength: float) -> None:
     """Blends the sun's colour in around (u, v), less and less up to `reach` pixels away.
 

@@ -9,15 +9,15 @@ import numpy as np
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, DEPTH, LEVEL
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.sampling import line_classes
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -26,14 +26,14 @@ __all__ = ["measure"]
 _SKY = int(SemanticClass.SKY)
 
 
-@inner
+@inner_only
 def measure(
     canvas: Canvas,
     rows: Floats,
     ground: Floats,
     texels: NDArray[np.uint32],
     levels: Floats,
-    view: View,
+    view: CameraView,
     semantic: NDArray[np.uint8],
     depth: NDArray[np.float32],
     instance: NDArray[np.int32],

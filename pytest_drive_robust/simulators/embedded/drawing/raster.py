@@ -16,13 +16,13 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.faces import NEAR_M, bounds, clip, fill, pick
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
     Triple = tuple[float, float, float]
@@ -35,8 +35,10 @@ _SIDES = 4
 _SQUARE_ON = 0.4
 
 
-@inner
-def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: View) -> int:
+@inner_only
+def draw_faces(
+    canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
+) -> int:
     """Draws boxes into `canvas.faces` and `canvas.nearness`; returns how many rows of `canvas.table` are in use.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
@@ -56,8 +58,8 @@ def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64]
     return used
 
 
-@inner
-def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: View) -> int:
+@inner_only
+def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
     """Fills `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
     order, keys = canvas.order, canvas.keys
     height, width = canvas.faces.shape
@@ -85,7 +87,7 @@ def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view:
     return count
 
 
-@inner
+@inner_only
 def _radius(b: Floats) -> float:
     """Of the sphere around a box."""
     grow = max(-b[box.FRONT], 0.0) + max(-b[box.REAR], 0.0) + 2.0 * max(-b[box.SIDES], 0.0)
@@ -93,7 +95,7 @@ def _radius(b: Floats) -> float:
     return 0.5 * math.sqrt(along * along + wide * wide + high * high)
 
 
-@inner
+@inner_only
 def _wipe(canvas: Canvas) -> None:
     faces, nearness, touched = canvas.faces, canvas.nearness, canvas.touched
     for row in range(faces.shape[0]):
@@ -104,15 +106,15 @@ def _wipe(canvas: Canvas) -> None:
         touched[row, 0], touched[row, 1] = faces.shape[1], 0
 
 
-@inner
-def _to_camera(x: float, y: float, z: float, view: View) -> Triple:
+@inner_only
+def _to_camera(x: float, y: float, z: float, view: CameraView) -> Triple:
     dx, dy, dz = x - view.x_m, y - view.y_m, z - view.z_m
     ahead = dx * view.cos_yaw + dy * view.sin_yaw
     right = dy * view.cos_yaw - dx * view.sin_yaw
     return right, dz * view.cos_pitch - ahead * view.sin_pitch, ahead * view.cos_pitch + dz * view.sin_pitch
 
 
-@inner
+@inner_only
 def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height: int) -> bool:
     """False when a sphere is behind the camera or beside the picture."""
     right, up, forward = middle
@@ -125,9 +127,9 @@ def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height
     return abs(up) - half * forward <= radius * math.sqrt(1.0 + half * half)
 
 
-@inner
+@inner_only
 def _draw_box(
-    canvas: Canvas, used: int, row: int, b: Floats, corners: Floats, seen: Floats, cut: Floats, view: View
+    canvas: Canvas, used: int, row: int, b: Floats, corners: Floats, seen: Floats, cut: Floats, view: CameraView
 ) -> int:
     height, width = canvas.faces.shape
     middle = _to_camera(b[box.X], b[box.Y], b[box.Z] + 0.5 * b[box.HIGH], view)
@@ -165,7 +167,7 @@ def _draw_box(
     return used
 
 
-@inner
+@inner_only
 def _hidden(canvas: Canvas, seen: Floats) -> bool:
     """Whether everything in the rectangle around projected corners is already nearer than the nearest of them."""
     height, width = canvas.faces.shape
@@ -180,8 +182,8 @@ def _hidden(canvas: Canvas, seen: Floats) -> bool:
     return True
 
 
-@inner
-def _place_corners(corners: Floats, b: Floats, middle: Triple, view: View) -> float:
+@inner_only
+def _place_corners(corners: Floats, b: Floats, middle: Triple, view: CameraView) -> float:
     """Fills in the camera coordinates of the eight corners; returns the depth of the nearest."""
     # the box's own axes in camera axes
     ahead = b[box.COS] * view.cos_yaw + b[box.SIN] * view.sin_yaw

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_TEXEL
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
     Walk = tuple[int, int, int, int, int, int, int]
@@ -26,13 +26,13 @@ _ONE, _FOUR, _EIGHT, _TWENTYFOUR = (np.uint64(number) for number in (1, 4, 8, 24
 _OUTSIDE = np.uint64((FAR_TEXEL | (FAR_TEXEL << 24)) & 0x00FF00FF00FF)
 
 
-@inner
+@inner_only
 def add_line(
     sums: NDArray[np.uint64],
     texels: NDArray[np.uint32],
     levels: Floats,
     level: int,
-    view: View,
+    view: CameraView,
     depth: float,
     ahead: float,
     start_px: float,
@@ -55,8 +55,10 @@ def add_line(
                 sums[u] += _OUTSIDE
 
 
-@inner
-def _walks(levels: Floats, level: int, view: View, depth: float, ahead: float, start_px: float) -> tuple[Walk, Walk]:
+@inner_only
+def _walks(
+    levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
+) -> tuple[Walk, Walk]:
     """A line in the texels of `level` and of one that covers the wide region, one step a pixel."""
     step = depth / view.focal_px
     side = (start_px + 0.5) * step
@@ -69,7 +71,7 @@ def _walks(levels: Floats, level: int, view: View, depth: float, ahead: float, s
     return near, near if level >= _WIDE else _line(levels, _WIDE, x, y, dx, dy)
 
 
-@inner
+@inner_only
 def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
     """A walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
     scale = (1 << _FRACTION_BITS) / levels[level, 5]
@@ -85,7 +87,7 @@ def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) 
     )
 
 
-@inner
+@inner_only
 def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
     """The steps of `first`..`end` that lie within the texture: from the first result up to the second."""
     i, j, di, dj, columns, rows, _ = walk
@@ -94,7 +96,7 @@ def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
     return (low, high) if low < high else (end, end)
 
 
-@inner
+@inner_only
 def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[int, int]:
     """The u of `first`..`end` with 0 <= start + u * step < limit."""
     if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
@@ -108,14 +110,14 @@ def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[in
     return max(first, -(start // step)), min(end, -((start - limit) // step))
 
 
-@inner
+@inner_only
 def _spread(texel: np.uint64) -> np.uint64:
     """0xCCBBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
     lanes: np.uint64 = (texel | (texel << _TWENTYFOUR)) & _RED_BLUE_GREEN
     return lanes
 
 
-@inner
+@inner_only
 def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, first: int, end: int) -> None:
     """Adds the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
     i, j, di, dj, columns, _, offset = walk
@@ -135,13 +137,13 @@ def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, fi
         j += dj
 
 
-@inner
+@inner_only
 def line_classes(
     classes: NDArray[np.uint8],
     texels: NDArray[np.uint32],
     levels: Floats,
     level: int,
-    view: View,
+    view: CameraView,
     depth: float,
     ahead: float,
 ) -> None:
@@ -158,7 +160,7 @@ def line_classes(
             classes[u] = FAR_TEXEL >> 24
 
 
-@inner
+@inner_only
 def _class_at(texels: NDArray[np.uint32], walk: Walk, u: int) -> int:
     i, j, di, dj, columns, _, offset = walk
     half = 1 << (_FRACTION_BITS - 1)

@@ -9,7 +9,6 @@ import numpy as np
 
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     FLOOR_M,
     SILL_M,
@@ -19,13 +18,14 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     ribs,
     stripes,
 )
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
     Floats = NDArray[np.float64]
     Packed = NDArray[np.uint32]
@@ -47,9 +47,9 @@ _WINDOW, _LIT_WINDOW = (52.0, 66.0, 84.0), (250.0, 205.0, 120.0)
 _GRAZING = 0.05
 
 
-@inner
+@inner_only
 def draw_pixels(
-    canvas: Canvas, rows: Floats, view: View, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
+    canvas: Canvas, rows: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
     """Fills `canvas.colours` wherever a face is seen.
 
@@ -98,8 +98,10 @@ def draw_pixels(
                 first = last
 
 
-@inner
-def _light_face(entry: Floats, b: Floats, view: View, air: Air, lamps: Headlamps, clear: NDArray[np.float32]) -> None:
+@inner_only
+def _light_face(
+    entry: Floats, b: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
+) -> None:
     """Fills in the columns of a row of the table from PACKED on."""
     side, material = int(entry[face.SIDE]), b[box.MATERIAL]
     x, y, z = _outward(b, side)
@@ -125,7 +127,7 @@ def _light_face(entry: Floats, b: Floats, view: View, air: Air, lamps: Headlamps
         entry[face.PACKED] = packed
 
 
-@inner
+@inner_only
 def _outward(b: Floats, side: int) -> Triple:
     """The normal of a face in world axes; drawn-in tops lean the sides back."""
     if side >= _SIDES:
@@ -140,8 +142,8 @@ def _outward(b: Floats, side: int) -> Triple:
     return x * level, y * level, lean / size
 
 
-@inner
-def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: View) -> None:
+@inner_only
+def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraView) -> None:
     """Fills in how metres along a patterned face follow from places in the picture."""
     half_length, half_width = 0.5 * b[box.ALONG], 0.5 * b[box.WIDE]
     # the face's first corner and the way to its second, in the box's axes
@@ -163,7 +165,7 @@ def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: View) ->
     entry[face.DISTANCE_M] = abs(dx * normal[0] + dy * normal[1] + (view.z_m - b[box.Z]) * normal[2])
 
 
-@inner
+@inner_only
 def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
     """What the air lets through from a place so far away; of a lamp it lets through more."""
     steps = min(CLEAR_STEPS_PER_M * depth_m, float(len(clear) - 1))
@@ -171,7 +173,7 @@ def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
     return left + (1.0 - left) * _LAMP_THROUGH_HAZE * glow
 
 
-@inner
+@inner_only
 def _shade(x: float, y: float, z: float, b: Floats, air: Air, lamps: Headlamps) -> tuple[float, float]:
     """Sun and sky on a face whose normal is (x, y, z), and the ego's headlamps on it."""
     sun = x * air.sun[0] + y * air.sun[1] + z * air.sun[2]
@@ -188,7 +190,7 @@ def _shade(x: float, y: float, z: float, b: Floats, air: Air, lamps: Headlamps) 
     return shade, lamps.strength * min(beam * 1.6, 1.0) * facing / (1.0 + (forward / 24.0) ** 2)
 
 
-@inner
+@inner_only
 def _draw_run(
     colours: Packed,
     nearness: NDArray[np.float32],
@@ -235,7 +237,7 @@ def _draw_run(
         facade(colours, nearness, place, np.float32(pixels_per_m), own, window, shining, haze, through, seed, night)
 
 
-@inner
+@inner_only
 def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
     """Whether a run that goes from one height to another meets no window."""
     phase, other = (up_m - SILL_M) * _PER_FLOOR, (other_m - SILL_M) * _PER_FLOOR
@@ -244,7 +246,7 @@ def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
     return min(phase, other) > WINDOW_HIGH + edge and max(phase, other) < 1.0 - edge
 
 
-@inner
+@inner_only
 def _lit(entry: Floats, air: Air, colour: Triple) -> Triple:
     """Another colour in the light of a face."""
     shade, extra = entry[face.LIGHT], entry[face.EXTRA]
@@ -255,7 +257,7 @@ def _lit(entry: Floats, air: Air, colour: Triple) -> Triple:
     )
 
 
-@inner
+@inner_only
 def _lit_window(entry: Floats, air: Air) -> Triple:
     dark, shining = _lit(entry, air, _LIT_WINDOW), _LIT_WINDOW
     return (
@@ -265,7 +267,7 @@ def _lit_window(entry: Floats, air: Air) -> Triple:
     )
 
 
-@inner
+@inner_only
 def pack_pixels(words: Packed, colours: Packed) -> None:
     """Colours 0x00BBGGRR (height, width) as bytes red, green, blue, without gaps, in `words` (little-endian)."""
     flat = colours.reshape(-1)

@@ -9,14 +9,14 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -29,16 +29,16 @@ _MARGIN_M = 0.12
 _CAST_HEIGHT = 0.85
 
 
-@inner
-def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: View, air: Air) -> None:
+@inner_only
+def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView, air: Air) -> None:
     """Darkens the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
     for k in range(len(actors)):
         if actors[k, _KIND] != _BUILDING and actors[k, _KIND] != _DIRT:
             _shadow(canvas, rows, actors[k], view, air)
 
 
-@inner
-def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -> None:
+@inner_only
+def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: Air) -> None:
     """Darkens what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
@@ -79,8 +79,8 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: View, air: Air) -
                 colours[row, column] = red_blue | green
 
 
-@inner
-def row_of(ahead_m: float, view: View, height: int) -> int:
+@inner_only
+def row_of(ahead_m: float, view: CameraView, height: int) -> int:
     """The row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
     if forward < 0.01:
@@ -89,7 +89,7 @@ def row_of(ahead_m: float, view: View, height: int) -> int:
     return int(min(max(0.5 * height - view.focal_px * up / forward, 0.0), height - 1.0))
 
 
-@inner
+@inner_only
 def _slab(start: float, slope: float, lowest: float, highest: float, low: float, high: float) -> tuple[float, float]:
     """The part of `low`..`high` where lowest <= start + slope * x <= highest (low > high: none)."""
     if abs(slope) < 1e-9:

@@ -10,8 +10,8 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
-from pytest_drive_robust.simulators.embedded.drawing.jit import inner
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
+from pytest_drive_robust.simulators.embedded.jit import inner_only
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.truth import Lane, LaneMap
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
     Floats = NDArray[np.float64]
 
@@ -109,8 +109,8 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
     return boxes
 
 
-@inner
-def draw_pools(canvas: Canvas, places: Floats, view: View, haze_per_m: float, strength: float) -> None:
+@inner_only
+def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
     """Brightens the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
 
     What is bright already gains less: no place burns out.
@@ -138,7 +138,7 @@ def draw_pools(canvas: Canvas, places: Floats, view: View, haze_per_m: float, st
                 _pool_row(colours[row], faces[row], forward, aside, depth / view.focal_px, gain)
 
 
-@inner
+@inner_only
 def _pool_row(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], forward_m: float, aside_m: float, pixel_m: float, gain: float
 ) -> None:
@@ -154,7 +154,7 @@ def _pool_row(
     _lighten(colours[first : last + 1], faces[first : last + 1], nearest, start, np.float32(pixel_m), np.float32(gain))
 
 
-@inner
+@inner_only
 def _lighten(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], nearest: float, start: float, step: float, gain: float
 ) -> None:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.drawing.jit import entry, inner, sources_digest
+from pytest_drive_robust.domain import truth
+from pytest_drive_robust.simulators.embedded import drawing, jit, semantics
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
+from pytest_drive_robust.simulators.embedded.jit import entry, inner_only, sources_digest
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -54,7 +56,7 @@ FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
 
 @dataclass(frozen=True, slots=True)
 class GroundTexture:
-    """Ground colours, ready for the kernels.
+    """CameraGround colours, ready for the kernels.
 
     `texels` is flat uint32, 0xCCBBGGRR, all levels one after the other; CC is the `SemanticClass`. `levels` is (n, 6)
     float64: first texel, columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are
@@ -176,7 +178,7 @@ def _pack_for(sources: int) -> Callable[..., Packed]:
     return pack
 
 
-@inner
+@inner_only
 def _frequent(picture: Packed, i: int, j: int) -> int:
     """The most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
     best, most = 0, 0
@@ -223,7 +225,9 @@ def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
     return content.digest()
 
 
-_pack = _pack_for(sources_digest())
+_SOURCES = sources_digest(jit, drawing, semantics, truth)
+
+_pack = _pack_for(_SOURCES)
 """The colours of a sheet."""
-_halved = _halve_for(sources_digest())
+_halved = _halve_for(_SOURCES)
 """Each 2 x 2 block of texels averaged, channels rounded to nearest; of the classes the most frequent stays."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import CameraSpec
 
-__all__ = ["Headlamps", "View"]
+__all__ = ["CameraView", "Headlamps"]
 
 _LOWEST_M = 0.05
 
 
-class View(NamedTuple):
+class CameraView(NamedTuple):
     """A camera in the world: metres, radians (yaw clockwise from east, pitch up), focal length in pixels.
 
     Sines and cosines are kept beside the angles: the kernels need them for every corner.
@@ -34,7 +34,7 @@ class View(NamedTuple):
     sin_pitch: float
 
     @classmethod
-    def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> View:
+    def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
         """The view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)

@@ -1,1 +1,1 @@
-"""The world's tick, compiled. `entry` is what Python calls; the other rooms are compiled into it."""
+"""The tick of the world, compiled. Python calls `entry_points`; the other modules are compiled into them."""

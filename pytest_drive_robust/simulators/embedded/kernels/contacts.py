@@ -7,7 +7,7 @@ import math
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["contacts", "overlap"]
@@ -59,7 +59,7 @@ def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i
     if i >= 0:
         kind = state.actor_ints[i, c.I_KIND]
         # who sees late and touches an ego that stands scrapes past: stopping there would block both for ever
-        if v >= STANDING_MPS or state.actor_ints[i, c.I_BLIND] != c.SEES_LATE:
+        if v >= STANDING_MPS or state.actor_ints[i, c.I_SEES] != c.SEES_LATE:
             state.actor_ints[i, c.I_STUN] = STUN_TICKS
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
             state.actor_ints[i, c.I_SOLID] = 0

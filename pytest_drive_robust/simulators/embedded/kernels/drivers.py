@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorState, LightState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.scripts import run_script
 from pytest_drive_robust.simulators.embedded.state import State, Statics
@@ -111,9 +111,9 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
     if actor[c.A_SYNC_M] > 0.0:
         return _abreast(actor, state.ego)
     gap, leader_v = math.inf, 0.0
-    if whole[c.I_BLIND] != c.SEES_NOBODY:
+    if whole[c.I_SEES] != c.SEES_NOBODY:
         notices_m = notices_mps = math.inf
-        if whole[c.I_BLIND] == c.SEES_LATE:
+        if whole[c.I_SEES] == c.SEES_LATE:
             notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
         path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
         gap, leader_v = _leader(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import LightState
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
 __all__ = ["set_lights"]

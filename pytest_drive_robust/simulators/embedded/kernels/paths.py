@@ -1,4 +1,4 @@
-"""Places along the lines that actors follow."""
+"""RoutePlaces along the lines that actors follow."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.simulators.embedded.kernels.jit import inner
+from pytest_drive_robust.simulators.embedded.jit import inner
 
 __all__ = ["path_pose"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.map import follow, join
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
     RED_S,
     end_behind_junction,
     meeting_point,
     route_flow,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.signals import GREEN, red_then_green
 from pytest_drive_robust.simulators.embedded.stage import Stage
 

@@ -6,16 +6,17 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{parking_cut_in,route_ob
 from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded.actors import Script
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
 from pytest_drive_robust.simulators.embedded.geometry import project
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     KMH,
     ahead,
     right_hand,
     rolling_start,
     scenery,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
 
@@ -43,8 +44,9 @@ def parking_cut_in(stage: Stage) -> None:
     stage.stand(ActorKind.VAN, at - 7.0, kerb)
     for k in range(1, 4):
         stage.stand(ActorKind.CAR, at + 14.0 + 9.0 * k, kerb)
-    cutter = stage.drive(
-        ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), 0.0, right_m=kerb, lateral_mps=1.8, accel_mps2=2.5
+    start_m = stage.on_ego_path(at)
+    cutter = stage.cast.add(
+        ActorSpec(ActorKind.CAR, stage.ego_path, start_m, right_m=kerb, lateral_mps=1.8, accel_mps2=2.5)
     )
     stage.cast.script(
         cutter,
@@ -72,9 +74,11 @@ def static_cut_in(stage: Stage) -> None:
     beside = stage.lane_width_m if _stands_right(stage) else -stage.lane_width_m
     for k in _ROW:
         stage.stand(ActorKind.CAR if k % 2 else ActorKind.VAN, at + _ROW_STEP_M * k, beside)
-    cutter = stage.drive(
-        ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), 0.0, right_m=beside, lateral_mps=2.0, accel_mps2=3.0,
-        blind=True,
+    cutter = stage.cast.add(
+        ActorSpec(
+            ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), right_m=beside, lateral_mps=2.0, accel_mps2=3.0,
+            sees=c.SEES_NOBODY,
+        )
     )  # fmt: skip
     stage.cast.script(cutter, Arrival(2.7, 15.0), Script(60.0 * KMH), at=stage.spot(at))
     scenery(stage)
@@ -97,9 +101,11 @@ def highway_cut_in(stage: Stage) -> None:
     """
     at = _merges_ahead_m(stage)
     width = _side_of_other(stage) * stage.lane_width_m
-    cutter = stage.drive(
-        ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0), rolling_start(stage), right_m=width,
-        lateral_mps=stage.lane_width_m / 2.0, sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
+    cutter = stage.cast.add(
+        ActorSpec(
+            ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0), rolling_start(stage), right_m=width,
+            lateral_mps=stage.lane_width_m / 2.0, sync_m=10.0 + 4.8, accel_mps2=5.0, background=True,
+        )
     )  # fmt: skip
     stage.cast.script(
         cutter,

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     ahead,
     oncoming_gaps,
     right_hand,
@@ -21,6 +21,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
     side_traffic,
     speed,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -116,7 +117,7 @@ def invading_turn(stage: Stage) -> None:
     path = _pushed_aside(stage, far, stage.lane_width_m / 2.0 + over)
     stage.flow(
         path, speed_mps=0.7 * stage.speed_limit_mps, gap_m=(36.0, 44.0), background=True, kinds=(ActorKind.CAR,),
-        blind=True,
+        sees=c.SEES_NOBODY,
     )  # fmt: skip
     for k in range(int((far - 25.0) / _CONE_STEP_M) + 1):
         stage.stand(ActorKind.CONE, 22.0 + _CONE_STEP_M * k, -(stage.lane_width_m / 2.0 + 1.3))
@@ -148,8 +149,8 @@ def _bicycles(stage: Stage) -> float:
     edge = right_hand(stage) * _BICYCLE_SHIFT * stage.lane_width_m / 2.0
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
-        bicycle = stage.drive(
-            ActorKind.BICYCLE, stage.ego_path, start, 0.0, target_mps=ride, right_m=edge, end_m=start + drive
+        bicycle = stage.cast.add(
+            ActorSpec(ActorKind.BICYCLE, stage.ego_path, start, target_mps=ride, right_m=edge, end_m=start + drive)
         )
         stage.cast.script(bicycle, stage.passing(0.0), stage.ride(ride, edge))
     return at + 9.0 + drive

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.map import follow, join
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import route_end_ahead_m, route_flow
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = [

@@ -6,9 +6,9 @@ Source: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py` (`Interurb
 
 from __future__ import annotations
 
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.highway import flow_in_last_lane
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, route_flow
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["interurban_actor_flow", "interurban_advanced_actor_flow"]

@@ -8,7 +8,8 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.signals import Program, red_then_green
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.signals import Program, green_then_red, red_then_green
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = [
@@ -55,7 +56,7 @@ def route_flow(
     )
     speed = stage.spec.number("flow_speed", sum(speed_mps) / 2.0)
     dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + _DENSE_S * speed
-    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, late=True, dense_m=dense_m)
+    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_LATE, dense_m=dense_m)
 
 
 def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
@@ -71,8 +72,9 @@ def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), li
             break
         with suppress(RouteError):  # a junction of three arms lacks one of them
             stage.flow(
-                stage.from_arm(bearing), speed_mps=speed, gap_m=gap_m, background=True, obeys_lights=lights, late=True
-            )
+                stage.from_arm(bearing), speed_mps=speed, gap_m=gap_m, background=True, obeys_lights=lights,
+                sees=c.SEES_LATE,
+            )  # fmt: skip
             crossed = True
 
 
@@ -85,15 +87,7 @@ def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:
 def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_S) -> None:
     """Green along the ego's road, then red, during which the crossing road has its green, then green again."""
     red_at = green_s + _YELLOW_S
-    own = Program(
-        LightState.GREEN,
-        (
-            (LightState.GREEN, green_s),
-            (LightState.YELLOW, red_at),
-            (LightState.RED, red_at + red_s),
-            (LightState.GREEN, np.inf),
-        ),
-    )
+    own = green_then_red(green_s, red_s)
     between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, 2.0 * _ALL_RED_S))
     stage.lights(ego=own, opposite=own, crossing=between)
 

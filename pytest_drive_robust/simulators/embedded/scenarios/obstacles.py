@@ -6,133 +6,47 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{route_obstacles,constru
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import (
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     ahead,
     oncoming_gaps,
     right_hand,
     side_traffic,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = [
-    "accident",
-    "accident_two_ways",
-    "construction_obstacle",
-    "construction_obstacle_two_ways",
-    "parked_obstacle",
-    "parked_obstacle_two_ways",
-]
+__all__: list[str] = []
 
+Metres = tuple[float, float]
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
 """How far to the right they stand, in halves of the lane."""
 _PASSED_M = 20.0
 """The scenario is over so many metres behind the last thing."""
 
 
-@scenario(
-    "Accident",
-    sites=(
-        Site("Avenue", "road.f1", (115.0, 135.0)),
-        Site("OneWayStreet", "road.f1", (115.0, 135.0)),
-        Site("ParkingAvenue", "road.b1", (115.0, 135.0)),
-    ),
-    parameters={"distance": (40.0, 44.0), "speed": (53.0, 57.0)},
-    blocked_test_off=True,
-)
-def accident(stage: Stage) -> None:
-    """A police car and two crashed cars; the lane to the left is in use."""
-    side_traffic(stage, 55.0)
-    stage.end_m = stage.trigger_m + _crashed_cars(stage) + _PASSED_M
+@dataclass(frozen=True, slots=True)
+class _Obstacle:
+    """Something in the ego's lane, and who is in the way of driving around it.
 
+    `put` places it and returns the metres from the trigger to its end. The lane to the left is in use at `side_kmh`, or
+    cars come the other way with gaps of `oncoming_m`.
+    """
 
-@scenario(
-    "AccidentTwoWays",
-    sites=(
-        Site("Street", "road.f0", (112.0, 132.0)),
-        Site("RuralRoad", "road.f0", (120.0, 140.0)),
-        Site("ParkingStreet", "road.b0", (112.0, 132.0)),
-    ),
-    parameters={"distance": (40.0, 44.0)},
-    intervals={"frequency": (32.0, 184.0)},
-    blocked_test_off=True,
-    two_ways=True,
-)
-def accident_two_ways(stage: Stage) -> None:
-    """A police car and two crashed cars; the way around them is the oncoming lane."""
-    oncoming_gaps(stage, (32.0, 184.0))
-    stage.end_m = stage.trigger_m + _crashed_cars(stage) + _PASSED_M
+    put: Callable[[Stage], float]
+    side_kmh: float | None = None
+    oncoming_m: Metres | None = None
 
-
-@scenario(
-    "ConstructionObstacle",
-    sites=(
-        Site("Avenue", "road.f1", (128.0, 145.0)),
-        Site("Highway", "road.f2", (130.0, 150.0)),
-        Site("OneWayStreet", "road.f1", (128.0, 145.0)),
-    ),
-    parameters={"distance": (40.0, 45.0), "speed": (47.0, 55.0)},
-    blocked_test_off=True,
-)
-def construction_obstacle(stage: Stage) -> None:
-    """A building site fills the lane; the lane to the left is in use."""
-    side_traffic(stage, 50.0)
-    stage.end_m = stage.trigger_m + _building_site(stage) + _PASSED_M
-
-
-@scenario(
-    "ConstructionObstacleTwoWays",
-    sites=(
-        Site("Street", "road.b0", (118.0, 136.0)),
-        Site("ParkingStreet", "road.f0", (118.0, 136.0)),
-        Site("RuralRoad", "road.b0", (125.0, 145.0)),
-    ),
-    parameters={"distance": (40.0, 45.0)},
-    intervals={"frequency": (43.0, 200.0)},
-    blocked_test_off=True,
-    two_ways=True,
-)
-def construction_obstacle_two_ways(stage: Stage) -> None:
-    """A building site fills the lane; the way around it is the oncoming lane."""
-    oncoming_gaps(stage, (43.0, 200.0))
-    stage.end_m = stage.trigger_m + _building_site(stage) + _PASSED_M
-
-
-@scenario(
-    "ParkedObstacle",
-    sites=(
-        Site("Avenue", "road.f1", (125.0, 145.0)),
-        Site("OneWayStreet", "road.f1", (125.0, 145.0)),
-        Site("ParkingAvenue", "road.f1", (125.0, 145.0)),
-    ),
-    parameters={"distance": (40.0, 43.0), "speed": (40.0, 59.0)},
-    blocked_test_off=True,
-)
-def parked_obstacle(stage: Stage) -> None:
-    """A badly parked car with its hazard lights on; the lane to the left is in use."""
-    side_traffic(stage, 50.0)
-    stage.end_m = stage.trigger_m + _badly_parked_car(stage) + _PASSED_M
-
-
-@scenario(
-    "ParkedObstacleTwoWays",
-    sites=(
-        Site("Street", "road.f0", (112.0, 132.0)),
-        Site("ParkingStreet", "road.f0", (112.0, 132.0)),
-        Site("RuralRoad", "road.f0", (120.0, 140.0)),
-    ),
-    parameters={"distance": (40.0, 43.0)},
-    intervals={"frequency": (31.0, 151.0)},
-    blocked_test_off=True,
-    two_ways=True,
-)
-def parked_obstacle_two_ways(stage: Stage) -> None:
-    """A badly parked car with its hazard lights on; the way around it is the oncoming lane."""
-    oncoming_gaps(stage, (31.0, 151.0))
-    stage.end_m = stage.trigger_m + _badly_parked_car(stage) + _PASSED_M
+    def build(self, stage: Stage) -> None:
+        """Put the traffic and the obstacle on the stage."""
+        if self.side_kmh is not None:
+            side_traffic(stage, self.side_kmh)
+        if self.oncoming_m is not None:
+            oncoming_gaps(stage, self.oncoming_m)
+        stage.end_m = stage.trigger_m + self.put(stage) + _PASSED_M
 
 
 def _crashed_cars(stage: Stage) -> float:
@@ -159,8 +73,87 @@ def _building_site(stage: Stage) -> float:
 
 
 def _badly_parked_car(stage: Stage) -> float:
-    """A car that reaches into the lane; metres from the trigger to it."""
+    """A badly parked car that reaches into the lane, hazard lights on; metres from the trigger to it."""
     at = ahead(stage, 41.0)
-    car = stage.stand(ActorKind.CAR, at, right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0)
-    stage.cast.ints[car][c.I_STATE] = int(ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
+    right_m = right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0
+    stage.stand(ActorKind.CAR, at, right_m, state=ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
     return at
+
+
+def _one_way(
+    name: str,
+    put: Callable[[Stage], float],
+    *rows: tuple[str, str, Metres],
+    side_kmh: float,
+    distance_m: Metres,
+    speed_kmh: Metres,
+) -> None:
+    """Register a type where the lane to the left is in use; `rows` are town style, chain and length of the route."""
+    scenario(
+        name,
+        sites=tuple(Site(*row) for row in rows),
+        parameters={"distance": distance_m, "speed": speed_kmh},
+        blocked_test_off=True,
+    )(_Obstacle(put, side_kmh=side_kmh).build)
+
+
+def _two_ways(
+    name: str,
+    put: Callable[[Stage], float],
+    *rows: tuple[str, str, Metres],
+    oncoming_m: Metres,
+    distance_m: Metres,
+) -> None:
+    """Register a type where the way around is the oncoming lane."""
+    scenario(
+        name,
+        sites=tuple(Site(*row) for row in rows),
+        parameters={"distance": distance_m},
+        intervals={"frequency": oncoming_m},
+        blocked_test_off=True,
+        two_ways=True,
+    )(_Obstacle(put, oncoming_m=oncoming_m).build)
+
+
+_one_way(
+    "Accident", _crashed_cars,
+    ("Avenue", "road.f1", (115.0, 135.0)),
+    ("OneWayStreet", "road.f1", (115.0, 135.0)),
+    ("ParkingAvenue", "road.b1", (115.0, 135.0)),
+    side_kmh=55.0, distance_m=(40.0, 44.0), speed_kmh=(53.0, 57.0),
+)  # fmt: skip
+_two_ways(
+    "AccidentTwoWays", _crashed_cars,
+    ("Street", "road.f0", (112.0, 132.0)),
+    ("RuralRoad", "road.f0", (120.0, 140.0)),
+    ("ParkingStreet", "road.b0", (112.0, 132.0)),
+    oncoming_m=(32.0, 184.0), distance_m=(40.0, 44.0),
+)  # fmt: skip
+_one_way(
+    "ConstructionObstacle", _building_site,
+    ("Avenue", "road.f1", (128.0, 145.0)),
+    ("Highway", "road.f2", (130.0, 150.0)),
+    ("OneWayStreet", "road.f1", (128.0, 145.0)),
+    side_kmh=50.0, distance_m=(40.0, 45.0), speed_kmh=(47.0, 55.0),
+)  # fmt: skip
+_two_ways(
+    "ConstructionObstacleTwoWays", _building_site,
+    ("Street", "road.b0", (118.0, 136.0)),
+    ("ParkingStreet", "road.f0", (118.0, 136.0)),
+    ("RuralRoad", "road.b0", (125.0, 145.0)),
+    oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0),
+)  # fmt: skip
+_one_way(
+    "ParkedObstacle", _badly_parked_car,
+    ("Avenue", "road.f1", (125.0, 145.0)),
+    ("OneWayStreet", "road.f1", (125.0, 145.0)),
+    ("ParkingAvenue", "road.f1", (125.0, 145.0)),
+    side_kmh=50.0, distance_m=(40.0, 43.0), speed_kmh=(40.0, 59.0),
+)  # fmt: skip
+_two_ways(
+    "ParkedObstacleTwoWays", _badly_parked_car,
+    ("Street", "road.f0", (112.0, 132.0)),
+    ("ParkingStreet", "road.f0", (112.0, 132.0)),
+    ("RuralRoad", "road.f0", (120.0, 140.0)),
+    oncoming_m=(31.0, 151.0), distance_m=(40.0, 43.0),
+)  # fmt: skip

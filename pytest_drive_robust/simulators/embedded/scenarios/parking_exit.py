@@ -6,9 +6,9 @@ Source: Bench2Drive `scenario_runner/srunner/scenarios/parking_exit.py`.
 from __future__ import annotations
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import right_hand, scenery
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import right_hand, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["parking_exit"]
@@ -43,9 +43,11 @@ def parking_exit(stage: Stage) -> None:
         stage.stand(ActorKind.CAR, -behind - _ROW_STEP_M * k, kerb)
     cruise = 0.7 * stage.speed_limit_mps
     lane = stage.own()
-    stage.drive(
-        ActorKind.CAR, lane, stage.along(lane, -stage.trigger_m), 0.0, target_mps=cruise, background=True,
-        end_m=stage.length_m(lane), at_end=c.AT_END_LEAVE,
+    stage.cast.add(
+        ActorSpec(
+            ActorKind.CAR, lane, stage.along(lane, -stage.trigger_m), target_mps=cruise, background=True,
+            end_m=stage.length_m(lane), leaves=True,
+        )
     )  # fmt: skip
     gap = max(stage.spec.number("flow_distance", 25.0), 12.0)
     stage.flow(lane, speed_mps=cruise, gap_m=(gap, 1.3 * gap), background=True)

@@ -11,9 +11,9 @@ from contextlib import suppress
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import Script
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, meeting_point
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
@@ -71,10 +71,11 @@ def _take_priority(stage: Stage, kind: ActorKind) -> None:
     """A car waits so far from where the ways meet that it gets there together with an ego that does not react."""
     path, ahead_m, meets_m = _way(stage)
     start_m = meets_m - _reach_m(_TTA_S)
-    runner = stage.drive(
-        kind, path, start_m, 0.0, target_mps=0.0, accel_mps2=_ACCEL_MPS2, blind=True,
-        end_m=stage.length_m(path), at_end=c.AT_END_LEAVE,
-    )  # fmt: skip
+    runner = stage.cast.add(
+        ActorSpec(
+            kind, path, start_m, accel_mps2=_ACCEL_MPS2, sees=c.SEES_NOBODY, end_m=stage.length_m(path), leaves=True
+        )
+    )
     stage.cast.script(runner, Arrival(_TTA_S, _WITHIN_M), Script(_SPEED_MPS), at=stage.spot(ahead_m))
 
 

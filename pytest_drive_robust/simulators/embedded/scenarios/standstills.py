@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, Script
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Script
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import rolling_start, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -39,7 +38,7 @@ def blocked_intersection(stage: Stage) -> None:
     at = stage.exit_ahead_m() + 5.0 + SIZES_M[ActorKind.VAN][0] / 2.0
     entry = stage.spot(stage.junction_ahead_m() - 9.0)
     cruise = 0.8 * stage.speed_limit_mps
-    blocker = stage.drive(ActorKind.VAN, stage.ego_path, stage.on_ego_path(at), 0.0, at_end=c.AT_END_LEAVE)
+    blocker = stage.cast.add(ActorSpec(ActorKind.VAN, stage.ego_path, stage.on_ego_path(at), leaves=True))
     near = Arrival(0.0, max(13.0, math.dist(entry, stage.spot(at))))
     stage.cast.script(blocker, near, Script(cruise, delay_s=_STOP_S), at=stage.spot(at))
     stage.green_for_ego()
@@ -64,16 +63,13 @@ def hard_brake(stage: Stage) -> None:
     start = rolling_start(stage)
     apart = 15.0 + 0.8 * start
     for k in range(2):
-        leader = stage.drive(
-            ActorKind.CAR if k else ActorKind.VAN,
-            stage.ego_path,
-            stage.on_ego_path(1.0 + apart * (k + 1) - stage.trigger_m),
-            max(start, 2.0),
-            target_mps=cruise,
-            leash=True,
-            background=True,
-            brake_mps2=7.5,
-        )
+        start_m = stage.on_ego_path(1.0 + apart * (k + 1) - stage.trigger_m)
+        leader = stage.cast.add(
+            ActorSpec(
+                ActorKind.CAR if k else ActorKind.VAN, stage.ego_path, start_m, max(start, 2.0), target_mps=cruise,
+                leash=True, background=True, brake_mps2=7.5,
+            )
+        )  # fmt: skip
         stage.cast.script(leader, stage.passing(18.0), Script(0.0, seconds=_STOP_S, after_mps=cruise))
     scenery(stage)
     stage.end_m = stage.dense.length_m - 10.0

@@ -9,9 +9,8 @@ from contextlib import suppress
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import Script
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Passing
 
@@ -33,9 +32,11 @@ _AHEAD_M = (25.0, 95.0)
 def yield_to_emergency_vehicle(stage: Stage) -> None:
     """An emergency vehicle closes in from behind in the left lane; let it past within ten seconds."""
     distance = stage.spec.number("distance", 28.0)
-    stage.emergency_actor = stage.drive(
-        ActorKind.EMERGENCY, stage.ego_path, stage.on_ego_path(-distance), 0.0, target_mps=stage.speed_limit_mps,
-        accel_mps2=4.0, brake_mps2=8.0, appears=True,
+    stage.emergency_actor = stage.cast.add(
+        ActorSpec(
+            ActorKind.EMERGENCY, stage.ego_path, stage.on_ego_path(-distance), target_mps=stage.speed_limit_mps,
+            accel_mps2=4.0, brake_mps2=8.0, appears=True,
+        )
     )  # fmt: skip
     stage.cast.script(stage.emergency_actor, Passing(stage.trigger_m), Script(25.0, relative=2))
     cruise = 0.8 * stage.speed_limit_mps
@@ -44,6 +45,7 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
     right = stage.beside("right")
     for ahead_m in _AHEAD_M:
         at_m = stage.along(right, ahead_m)
-        stage.drive(ActorKind.CAR, right, at_m, cruise, end_m=stage.length_m(right), at_end=c.AT_END_LEAVE,
-                    background=True)  # fmt: skip
+        stage.cast.add(
+            ActorSpec(ActorKind.CAR, right, at_m, cruise, end_m=stage.length_m(right), leaves=True, background=True)
+        )
     stage.end_m = stage.dense.length_m

@@ -14,11 +14,11 @@ import numpy as np
 
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.towns import crossings, motorways, streets
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, Control, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.grid import grid
 from pytest_drive_robust.simulators.embedded.towns.roundabout import roundabout
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, LaneKey, Town
 
-__all__ = ["STYLES", "Arm", "Control", "LaneKey", "Town", "build_town"]
+__all__ = ["STYLES", "Arm", "JunctionControl", "LaneKey", "Town", "build_town"]
 
 STYLES: dict[str, Callable[[Town, np.random.Generator], None]] = {
     "Street": streets.street,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind
 from pytest_drive_robust.simulators.embedded.geometry import place
-from pytest_drive_robust.simulators.embedded.towns.base import Town
+from pytest_drive_robust.simulators.embedded.towns.town import Town
 
 __all__ = ["draw_buildings"]
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import chains_through, connect, draw_arms
 from pytest_drive_robust.simulators.embedded.towns.pieces import piece
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
 
 __all__ = ["bike_crossing", "crossing", "rural_crossing", "rural_tee", "tee"]
 

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, LaneKey, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import Connection, connect, crosswalk
 from pytest_drive_robust.simulators.embedded.towns.pieces import road
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, LaneKey, Section, Town
 
 __all__ = ["grid"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, Control, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, LaneKey, Town
 
 __all__ = ["Connection", "chains_through", "connect", "control_of", "crosswalk", "draw_arms", "turn_between"]
 
@@ -94,11 +94,11 @@ def chains_through(town: Town, connections: list[Connection]) -> None:
         ]
 
 
-def control_of(arm: Arm, lane: LaneKey, what: str) -> Control:
+def control_of(arm: Arm, lane: LaneKey, what: str) -> JunctionControl:
     """A light stands in the far corner, halfway round the kerb along which cars turn right."""
     edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
     aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M
-    return Control(lane, what, arm.box_m + edge + aside, aside)
+    return JunctionControl(lane, what, arm.box_m + edge + aside, aside)
 
 
 def _may_turn(turn: str, lane: int, lanes: int) -> bool:

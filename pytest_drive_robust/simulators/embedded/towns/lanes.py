@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind, StopLine
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
-from pytest_drive_robust.simulators.embedded.towns.base import Control, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.road_library import CircularLane, StraightLane
+from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 
 __all__ = ["draw_lanes", "stop_lines"]
@@ -113,7 +113,7 @@ def stop_lines(town: Town, lanes: tuple[Lane, ...]) -> tuple[StopLine, ...]:
     return tuple(_stop_line(k, lanes[index[control.lane]], control, lanes) for k, control in enumerate(town.controls))
 
 
-def _stop_line(k: int, lane: Lane, control: Control, lanes: tuple[Lane, ...]) -> StopLine:
+def _stop_line(k: int, lane: Lane, control: JunctionControl, lanes: tuple[Lane, ...]) -> StopLine:
     length = arc_lengths(lane.centre)[-1]
     x, y, heading = place(lane.centre, length - _STOP_BEFORE_END_M)
     edge = lane.width_m / 2.0 + _to_kerb_m(lanes, lane)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.towns.base import Pose, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import Piece, beside, retreat, road
+from pytest_drive_robust.simulators.embedded.towns.town import Pose, Section, Town
 
 __all__ = ["entry_ramp", "exit_ramp"]
 

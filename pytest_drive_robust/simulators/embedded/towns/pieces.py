@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.base import LaneKey, Pose, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.road_library import (
     AbstractLane,
     CircularLane,
     LineType,
     StraightLane,
 )
+from pytest_drive_robust.simulators.embedded.towns.town import LaneKey, Pose, Section, Town
 
 __all__ = ["Piece", "advance", "beside", "draw_strips", "piece", "retreat", "road", "winding"]
 

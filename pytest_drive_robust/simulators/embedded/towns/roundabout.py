@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, LaneKey, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, retreat
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, LaneKey, Section, Town
 
 __all__ = ["roundabout"]
 

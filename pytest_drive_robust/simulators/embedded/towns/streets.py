@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import road, winding
+from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
 
 __all__ = [
     "avenue",

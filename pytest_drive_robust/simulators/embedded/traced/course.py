@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, smoothed
 
-__all__ = ["Course", "Shift", "read_course"]
+__all__ = ["RouteCourse", "Shift", "read_course"]
 
 Floats = NDArray[np.float64]
 _GAP_M = 7.0
@@ -35,7 +35,7 @@ class Shift:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class RouteCourse:
     """`before` and `after` lie on both sides of the main stretch without waypoints; without one, `after` is None.
 
     `shifts` are the lane changes that were taken out of `before`, which then is one lane from end to end.
@@ -63,7 +63,7 @@ class Course:
         return joined(self.before, between[1:-1], self.after)
 
 
-def read_course(route: Route) -> Course:
+def read_course(route: Route) -> RouteCourse:
     """Read the waypoints of a route. Raises `RouteError` (without its id) for what cannot be a road."""
     points = _points(route)
     steps = np.hypot(*np.diff(points, axis=0).T)
@@ -72,11 +72,11 @@ def read_course(route: Route) -> Course:
     gaps = gaps[(gaps > 0) & (gaps < len(points) - 2)]
     if len(gaps) == 0:
         straightened, shifts = _without_shifts(points)
-        return Course(smoothed(straightened), None, shifts)
+        return RouteCourse(smoothed(straightened), None, shifts)
     parts = [smoothed(part) for part in np.split(points, gaps + 1)]
     scores = [_importance(a, b) for a, b in pairwise(parts)]
     main = int(np.argmax(scores))
-    return Course(_chained(parts[: main + 1]), _chained(parts[main + 1 :]), ())
+    return RouteCourse(_chained(parts[: main + 1]), _chained(parts[main + 1 :]), ())
 
 
 def _points(route: Route) -> Floats:

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
-from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
-from pytest_drive_robust.simulators.embedded.traced.course import Course
-from pytest_drive_robust.simulators.embedded.traced.drawing import trace_road
+from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, moved, prolonged, shifted
+from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
-from pytest_drive_robust.simulators.embedded.traced.streets import LANE_M
+from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
 __all__ = ["draw_cut_in", "draw_entry", "draw_exit"]
 
@@ -33,7 +33,7 @@ _BACK_TO_FLOW_M = 45.0
 _LEAST_GAP_M = 40.0
 
 
-def draw_exit(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
+def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
     """The ego's lane, the lane beside it on the side of the exit, in which the flow is, and the ramp that leaves it.
 
     The road goes on to the flow's end where the file says that it is not on the ramp.
@@ -60,7 +60,7 @@ def draw_exit(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trig
     return joined(changing[(s > _BEHIND_M - 0.5) & (s < fork - 0.5)], ramp)
 
 
-def draw_entry(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
+def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
     """The lane in which the ego ends and the flow is, a lane beside it that begins and ends, the ego's ramp to that."""
     before, after = _parts(course, spec)
     gap = course.gap_m
@@ -83,7 +83,7 @@ def draw_entry(town: Town, course: Course, roads: Roads, spec: ScenarioSpec, tri
     return joined(ramp, back[(s > begins + 0.5) & (s <= end)])
 
 
-def draw_cut_in(town: Town, course: Course, roads: Roads, spec: ScenarioSpec) -> Floats:
+def draw_cut_in(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec) -> Floats:
     """The ego's lane straight on, and beside it a lane that comes from a ramp and ends."""
     line = course.whole()
     other = spec.parameters["other_actor_location"]
@@ -100,7 +100,7 @@ def draw_cut_in(town: Town, course: Course, roads: Roads, spec: ScenarioSpec) ->
     return line
 
 
-def _parts(course: Course, spec: ScenarioSpec) -> tuple[Floats, Floats]:
+def _parts(course: RouteCourse, spec: ScenarioSpec) -> tuple[Floats, Floats]:
     if course.after is None or course.gap_m < _LEAST_GAP_M:
         raise RouteError(
             f"scenario {spec.type} needs a stretch of {_LEAST_GAP_M:.0f} m or more without waypoints, where its roads "

@@ -20,7 +20,7 @@ from drive_robust_agents._nets.bev import (  # noqa: E402
     warp,
 )
 from drive_robust_agents._nets.bev_grid import OUT_OF_SIGHT, BevSpec, camera_views, project  # noqa: E402
-from pytest_drive_robust.simulators.embedded.drawing.view import View  # noqa: E402
+from pytest_drive_robust.simulators.embedded.drawing.view import CameraView  # noqa: E402
 
 SPEC = BevSpec()
 CENTRES = torch.from_numpy(SPEC.centres())
@@ -74,7 +74,7 @@ def test_points_are_projected_as_the_renderer_does(
 ) -> None:
     camera, (ego_x, ego_y, yaw) = SPEC.rig()[number], pose
     u, v, before = project(camera, np.array([x]), np.array([y]), z)
-    view = View.of(camera, ego_x, ego_y, yaw)
+    view = CameraView.of(camera, ego_x, ego_y, yaw)
     dx = ego_x + math.cos(yaw) * x - math.sin(yaw) * y - view.x_m
     dy = ego_y + math.sin(yaw) * x + math.cos(yaw) * y - view.y_m
     forward = dx * view.cos_yaw + dy * view.sin_yaw

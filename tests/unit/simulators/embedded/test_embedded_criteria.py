@@ -9,7 +9,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
-from pytest_drive_robust.simulators.base import Score
+from pytest_drive_robust.simulators.base import EpisodeScore
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.geometry import place
@@ -25,7 +25,9 @@ def teleport(simulator: EmbeddedSimulator, s_m: float, *, right_m: float = 0.0, 
     ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
 
 
-def glide(scenario: str, *, right_m: Callable[[float], float] = lambda s: 0.0, stop_at: float = math.inf) -> Score:
+def glide(
+    scenario: str, *, right_m: Callable[[float], float] = lambda s: 0.0, stop_at: float = math.inf
+) -> EpisodeScore:
     """Move the ego along its route at 8 m/s (standing still once at `stop_at` for one second)."""
     simulator = EmbeddedSimulator()
     simulator.reset(BY_TYPE[scenario], seed=0, cameras=())

@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
-from pytest_drive_robust.simulators.embedded.drawing.view import View
+from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 
 CAMERA = CameraSpec("front", width_px=160, height_px=96)
@@ -25,7 +25,7 @@ Pixels = NDArray[np.uint8]
 
 
 @numba.njit(error_model="numpy")
-def draw(image: Pixels, faces: NDArray[np.int32], tick: int, view: View, air: Air) -> None:
+def draw(image: Pixels, faces: NDArray[np.int32], tick: int, view: CameraView, air: Air) -> None:
     draw_lens(image, faces, tick, view, air)
 
 
@@ -34,7 +34,7 @@ def drawn(
 ) -> Pixels:
     image = np.full((camera.height_px, camera.width_px, 3), 90, np.uint8)
     faces = np.full((camera.height_px, camera.width_px), int(hidden), np.int32)
-    draw(image, faces, tick, View.of(camera, 0.0, 0.0, yaw_rad), air)
+    draw(image, faces, tick, CameraView.of(camera, 0.0, 0.0, yaw_rad), air)
     return image
 
 
@@ -61,7 +61,7 @@ def test_a_sun_behind_a_building_has_no_disc_and_little_glare() -> None:
 @pytest.mark.parametrize("name", ["clear noon", "cloudy noon", "clear night", "dust storm"])
 def test_fair_noon_night_and_dust_leave_the_picture_alone(name: str) -> None:
     air = Air.of(WEATHERS[name])
-    assert not air.on_lens
+    assert air.rain == air.drops == air.glare == 0.0
     assert (drawn(air) == 90).all()
 
 
@@ -77,7 +77,7 @@ def test_a_drop_stays_at_its_place_while_rain_goes_on() -> None:
 
     def with_drops(tick: int) -> Pixels:
         image = gradient.copy()
-        draw(image, np.zeros((96, 160), np.int32), tick, View.of(CAMERA, 0.0, 0.0, 0.0), only_drops)
+        draw(image, np.zeros((96, 160), np.int32), tick, CameraView.of(CAMERA, 0.0, 0.0, 0.0), only_drops)
         return image
 
     first, next_tick, much_later = with_drops(100), with_drops(101), with_drops(700)
@@ -107,7 +107,7 @@ def test_no_camera_is_drawn_outside_of_its_picture(
     both = SUNSET._replace(rain=1.0, drops=1.0)
     around = np.full((height + 2, width + 2, 3), 90, np.uint8)
     image = around[1:-1, 1:-1]
-    draw(image, np.zeros((height, width), np.int32), tick, View.of(camera, 0.0, 0.0, yaw), both)
+    draw(image, np.zeros((height, width), np.int32), tick, CameraView.of(camera, 0.0, 0.0, yaw), both)
     frame = np.ones(around.shape[:2], bool)
     frame[1:-1, 1:-1] = False
     assert (around[frame] == 90).all()

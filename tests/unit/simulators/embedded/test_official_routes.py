@@ -22,7 +22,7 @@ from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_
 from pytest_drive_robust.simulators.embedded.routes import load_routes, save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, is_official
-from pytest_drive_robust.simulators.embedded.traced.survey import _survey
+from pytest_drive_robust.simulators.embedded.traced.traced_route import _trace_route
 from pytest_drive_robust.simulators.embedded.world import World
 
 ON_THE_LANE_M = {Place.STREET: 0.6, Place.JUNCTION: 0.6, Place.CUT_IN: 0.6, Place.EXIT: 4.2, Place.ENTRY: 4.2}
@@ -141,7 +141,7 @@ def test_bicycles_cross_where_the_route_turns() -> None:
 def test_the_same_route_is_the_same_town_again() -> None:
     route = draw("EnterActorFlow")
     first = lay_route(route)
-    _survey.cache_clear()
+    _trace_route.cache_clear()
     again = lay_route(route)
     assert first.lane_map is not again.lane_map
     assert first.rows.tobytes() == again.rows.tobytes()

@@ -249,7 +249,7 @@ def test_roads_that_cross_never_have_green_together(name: str) -> None:
 
 
 def runner_of(world: World) -> int:
-    return next(k for k in range(len(world.state.actor_ints)) if world.state.actor_ints[k, c.I_BLIND] == c.SEES_NOBODY)
+    return next(k for k in range(len(world.state.actor_ints)) if world.state.actor_ints[k, c.I_SEES] == c.SEES_NOBODY)
 
 
 @pytest.mark.parametrize("name", TAKERS)

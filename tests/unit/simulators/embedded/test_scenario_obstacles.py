@@ -11,7 +11,7 @@ from scenario_driver import actors_of, away_m, beside_route, collisions, control
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels.entry import hold
+from pytest_drive_robust.simulators.embedded.kernels.entry_points import pack_world
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 
 ONE_WAY = ("Accident", "ConstructionObstacle", "ParkedObstacle", "HazardAtSideLane")
@@ -122,7 +122,7 @@ def test_oncoming_cars_invade_by_the_offset_of_the_route_file() -> None:
 
 def test_dirt_pulls_the_steering_of_who_drives_over_it() -> None:
     world, clean = staged("ControlLoss"), staged("ControlLoss")
-    clean._held = hold(clean.statics._replace(patches=np.zeros((0, 2))), clean.state)
+    clean._arrays = pack_world(clean.statics._replace(patches=np.zeros((0, 2))), clean.state)
     for _ in range(400):
         assert np.array_equal(world.state.ego, clean.state.ego)
         near = min(math.dist(world.state.ego[:2], patch) for patch in world.statics.patches)

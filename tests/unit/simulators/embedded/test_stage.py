@@ -13,6 +13,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec
 from pytest_drive_robust.simulators.embedded.generate import draw_route
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, green_then_red
@@ -53,7 +54,8 @@ def test_a_blind_driver_runs_into_what_an_attentive_one_stops_for(staged) -> Non
     def put(stage: Stage, *, blind: bool) -> None:
         oncoming = stage.oncoming()
         stage.stand(ActorKind.CAR, 60.0, path=oncoming)
-        stage.drive(ActorKind.CAR, oncoming, stage.along(oncoming, 100.0), 10.0, blind=blind)
+        sees = c.SEES_NOBODY if blind else c.SEES_ALL
+        stage.cast.add(ActorSpec(ActorKind.CAR, oncoming, stage.along(oncoming, 100.0), 10.0, sees=sees))
 
     gaps = {}
     for blind in (True, False):
@@ -129,8 +131,14 @@ def test_a_flow_of_bicycles_consists_of_bicycles(staged) -> None:
     assert set(world.frame().actors[:, 1].astype(int)) == {int(ActorKind.BICYCLE)}
 
 
-def test_background_traffic_stays_near_a_slow_ego(staged) -> None:
-    world = staged(STREET, lambda stage: stage.surround(stage.own(), speed_mps=12.0))
+def test_traffic_on_a_leash_stays_near_a_slow_ego(staged) -> None:
+    def put(stage: Stage) -> None:
+        path = stage.own()
+        for ahead_m in (-30.0, -15.0, 15.0, 30.0):
+            start_m = stage.along(path, ahead_m - stage.trigger_m)
+            stage.cast.add(ActorSpec(ActorKind.CAR, path, start_m, 6.0, target_mps=12.0, leash=True, background=True))
+
+    world = staged(STREET, put)
     drive(world, Control(throttle=0.12), 300)
     ego = world.state.ego
     cars = world.state.actors[world.state.actor_ints[:, c.I_ACTIVE] == 1]

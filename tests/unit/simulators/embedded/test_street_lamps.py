@@ -14,14 +14,14 @@ from pytest_drive_robust.domain.truth import LaneKind, LaneMap
 from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools, lamp_boxes, lamp_places
-from pytest_drive_robust.simulators.embedded.drawing.view import View
+from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
 NOTHING = np.zeros((0, 6))
 CAMERA = CameraSpec("front", width_px=160, height_px=96)
 
 
 @numba.njit(error_model="numpy")
-def light(canvas: Canvas, places: NDArray[np.float64], view: View, haze_per_m: float, strength: float) -> None:
+def light(canvas: Canvas, places: NDArray[np.float64], view: CameraView, haze_per_m: float, strength: float) -> None:
     draw_pools(canvas, places, view, haze_per_m, strength)
 
 
@@ -74,7 +74,7 @@ def test_heads_glow_by_night_only() -> None:
 
 def test_a_lamp_lights_the_road_below_it_and_nothing_that_hides_it() -> None:
     places = np.array(((15.0, 5.0, -math.pi / 2.0),))
-    view = View.of(CAMERA, 0.0, 0.0, 0.0)
+    view = CameraView.of(CAMERA, 0.0, 0.0, 0.0)
     canvas = grey(20)
     canvas.faces[:, :60] = 1
     light(canvas, places, view, 0.002, 1.0)
@@ -94,5 +94,5 @@ def test_a_lamp_lights_the_road_below_it_and_nothing_that_hides_it() -> None:
 def test_what_is_bright_already_does_not_burn_out() -> None:
     places = np.array(((15.0, 5.0, -math.pi / 2.0),))
     canvas = grey(200)
-    light(canvas, places, View.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
+    light(canvas, places, CameraView.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
     assert (canvas.colours == 0xC8C8C8).all()

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
-from pytest_drive_robust.simulators.embedded.traced.course import Course, Shift
-from pytest_drive_robust.simulators.embedded.traced.drawing import trace_road
+from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, Shift
 from pytest_drive_robust.simulators.embedded.traced.lines import prolonged, shifted
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
+from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
 __all__ = ["LANE_M", "draw_street"]
 
@@ -22,7 +22,7 @@ _BEYOND_M = 130.0
 _CHANGE_M = 24.0
 
 
-def draw_street(town: Town, course: Course, roads: Roads, direction: str | None) -> Floats:
+def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | None) -> Floats:
     """Draw the road; the ego's way on it, with lane changes where the waypoints jump."""
     line = course.whole()
     roads = _for_direction(roads, direction, course.shifts)

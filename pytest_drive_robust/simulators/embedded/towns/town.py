@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane, RoadNetwork
 
-__all__ = ["Arm", "Control", "LaneKey", "Pose", "Section", "Town"]
+__all__ = ["Arm", "JunctionControl", "LaneKey", "Pose", "Section", "Town"]
 
 LaneKey = tuple[str, str, int]
 """As in highway-env: (from node, to node, number)."""
@@ -67,7 +67,7 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True)
-class Control:
+class JunctionControl:
     """What stands at the end of a lane: `what` is `"light"` or `"stop"`.
 
     A light stands `far_m` metres beyond the end of the lane, on the far side of the junction, `aside_m` off the kerb.
@@ -95,7 +95,7 @@ class Town:
     kinds: dict[LaneKey, LaneKind] = field(default_factory=dict)
     junctions: dict[LaneKey, int] = field(default_factory=dict)
     slices: list[tuple[tuple[LaneKey, bool], ...]] = field(default_factory=list)
-    controls: list[Control] = field(default_factory=list)
+    controls: list[JunctionControl] = field(default_factory=list)
     crosswalks: list[NDArray[np.float64]] = field(default_factory=list)
     chains: dict[str, list[LaneKey]] = field(default_factory=dict)
     anchors: dict[str, float] = field(default_factory=dict)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
     cross_traffic,
     end_behind_junction,
     lights_turn_green,
     lights_turn_red,
 )
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]

@@ -8,28 +8,29 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.domain import truth
+from pytest_drive_robust.simulators.embedded import drawing, jit, semantics
 from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
 from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
-from pytest_drive_robust.simulators.embedded.drawing.jit import entry, sources_digest
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
-from pytest_drive_robust.simulators.embedded.drawing.overhead import draw_overhead
 from pytest_drive_robust.simulators.embedded.drawing.passes import measure
 from pytest_drive_robust.simulators.embedded.drawing.raster import draw_faces
 from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, pack_pixels
 from pytest_drive_robust.simulators.embedded.drawing.shadows import draw_shadows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools
+from pytest_drive_robust.simulators.embedded.jit import entry, sources_digest
 
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.drawing.air import Air
     from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import Headlamps, View
+    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
-__all__ = ["Ground", "Passes", "Scene", "draw_camera", "fill_boxes", "look_down", "measure_camera"]
+__all__ = ["CameraGround", "FrameScene", "Passes", "draw_camera", "fill_boxes", "measure_camera"]
 
 Floats = NDArray[np.float64]
 
 
-class Scene(NamedTuple):
+class FrameScene(NamedTuple):
     """What stands and moves in a frame.
 
     `rows` (n, BOX_COLUMNS) are boxes: up to `still` those that never move, then those of `actors` (k, 10), of which
@@ -43,7 +44,7 @@ class Scene(NamedTuple):
     street_lamps: Floats
 
 
-class Ground(NamedTuple):
+class CameraGround(NamedTuple):
     """What never changes for one camera on one map in one weather.
 
     `rows` is from `ground_rows`, `sky` from `sky_rows`; `texels` and `levels` are a `GroundTexture`; `clear` (n,) is
@@ -68,7 +69,7 @@ class Passes(NamedTuple):
 def _fill_boxes(sources: int) -> Callable[..., int]:
     @entry
     def fill_boxes(
-        scene: Scene,
+        scene: FrameScene,
         tick: int,
         night: float,
         parts: Floats,
@@ -89,9 +90,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
     @entry
     def draw_camera(
         canvas: Canvas,
-        scene: Scene,
-        ground: Ground,
-        view: View,
+        scene: FrameScene,
+        ground: CameraGround,
+        view: CameraView,
         air: Air,
         lamps: Headlamps,
         street_light: float,
@@ -116,7 +117,9 @@ def _draw_camera(sources: int) -> Callable[..., None]:
 
 def _measure_camera(sources: int) -> Callable[..., None]:
     @entry
-    def measure_camera(canvas: Canvas, scene: Scene, ground: Ground, view: View, passes: Passes) -> None:
+    def measure_camera(
+        canvas: Canvas, scene: FrameScene, ground: CameraGround, view: CameraView, passes: Passes
+    ) -> None:
         _ = sources
         measure(
             canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
@@ -126,38 +129,13 @@ def _measure_camera(sources: int) -> Callable[..., None]:
     return measure_camera
 
 
-def _look_down(sources: int) -> Callable[..., None]:
-    @entry
-    def look_down(
-        classes: NDArray[np.uint8],
-        texels: NDArray[np.uint32],
-        levels: Floats,
-        level: int,
-        view: View,
-        texel_m: float,
-        ahead_m: float,
-        buildings: Floats,
-        stop_lines: Floats,
-        lights: NDArray[np.int64],
-        actors: Floats,
-        labels: NDArray[np.int64],
-    ) -> None:
-        _ = sources
-        draw_overhead(
-            classes, texels, levels, level, view, texel_m, ahead_m, buildings, stop_lines, lights, actors, labels
-        )
+_SOURCES = sources_digest(jit, drawing, semantics, truth)
 
-    return look_down
-
-
-fill_boxes = _fill_boxes(sources_digest())
+fill_boxes = _fill_boxes(_SOURCES)
 """Puts the boxes of the actors into `scene.rows` (`assemble`); returns the row after the last one."""
 
-draw_camera = _draw_camera(sources_digest())
+draw_camera = _draw_camera(_SOURCES)
 """Finds what one camera sees and, when `picture`, draws it: `canvas.pixels`."""
 
-measure_camera = _measure_camera(sources_digest())
+measure_camera = _measure_camera(_SOURCES)
 """Fills those of `passes` that have room with what `draw_camera` has found (`passes.measure`)."""
-
-look_down = _look_down(sources_digest())
-"""Draws the classes around the ego from above (`draw_overhead`)."""

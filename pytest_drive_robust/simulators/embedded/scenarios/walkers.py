@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded.scenarios.base import Site, scenario
-from pytest_drive_robust.simulators.embedded.scenarios.surroundings import ahead, right_hand, road_edge_m, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.roadside import ahead, right_hand, road_edge_m, scenery
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -26,7 +26,7 @@ _BEFORE_M = (30.0, 40.0)
 _LATER_S = 0.02
 """For every degree by which somebody does not walk straight across."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
-"""Places of a parked row, seen from where somebody steps out between two cars."""
+"""RoutePlaces of a parked row, seen from where somebody steps out between two cars."""
 
 
 @scenario(

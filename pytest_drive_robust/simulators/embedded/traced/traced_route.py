@@ -13,32 +13,32 @@ from pytest_drive_robust.domain.route import Route, ScenarioSpec
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown
-from pytest_drive_robust.simulators.embedded.towns.base import Town
-from pytest_drive_robust.simulators.embedded.traced.course import Course, read_course
-from pytest_drive_robust.simulators.embedded.traced.junctions import draw_junction
+from pytest_drive_robust.simulators.embedded.towns.town import Town
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, read_course
+from pytest_drive_robust.simulators.embedded.traced.open_roads import draw_street
 from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, draw_entry, draw_exit
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
-from pytest_drive_robust.simulators.embedded.traced.streets import draw_street
+from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
 
-__all__ = ["Survey", "survey"]
+__all__ = ["TracedRoute", "trace_route"]
 
 Floats = NDArray[np.float64]
 _TRIGGER_OFF_M = 25.0
 
 
 @dataclass(frozen=True, slots=True)
-class Survey:
+class TracedRoute:
     """`line` (n, 3) is the route on the lanes of `town`, in the file's coordinates."""
 
     town: CompiledTown
     line: Floats
     trigger_m: float
-    course: Course
+    course: RouteCourse
 
 
-def survey(route: Route) -> Survey:
+def trace_route(route: Route) -> TracedRoute:
     """Build the town of an official route, once in a process. Raises `RouteError` with everything that is wrong."""
-    return _survey(_Key(route))
+    return _trace_route(_Key(route))
 
 
 class _Key:
@@ -60,7 +60,7 @@ class _Key:
 
 
 @lru_cache(maxsize=64)
-def _survey(key: _Key) -> Survey:
+def _trace_route(key: _Key) -> TracedRoute:
     route, spec = key.route, key.route.scenario
     problems = problems_of(spec)
     if problems:
@@ -72,7 +72,7 @@ def _survey(key: _Key) -> Survey:
         raise RouteError(f"route {route.id}: {error}") from None
 
 
-def _build(town: Town, route: Route, spec: ScenarioSpec) -> Survey:
+def _build(town: Town, route: Route, spec: ScenarioSpec) -> TracedRoute:
     course = read_course(route)
     roads, direction = SCHEMA[spec.type].roads, spec.texts.get("direction")
     trigger_m = _trigger_m(course.whole(), spec)
@@ -88,7 +88,7 @@ def _build(town: Town, route: Route, spec: ScenarioSpec) -> Survey:
     else:
         line = draw_cut_in(town, course, roads, spec)
     line = resample(line)
-    return Survey(CompiledTown(town), line, min(_trigger_m(line, spec), latest), course)
+    return TracedRoute(CompiledTown(town), line, min(_trigger_m(line, spec), latest), course)
 
 
 def _trigger_m(line: Floats, spec: ScenarioSpec) -> float:

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.towns.base import Arm, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.junction import control_of, crosswalk
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
-from pytest_drive_robust.simulators.embedded.traced.course import Course
-from pytest_drive_robust.simulators.embedded.traced.drawing import trace_road
+from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
 from pytest_drive_robust.simulators.embedded.traced.lines import (
     bridge,
     crossing_point,
@@ -27,8 +26,9 @@ from pytest_drive_robust.simulators.embedded.traced.lines import (
     shifted,
     straight,
 )
+from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
-from pytest_drive_robust.simulators.embedded.traced.streets import LANE_M
+from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
 __all__ = ["draw_junction"]
 
@@ -56,7 +56,7 @@ class _Ways:
     """Headings away from the middle of the two other arms, left one first where the ego goes straight on."""
 
 
-def draw_junction(town: Town, course: Course, roads: Roads, trigger_m: float) -> tuple[Floats, float]:
+def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: float) -> tuple[Floats, float]:
     """Draw the junction; the ego's way through it and where on it the scenario wakes up at the latest."""
     if course.after is None:
         course = _cut_out(course, trigger_m)
@@ -70,7 +70,7 @@ def draw_junction(town: Town, course: Course, roads: Roads, trigger_m: float) ->
     return joined(ways.before, inside[1:-1], ways.after), max(entry_m - _WAKE_BEFORE_M, 0.0)
 
 
-def _cut_out(course: Course, trigger_m: float) -> Course:
+def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
     """Where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
     line = course.before
     first, last = round(trigger_m) + 12, len(line) - 12
@@ -82,10 +82,10 @@ def _cut_out(course: Course, trigger_m: float) -> Course:
     turns = np.abs(line[first + _WINDOW_M : last, 2] - line[first : last - _WINDOW_M, 2])
     k = int(np.argmax(turns))
     start = first + k if turns[k] > _TURN_RAD else min(round(trigger_m) + 28, last - _WINDOW_M)
-    return Course(line[: start + 1], line[start + _WINDOW_M :], ())
+    return RouteCourse(line[: start + 1], line[start + _WINDOW_M :], ())
 
 
-def _turning(course: Course, trigger_m: float) -> _Ways | None:
+def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
     """A junction where the ego turns: its two roads meet in the corner of their lanes. None where they do not."""
     before, after = course.before, course.after
     assert after is not None
@@ -106,7 +106,7 @@ def _turning(course: Course, trigger_m: float) -> _Ways | None:
     return _Ways(entry, leave, centre, (own[2], onward[2] + math.pi))
 
 
-def _straight_on(course: Course, trigger_m: float) -> _Ways:
+def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
     """A junction straight ahead, in the middle of where waypoints are missing, or as far on as the trigger needs."""
     line, s = course.whole(), arc_lengths(course.whole())
     box = min(max(course.gap_m / 2.0 - 1.0, _BOX_M[0]), _BOX_M[1])

@@ -14,16 +14,16 @@ from numba.experimental import structref
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["Held", "held"]
+__all__ = ["WorldArrays", "world_arrays"]
 
 
 @structref.register
-class HeldType(types.StructRef):
-    """Numba's type of `Held`."""
+class WorldArraysType(types.StructRef):
+    """Numba's type of `WorldArrays`."""
 
 
-class Held(structref.StructRefProxy):
-    """Two tuples of arrays; made by the entry point `hold`, and the arrays stay those that Python sees.
+class WorldArrays(structref.StructRefProxy):
+    """Two tuples of arrays; made by the entry point `pack_world`, and the arrays stay those that Python sees.
 
     The attributes are for compiled code.
     """
@@ -33,7 +33,7 @@ class Held(structref.StructRefProxy):
 
 
 _define: Callable[..., None] = structref.define_proxy
-_define(Held, HeldType, ["statics", "state"])
+_define(WorldArrays, WorldArraysType, ["statics", "state"])
 
-held: Callable[[Statics, State], Held] = Held
+world_arrays: Callable[[Statics, State], WorldArrays] = WorldArrays
 """Makes one, in compiled code."""

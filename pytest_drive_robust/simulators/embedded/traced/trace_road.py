@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import resample
-from pytest_drive_robust.simulators.embedded.towns.base import Section, Town
 from pytest_drive_robust.simulators.embedded.towns.pieces import draw_strips
 from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane
+from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 from pytest_drive_robust.simulators.embedded.traced.lines import reversed_line, shifted
 

@@ -12,20 +12,21 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.simulators.embedded import criteria
+from pytest_drive_robust.domain import truth
+from pytest_drive_robust.simulators.embedded import criteria, events, jit, kernels
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.kernels import flows
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
-from pytest_drive_robust.simulators.embedded.kernels.held import Held, held
-from pytest_drive_robust.simulators.embedded.kernels.jit import entry, inner, sources_digest
 from pytest_drive_robust.simulators.embedded.kernels.lights import set_lights
+from pytest_drive_robust.simulators.embedded.kernels.path_survey import survey
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
-from pytest_drive_robust.simulators.embedded.kernels.survey import survey
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays, world_arrays
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["actor_rows", "finish", "hold", "settle", "tick"]
+__all__ = ["actor_rows", "finish", "pack_world", "settle", "tick"]
 
 Floats = NDArray[np.float64]
 
@@ -42,18 +43,18 @@ def _pose_actors(statics: Statics, state: State) -> None:
             actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
 
 
-def _hold(sources: int) -> Callable[[Statics, State], Held]:
+def _pack_world(sources: int) -> Callable[[Statics, State], WorldArrays]:
     @entry
-    def hold(statics: Statics, state: State) -> Held:
+    def pack_world(statics: Statics, state: State) -> WorldArrays:
         _ = sources  # part of the cache's key
-        return held(statics, state)
+        return world_arrays(statics, state)
 
-    return hold
+    return pack_world
 
 
-def _tick(sources: int) -> Callable[[Held, float, float, float], None]:
+def _tick(sources: int) -> Callable[[WorldArrays, float, float, float], None]:
     @entry
-    def tick(world: Held, throttle: float, steer: float, brake: float) -> None:
+    def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
         _ = sources
         statics, state = world.statics, world.state
         state.clock[0] += 1
@@ -68,9 +69,9 @@ def _tick(sources: int) -> Callable[[Held, float, float, float], None]:
     return tick
 
 
-def _settle(sources: int) -> Callable[[Held], None]:
+def _settle(sources: int) -> Callable[[WorldArrays], None]:
     @entry
-    def settle(world: Held) -> None:
+    def settle(world: WorldArrays) -> None:
         _ = sources
         statics, state = world.statics, world.state
         set_lights(statics, state)
@@ -80,18 +81,18 @@ def _settle(sources: int) -> Callable[[Held], None]:
     return settle
 
 
-def _finish(sources: int) -> Callable[[Held], None]:
+def _finish(sources: int) -> Callable[[WorldArrays], None]:
     @entry
-    def finish(world: Held) -> None:
+    def finish(world: WorldArrays) -> None:
         _ = sources
         criteria.finish(world.statics, world.state)
 
     return finish
 
 
-def _actor_rows(sources: int) -> Callable[[Held, Floats], int]:
+def _actor_rows(sources: int) -> Callable[[WorldArrays, Floats], int]:
     @entry
-    def actor_rows(world: Held, rows: Floats) -> int:
+    def actor_rows(world: WorldArrays, rows: Floats) -> int:
         _ = sources
         state = world.state
         count = 0
@@ -109,9 +110,9 @@ def _actor_rows(sources: int) -> Callable[[Held, Floats], int]:
     return actor_rows
 
 
-_SOURCES = sources_digest()
+_SOURCES = sources_digest(jit, kernels, criteria, events, c, truth)
 
-hold = _hold(_SOURCES)
+pack_world = _pack_world(_SOURCES)
 """What the other entry points take: a world by its arrays, which it keeps alive and does not copy."""
 
 tick = _tick(_SOURCES)
