@@ -22,8 +22,7 @@ from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry

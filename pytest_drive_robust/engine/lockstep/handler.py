@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import pickle
-import select
 from collections.abc import Iterator, Mapping, Sequence
+from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame
 from pytest_drive_robust.engine.lockstep.watched_agent import BatchedAgent
+from pytest_drive_robust.engine.messages import REFUSED, RESULT, Message, receive, refusal_bytes
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
-from pytest_drive_robust.engine.wire import REFUSED, RESULT, refusal_bytes
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
@@ -45,11 +44,11 @@ class _Reply(Protocol):
 class LockstepHandler:
     """Drives in lockstep what one process is asked for; worlds and agents of one agent's name are kept."""
 
-    def __init__(self, worker_setup: WorkerSetup, registry: Registry, board: SharedState, channel: int) -> None:
+    def __init__(self, worker_setup: WorkerSetup, registry: Registry, state: SharedState, descriptor: int) -> None:
         self._setup = worker_setup
         self._registry = registry
-        self._board = board
-        self._channel = channel
+        self._state = state
+        self._descriptor = descriptor
         self._batches: LocalBatches | None = None
         self._process_states: dict[str, Mapping[str, Any]] = {}
         self._asked: Control | None = None
@@ -89,23 +88,23 @@ class LockstepHandler:
             self.close()
         return result
 
-    def drive_together(self, first: Frame, reply: _Reply) -> None:
-        """Drive the first request and all that arrive before none is under way any more.
+    def drive_together(self, first: Message, connection: Connection, reply: _Reply) -> None:
+        """Drive the first request and all that arrive on `connection` before none is under way any more.
 
         They are all of one agent. `reply` gets the token of the request; the last one is `over`. What an episode raises
         that is no fault of its agent (`SystemExit` of a simulator) ends the process: each is then tried in one of its
         own.
         """
-        self._board.clear()
+        self._state.clear()
         order, width = pickle.loads(first.payload)
-        arriving = _Arriving(self, first, self._channel, reply)
+        arriving = _Arriving(self, first, connection, reply)
         driving = self._drive(order.episode.agent, arriving, width)
         for request, result in driving:
             token = arriving.tokens.pop(id(request))[0]
             over = not arriving.tokens
             if over:
                 driving.close()  # before the state of the process is put back
-                self._board.enter(Phase.IDLE, result.ticks)
+                self._state.enter(Phase.IDLE, result.ticks)
             reply(token, RESULT, encode_episode(result), over=over)
             if over:
                 return
@@ -123,7 +122,7 @@ class LockstepHandler:
         """See `LocalBatches.drive_batch`, in the state of the process in which the agent was made."""
         if agent in self._process_states:
             restore_process_state(self._process_states[agent])
-        self._board.enter(Phase.SIM, 0)
+        self._state.enter(Phase.SIM, 0)
         return self._ready(width).drive_batch(agent, requests)
 
     def _ready(self, width: int) -> LocalBatches:
@@ -132,8 +131,8 @@ class LockstepHandler:
                 self._make_world,
                 self._make,
                 width=width,
-                wrap=lambda agent: BatchedAgent(agent, self._board, self._channel, self._answered),
-                watch=self._board,
+                wrap=lambda agent: BatchedAgent(agent, self._state, self._descriptor, self._answered),
+                watch=self._state,
                 on_tick=self._ticked,
             )
         return self._batches
@@ -144,56 +143,49 @@ class LockstepHandler:
 
     def _ticked(self, tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
         if self._alone:
-            self._board.add(tick, self._asked, applied, state.ego)
+            self._state.add(tick, self._asked, applied, state.ego)
         self._asked = None
 
     def _make_world(self) -> Simulator:
-        self._board.enter(Phase.SIM, 0)
+        self._state.enter(Phase.SIM, 0)
         return self._registry.simulator(self._setup.simulator, self._setup.options)
 
     def _make(self, name: str) -> Agent:
-        self._board.enter(Phase.MAKE, 0)
+        self._state.enter(Phase.MAKE, 0)
         agent = make_agent(self._registry, name)
         self._setup.limit_threads()
         self._process_states.setdefault(name, read_process_state())
-        self._board.enter(Phase.SIM, 0)
+        self._state.enter(Phase.SIM, 0)
         return agent
 
 
 class _Arriving:
     """The requests that have arrived. There may be none now and another one later."""
 
-    def __init__(self, handler: LockstepHandler, first: Frame, channel: int, reply: _Reply) -> None:
+    def __init__(self, handler: LockstepHandler, first: Message, connection: Connection, reply: _Reply) -> None:
         self._handler = handler
         self._reply = reply
-        self._channel = channel
-        self._first: Frame | None = first
-        self._poll = select.poll()
-        self._poll.register(channel, select.POLLIN)
+        self._connection = connection
+        self._first: Message | None = first
         self.tokens: dict[int, tuple[bytes, EpisodeRequest]] = {}
 
     def __iter__(self) -> Iterator[EpisodeRequest]:
         return self
 
     def __next__(self) -> EpisodeRequest:
-        while (frame := self._next_frame()) is not None:
-            order, _ = pickle.loads(frame.payload)
+        while (message := self._next_message()) is not None:
+            order, _ = pickle.loads(message.payload)
             try:
                 request = self._handler.read(order)
             except UsageError as error:
-                self._reply(frame.token, REFUSED, refusal_bytes(error), over=not self.tokens)
+                self._reply(message.token, REFUSED, refusal_bytes(error), over=not self.tokens)
                 continue
-            self.tokens[id(request)] = frame.token, request
+            self.tokens[id(request)] = message.token, request
             return request
         raise StopIteration
 
-    def _next_frame(self) -> Frame | None:
+    def _next_message(self) -> Message | None:
         if self._first is not None:
-            frame, self._first = self._first, None
-            return frame
-        if not self._poll.poll(0):
-            return None
-        arrived = read_frame(self._channel)
-        if arrived is None:
-            raise BrokenStreamError("nobody waits for an answer any more")
-        return arrived
+            message, self._first = self._first, None
+            return message
+        return receive(self._connection) if self._connection.poll() else None

@@ -10,13 +10,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.exchange import Answer, Interrupted
-from pytest_drive_robust.engine.fork_server import NoWorkerError, refusal
-from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
-from pytest_drive_robust.engine.lockstep.exchange import BatchExchange
+from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.fork_server import NoWorkerError
+from pytest_drive_robust.engine.messages import ALONE, CHECK, TOGETHER, TOKEN_BYTES, Answer, Message, refusal
 from pytest_drive_robust.engine.pickled_request import PickledRequest
 from pytest_drive_robust.engine.supervisor import FailedAttempt, Stopped, Supervisor
-from pytest_drive_robust.engine.wire import ALONE, CHECK, TOGETHER
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.lockstep.admission import Admission
 
@@ -49,7 +47,7 @@ class LockstepSupervisor(Supervisor):
 
     def check(self, request: EpisodeRequest) -> Admission:
         """May the agent of `request` be driven in lockstep? Raises `UsageError` and `Stopped` as `drive` does."""
-        ended = self._attempt(CHECK, self._request_for(PickledRequest.of(request)), self._limits)
+        ended = self._attempt(CHECK, self._payload(PickledRequest.of(request)), self._limits)
         if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
             return Admission(recorded=False)
         return Admission(recorded=True, problem=ended.end_detail or None)
@@ -67,30 +65,30 @@ class LockstepSupervisor(Supervisor):
         under_way: dict[bytes, EpisodeRequest] = {}
         leaving = False
 
-        def next_frame() -> Frame | None:
+        def next_message() -> Message | None:
             request = None if leaving or len(under_way) >= self._width else next(requests, None)
             if request is None:
                 return None
             token = os.urandom(TOKEN_BYTES)
             under_way[token] = request
-            return Frame(TOGETHER, token, self._request_for(PickledRequest.of(request)))
+            return Message(TOGETHER, token, self._payload(PickledRequest.of(request)))
 
         try:
-            child = self._ready_child()
+            worker = self._ready_worker()
         except NoWorkerError:
             yield from ((request, None) for request in requests)
             return
-        exchange = BatchExchange(child, self._limits, self._wake_r, self._news_r)
+        exchange = Exchange(worker, self._limits, self._wake_r, self._news_r)
         try:
-            for token, answer in exchange.run_batch(next_frame):
-                self.output = exchange.said
+            for token, answer in exchange.run(next_message):
+                self.output = exchange.printed
                 result = refusal(answer.refused) if answer.result is None else self._judged(answer.result)
                 leaving = leaving or self._is_spent(answer)
                 yield under_way.pop(token), result
         except Interrupted:
             self._discard()
             raise Stopped from None
-        self.output = exchange.said
+        self.output = exchange.printed
         if self._stopped.is_set():  # what ended while we were stopping is no result
             self._discard()
             raise Stopped
@@ -106,7 +104,7 @@ class LockstepSupervisor(Supervisor):
         os.close(self._news_r)
         os.close(self._news_w)
 
-    def _request_for(self, order: PickledRequest) -> bytes:
+    def _payload(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order, self._width))
 
     def _is_spent(self, answer: Answer) -> bool:

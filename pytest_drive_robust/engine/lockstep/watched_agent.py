@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent, tamed
+from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent, call_contained
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -20,8 +20,8 @@ __all__ = ["BatchedAgent"]
 class BatchedAgent(WatchedAgent):
     """As `WatchedAgent`, with `act_batch`. `answered` is given what every call of the agent returned, row by row."""
 
-    def __init__(self, agent: Agent, board: SharedState, channel: int, answered: Callable[[object], None]) -> None:
-        super().__init__(agent, board, channel)
+    def __init__(self, agent: Agent, state: SharedState, descriptor: int, answered: Callable[[object], None]) -> None:
+        super().__init__(agent, state, descriptor)
         self._answered = answered
         self._told = False
 
@@ -36,7 +36,7 @@ class BatchedAgent(WatchedAgent):
             self._told = False
             super().reset(route, seed)
         else:
-            tamed(self._agent.reset, route, seed)
+            call_contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
         """Return the control of one that drives alone: where the time of inference is measured."""
@@ -47,7 +47,7 @@ class BatchedAgent(WatchedAgent):
     def act_batch(self, rows: Sequence[BatchedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
         """Return the agents' own answers."""
         agents: list[Any] = [row._agent for row in rows]
-        answers: Sequence[Control] = tamed(agents[0].act_batch, agents, observations)
-        self._check_channel()
+        answers: Sequence[Control] = call_contained(agents[0].act_batch, agents, observations)
+        self._check_connection()
         self._answered(answers)
         return answers
