@@ -31,7 +31,7 @@ from pytest_drive_robust.runner.replay.tape import Tape
 from pytest_drive_robust.runner.routes import own_routes, routes_for
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
-from pytest_drive_robust.verdict.divergence import first_divergence_s
+from pytest_drive_robust.verdict.explain import first_divergence_s
 
 __all__ = ["add_arguments"]
 

@@ -7,11 +7,11 @@ import json
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.ability_rates import undecided_routes
+from pytest_drive_robust.bench2drive.results.carla_junctions import junction_shares
 from pytest_drive_robust.bench2drive.results.comforts import Comforts
-from pytest_drive_robust.bench2drive.results.junctions import junction_shares
+from pytest_drive_robust.bench2drive.results.official_totals import score_results
 from pytest_drive_robust.bench2drive.results.quirks import notes_on
 from pytest_drive_robust.bench2drive.results.results_file import read_results
-from pytest_drive_robust.bench2drive.results.scores import score_results
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError

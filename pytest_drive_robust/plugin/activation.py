@@ -77,7 +77,7 @@ def _report_here(
     record: RunRecord
     if is_controller(config):
         execution.check_workers()
-        record = xdist.start_run(config, options, execution)
+        record = xdist.start_run(config, options)
     else:
         record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=new_run_name()))
         drive_here(local.store, local, shared=False)

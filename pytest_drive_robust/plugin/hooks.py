@@ -88,7 +88,7 @@ def pytest_unconfigure() -> None:
 
 def pytest_make_parametrize_id(val: object) -> str | None:
     """Name test cases after their requirements."""
-    model = sys.modules.get("pytest_drive_robust.verdict.model")  # not loaded: then it cannot be one
+    model = sys.modules.get("pytest_drive_robust.verdict.requirement")  # not loaded: then it cannot be one
     return val.id if model is not None and isinstance(val, model.Requirement) else None
 
 

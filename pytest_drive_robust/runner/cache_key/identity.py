@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust import domain, perturbations, simulators
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import Entry
-from pytest_drive_robust.runner.cache_key.canonical import canonical, digest_of
-from pytest_drive_robust.runner.cache_key.code import code_of
-from pytest_drive_robust.runner.cache_key.sources import code_digest, file_of, hex_of, module_digest, source_digest
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
+from pytest_drive_robust.runner.cache_key.object_code import code_of
+from pytest_drive_robust.runner.cache_key.source_files import code_digest, file_of, hex_of, module_digest, source_digest
 from pytest_drive_robust.runner.episode import contract, generators, loop, make_agent, recorder, witness
 from pytest_drive_robust.runner.lockstep import batch, lockstep, row
 from pytest_drive_robust.simulators import base, embedded
@@ -72,7 +72,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
     factory = entry.load()
     given = getattr(factory, "configuration", None)
     try:
-        configuration = canonical(given)
+        configuration = canonical_text(given)
     except TypeError as error:
         raise UsageError(
             f"the configuration of the agent {agent!r} is {given!r}, expected plain values that can be compared with "

@@ -1,0 +1,217 @@
+"""Two snapshots: verdicts, flips, mismatches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from snapshot_factory import PRINT, cell, route_score, snapshot, with_versions
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.allowance import parse_allowances
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.fingerprint import AgentPrint
+from pytest_drive_robust.regression.outcome import Terms
+from pytest_drive_robust.regression.snapshot import Cell
+from pytest_drive_robust.stats import gate
+
+BUSY = [100.0, 60.0, 100.0, 36.0, 100.0, 100.0, 20.0, 80.0] * 8
+
+
+def terms(*texts: str, **given: object) -> Terms:
+    return Terms(parse_allowances(texts, source="--fail-on"), **given)  # type: ignore[arg-type]
+
+
+def test_the_same_scores_pass_and_nothing_flips() -> None:
+    comparison = compare(snapshot(cell(BUSY)), snapshot(cell(BUSY)))
+    (found,) = comparison.cells
+    assert (found.verdict, found.routes, found.changed, found.flips) == ("pass", 64, 0, ())
+    assert not comparison.regressions
+    assert not comparison.mismatches
+
+
+def test_a_clear_drop_is_a_regression_with_its_flips_worst_first() -> None:
+    worse = [score * 0.5 for score in BUSY]
+    worse[0] = 5.0
+    (found,) = compare(snapshot(cell(BUSY)), snapshot(cell(worse))).cells
+    assert found.verdict == "fail"
+    assert found.before.ds > found.after.ds
+    assert found.changed == 64
+    assert len(found.flips) == BUSY.count(100.0)
+    assert all(flip.fails for flip in found.flips)
+    assert found.flips[0].after.route_id == "1"
+
+
+def test_better_is_never_a_regression_and_its_flips_come_last() -> None:
+    before = {"1": 20.0, "2": 100.0, "3": 50.0}
+    after = {"1": 100.0, "2": 90.0, "3": 50.0}
+    (found,) = compare(snapshot(cell(before)), snapshot(cell(after)), terms("ds:-5%", kind="point")).cells
+    assert found.verdict == "pass"
+    assert [(flip.fails, flip.after.route_id) for flip in found.flips] == [(True, "2"), (False, "1")]
+
+
+def test_three_routes_show_nothing_by_evidence() -> None:
+    old, new = snapshot(cell([100.0] * 3)), snapshot(cell([10.0] * 3))
+    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
+    assert found.verdict == "inconclusive"
+    assert len(found.flips) == 3
+
+
+@pytest.mark.parametrize(
+    ("routes", "seed", "rule", "verdict"),
+    [(19, 0, "list", "fail"), (19, 1, "evidence", "inconclusive"), (20, 0, "evidence", "fail")],
+)
+def test_without_a_rule_few_routes_are_a_list_unless_their_seeds_are_others(
+    routes: int, seed: int, rule: str, verdict: str
+) -> None:
+    old = snapshot(cell([80.0] * routes))
+    (worse,) = compare(old, snapshot(cell([70.0] * routes, seed=seed))).cells
+    assert (worse.rule, worse.verdict) == (rule, verdict)
+
+
+def test_the_same_seeds_without_one_changed_score_pass_on_any_number_of_routes() -> None:
+    for routes in (1, 19, 20, 44):
+        old = snapshot(cell([60.0] * routes))
+        (same,) = compare(old, old).cells
+        assert (same.rule, same.verdict) == ("list", "pass")
+        (other,) = compare(old, snapshot(cell([60.0] * routes, seed=1))).cells
+        assert (other.rule, other.verdict) == ("evidence", "inconclusive")
+
+
+def test_few_routes_are_told_about() -> None:
+    old = snapshot(cell([80.0] * 3))
+    assert compare(old, old).notes == ()
+    assert compare(old, snapshot(cell([80.0, 80.0, 79.0]))).notes == (
+        "verdicts on 3 routes by the rule list: they speak of exactly these routes and seeds",
+    )
+    assert compare(old, snapshot(cell([80.0] * 3, seed=1))).notes == (
+        "3 routes with other seeds show little: drive 20 or more, or the same routes and seeds",
+    )
+
+
+def test_a_run_in_which_nothing_was_scored_says_why() -> None:
+    with pytest.raises(UsageError, match=r"\(0 routes, 1 not scored: 7, seed 0: no map\)"):
+        compare(snapshot(cell([80.0])), snapshot(cell([], broken=("7, seed 0: no map",))))
+
+
+@given(st.lists(st.tuples(st.floats(0, 100), st.floats(0, 100)), min_size=1, max_size=60))
+def test_the_verdict_on_a_relative_drop_is_that_of_the_gate(pairs: list[tuple[float, float]]) -> None:
+    before, after = zip(*pairs, strict=True)
+    old, new = snapshot(cell(before)), snapshot(cell(after))
+    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
+    order = compare_order(old.cells["driver", "clean"], new.cells["driver", "clean"])
+    expected = gate([before[n] for n in order], [after[n] for n in order], 0.05)
+    assert found.verdict == expected.verdict
+
+
+def compare_order(old: Cell, new: Cell) -> list[int]:
+    from pytest_drive_robust.runner.plan import planned_order
+
+    types = [score.scenario for score in new.routes.values()]
+    return [int(route) - 1 for route in planned_order(list(old.routes), types, "driver clean")]
+
+
+def test_a_rise_of_rd_sees_a_drop_that_the_clean_score_shares_as_none() -> None:
+    clean, weak = cell(BUSY), cell([score * 0.8 for score in BUSY], setting="200 ms latency")
+    slower_clean = cell([score * 0.7 for score in BUSY])
+    slower_weak = cell([score * 0.56 for score in BUSY], setting="200 ms latency")
+    comparison = compare(snapshot(clean, weak), snapshot(slower_clean, slower_weak), terms("rd:+0.05"))
+    assert [item.verdict for item in comparison.cells] == ["pass", "pass"]
+    assert comparison.cells[1].before.rd == pytest.approx(0.2)
+    assert comparison.cells[1].after.rd == pytest.approx(0.2)
+
+
+def test_a_rise_of_rd_is_found() -> None:
+    clean, weak = cell(BUSY), cell([score * 0.8 for score in BUSY], setting="200 ms latency")
+    weaker = cell([score * 0.5 for score in BUSY], setting="200 ms latency")
+    comparison = compare(snapshot(clean, weak), snapshot(clean, weaker), terms("rd:+0.05", "sr:-0.5"))
+    assert [item.verdict for item in comparison.cells] == ["pass", "fail"]
+    assert [finding.verdict for finding in comparison.cells[1].findings] == ["fail", "pass"]
+
+
+def test_rd_without_clean_episodes_is_an_error_not_a_pass() -> None:
+    weak = snapshot(cell(BUSY, setting="200 ms latency"))
+    (found,) = compare(weak, weak, terms("rd:+0.05")).cells
+    assert found.verdict == "error"
+    assert "clean episodes" in found.findings[0].problem
+    assert found.regressed
+
+
+def test_an_episode_that_broke_now_is_an_error() -> None:
+    broken = cell(BUSY, broken=("7, seed 0: no map",))
+    (found,) = compare(snapshot(cell(BUSY)), snapshot(broken)).cells
+    assert found.verdict == "error"
+    assert "no map" in found.findings[0].problem
+
+
+def test_only_common_routes_count_and_the_others_are_told() -> None:
+    before = cell({"1": 100.0, "2": 100.0, "3": 10.0})
+    (found,) = compare(snapshot(before), snapshot(cell({"1": 100.0, "2": 100.0, "9": 0.0}))).cells
+    assert (found.routes, found.missing, found.after.ds) == (2, 1, 100.0)
+
+
+def test_settings_that_one_run_lacks_are_notes() -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), label="old")
+    new = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.8"), label="new")
+    assert compare(old, new).notes == (
+        "not in new: driver under occlusion 0.5",
+        "not in old: driver under occlusion 0.8",
+    )
+
+
+def test_two_agents_of_other_names_are_compared_when_there_is_no_doubt() -> None:
+    comparison = compare(snapshot(cell(BUSY, agent="old")), snapshot(cell(BUSY, agent="new")))
+    assert comparison.cells[0].agent == "new"
+    assert comparison.notes == ("old is compared with new",)
+
+
+def test_nothing_in_common_cannot_be_compared() -> None:
+    with pytest.raises(UsageError, match=r"nothing to compare: a holds driver under clean \(1 routes\); b holds"):
+        compare(snapshot(cell({"1": 1.0}), label="a"), snapshot(cell({"2": 1.0}), label="b"))
+
+
+def test_another_simulator_or_route_refuses_and_another_library_warns() -> None:
+    old = snapshot(cell(BUSY))
+    worlds = {
+        "simulator": cell(BUSY, fingerprint=with_versions(fake="2")),
+        "routes": cell(BUSY, digest="d1"),
+        "versions": cell(BUSY, fingerprint=with_versions(numpy="3.0")),
+    }
+    for kind, new in worlds.items():
+        comparison = compare(old, snapshot(new))
+        assert [item.kind for item in comparison.mismatches] == [kind]
+        assert bool(comparison.refusals) == (kind != "versions")
+        assert not compare(old, snapshot(new), Terms(policy="warn")).refusals
+        assert compare(old, snapshot(new), Terms(policy="refuse")).refusals
+
+
+def test_another_way_to_stop_stuck_episodes_is_another_simulator() -> None:
+    new = snapshot(cell(BUSY, fingerprint=replace(PRINT, stuck_stop_s=30.0)))
+    (mismatch,) = compare(snapshot(cell(BUSY)), new).refusals
+    assert mismatch.text == "episodes of a stuck agent were stopped never early and are stopped after 30 s"
+
+
+def test_a_changed_agent_is_told_and_never_refused() -> None:
+    new = snapshot(cell(BUSY, fingerprint=replace(PRINT, agent=AgentPrint("agents 2", "bbbbbbbbbbbb", "cc"))))
+    comparison = compare(snapshot(cell(BUSY)), new, Terms(policy="refuse"))
+    assert not comparison.refusals
+    assert comparison.mismatches[0].text == (
+        "the agent driver changed: agents 1 is agents 2, source aaaaaaaaaaaa is bbbbbbbbbbbb, weights unknown is cc"
+    )
+
+
+def test_routes_whose_content_was_not_recorded_are_no_mismatch() -> None:
+    assert not compare(snapshot(cell(BUSY, digest="")), snapshot(cell(BUSY))).mismatches
+
+
+def test_the_seeds_of_a_route_are_one_value_and_the_worst_of_them_is_told() -> None:
+    from pytest_drive_robust.regression.snapshot import RouteScore, Taken
+
+    taken = [Taken(0, 100.0, True, "completed"), Taken(1, 40.0, False, "stuck"), Taken(2, 100.0, True, "completed")]
+    score = RouteScore.of("1", "Kind", taken, digest="", fingerprint=PRINT)
+    assert (score.ds, score.seeds, score.worst_seed, score.outcome) == (80.0, (0, 1, 2), 1, "stuck")
+    assert score.sr == pytest.approx(2 / 3)
+    assert score.succeeds
+    assert not route_score("1", 99.0).succeeds

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import shlex
+from dataclasses import replace
+
+import pytest
+from result_factory import infraction, make_result, scored, trace_of
+
+from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
+from pytest_drive_robust.report.failure import failure_text
+from pytest_drive_robust.verdict.evaluate import evaluate
+from pytest_drive_robust.verdict.requirement import requirement
+
+LATENCY = Setting.of(InferenceLatency(ms=200))
+
+
+def text_of(wanted, clean, perturbed, *, options=None, routes_spec="dev10", privileged=False):
+    verdict = evaluate(wanted, agent="driver", clean=clean, perturbed=perturbed)
+    return failure_text(verdict, options or RunOptions(), routes_spec=routes_spec, privileged=privileged)
+
+
+def hit(route_id, *, scenario="HardBreakRoute", setting=str(LATENCY)):
+    crash = infraction(InfractionKind.COLLISION_VEHICLE, second=1.5)
+    return make_result(
+        route_id,
+        scenario=scenario,
+        setting=setting,
+        end=End.BLOCKED,
+        completion_pct=20.0,
+        infractions=[crash],
+        trace=trace_of(40, speed_mps=5.0, x_m=range(0, 80, 2)),
+    )
+
+
+CLEAN = [scored(str(number), 100.0) for number in range(501, 505)]
+PERTURBED = [hit("501"), *(scored(str(number), 100.0, setting=str(LATENCY)) for number in (502, 503, 504))]
+
+
+def test_the_message_has_value_limit_interval_summaries_worst_routes_and_replay():
+    lines = text_of(requirement("RD", LATENCY) <= 0.10, CLEAN, PERTURBED).splitlines()
+    assert lines[0].startswith("RD under 200 ms latency = 0.22, limit <= 0.10   (95 % interval ")
+    assert lines[0].endswith(", 4 routes x 1 seed)")
+    assert lines[1].split() == ["clean", "perturbed"]
+    assert lines[2].split() == ["DS", "100.00", "78.00"]
+    assert lines[3].split() == ["SR", "1.00", "0.75"]
+    assert lines[4].split() == ["worst", "routes"]
+    assert lines[5].startswith("  501 HardBreakRoute, diverged at ")
+    assert lines[6].split() == ["clean", "100.0", "completed"]
+    assert lines[7].startswith("    perturbed   12.0  collision with vehicle at 1.5 s")
+    assert lines[-1] == ('  replay:  drive-robust replay 501 --agent driver --setting "200 ms latency" --seed 0')
+
+
+def test_an_absolute_requirement_needs_no_clean_column():
+    lines = text_of(requirement("SR", LATENCY) >= 0.9, [], PERTURBED).splitlines()
+    assert lines[0].startswith("SR under 200 ms latency = 0.75, limit >= 0.90")
+    assert lines[1].split() == ["perturbed"]
+    assert lines[4].split() == ["worst", "routes"]
+
+
+def test_a_clean_requirement_calls_its_column_clean():
+    clean = [scored("1", 40.0), scored("2", 100.0)]
+    lines = text_of(requirement("DS") >= 90, [], clean).splitlines()
+    assert lines[1].split() == ["clean"]
+
+
+@pytest.mark.parametrize("seeds", [1, 2])
+def test_nothing_but_the_replay_command_is_wider_than_a_hundred_columns(seeds):
+    setting = Setting.of(PartialObservation(ratio=0.5), InferenceLatency(ms=200))
+    name = str(setting)
+    long = "VanillaNonSignalizedTurnEncounterStopsign" * 2
+    clean = [
+        replace(scored("26406", 100.0, scenario=long, seed=seed), infractions=(infraction(InfractionKind.RED_LIGHT),))
+        for seed in range(seeds)
+    ]
+    worse = hit("26406", scenario=long, setting=name)
+    perturbed = [replace(worse, episode=replace(worse.episode, seed=seed)) for seed in range(seeds)]
+    lines = text_of(requirement("RD", setting) <= 0.10, clean, perturbed).splitlines()
+    assert lines[-1].startswith("  replay:")
+    assert max(map(len, lines[:-1])) <= 100
+
+
+def test_the_replay_command_survives_a_shell():
+    options = RunOptions(simulator="my sim")
+    wanted = requirement("RD", LATENCY) <= 0.10
+    last = text_of(wanted, CLEAN, PERTURBED, options=options, routes_spec='a "b" $c.xml').splitlines()[-1]
+    words = shlex.split(last.removeprefix("  replay:"))
+    assert words[words.index("--setting") + 1] == "200 ms latency"
+    assert words[words.index("--routes") + 1] == 'a "b" $c.xml'
+    assert words[words.index("--sim") + 1] == "my sim"
+
+
+def test_a_privileged_agent_is_said_to_be_one():
+    assert "driver is privileged" in text_of(requirement("RD", LATENCY) <= 0.1, CLEAN, PERTURBED, privileged=True)
+
+
+def test_one_route_is_no_interval():
+    text = text_of(requirement("RD", LATENCY) <= 0.1, CLEAN[:1], PERTURBED[:1])
+    assert "(95 % interval unknown, 1 route x 1 seed)" in text
