@@ -6,7 +6,7 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +45,7 @@ class Exchange:
         self._started_s = 0.0
         self._begun_s: dict[bytes, float] = {}  # by token, of the requests under way
         self._is_full = False
+        self.death: Death | None = None
 
     @property
     def printed(self) -> str:
@@ -53,14 +54,16 @@ class Exchange:
 
     def ask(self, request: Message) -> Answer | Death:
         """Send one request and wait. After a `Death` the worker is dead, too. Raises `Interrupted`."""
-        requests, answers = [request], list[Answer]()
-        death = self.run(lambda: requests.pop() if requests else None, lambda _, answer: answers.append(answer))
-        return answers[0] if death is None else death
+        requests = [request]
+        for _, answer in self.run(lambda: requests.pop() if requests else None):
+            return answer
+        assert self.death is not None  # otherwise there is an answer
+        return self.death
 
-    def run(self, take: Callable[[], Message | None], hear: Callable[[bytes, Answer], object]) -> Death | None:
-        """Send what `take` gives, give `hear` what comes back; None when nothing is under way and nothing to be sent.
+    def run(self, take: Callable[[], Message | None]) -> Generator[tuple[bytes, Answer], None, None]:
+        """Send what `take` gives and yield each answer with its token, until nothing is under way and none to be sent.
 
-        The limit of an episode counts from its own request. After a `Death` the worker is dead, too. Raises
+        The limit of an episode counts from its own request. Where the worker died, `death` says how. Raises
         `Interrupted`.
         """
         worker = self._worker
@@ -68,9 +71,9 @@ class Exchange:
         if self._news_fd is not None:
             sources.append(self._news_fd)
         while True:
-            death = self._send(take)
-            if death is not None or not self._begun_s:
-                return death
+            self.death = self._send(take)
+            if self.death is not None or not self._begun_s:
+                return
             self._started_s = min(self._begun_s.values())
             ready = wait(sources, self._patience_s())
             if self._wake_fd in ready:
@@ -79,9 +82,12 @@ class Exchange:
                 os.read(self._news_fd, _CHUNK_BYTES)
             if worker.output in ready and not self._listen():
                 sources.remove(worker.output)
-            death = self._hear(ready, hear) or (self._late() if self._begun_s else None)
-            if death is not None:
-                return death
+            received = self._receive(ready)
+            if isinstance(received, tuple):
+                yield received
+            self.death = received if isinstance(received, Death) else self._late() if self._begun_s else None
+            if self.death is not None:
+                return
 
     def _send(self, take: Callable[[], Message | None]) -> Death | None:
         """Send as much as there is room for: a worker that answers must never wait for us, who ask."""
@@ -98,8 +104,8 @@ class Exchange:
             except OSError:
                 return self._lost(Cause.SILENT)
 
-    def _hear(self, ready: list[Any], hear: Callable[[bytes, Answer], object]) -> Death | None:
-        """Pass one answer on, where one has come."""
+    def _receive(self, ready: list[Any]) -> tuple[bytes, Answer] | Death | None:
+        """Return an answer with its token, where one has come."""
         worker = self._worker
         if worker.connection not in ready:
             if worker.sentinel in ready and not worker.connection.poll():
@@ -116,8 +122,7 @@ class Exchange:
             return self._lost(Cause.GARBAGE)
         del self._begun_s[message.token]
         self._listen()
-        hear(message.token, answer)
-        return None
+        return message.token, answer
 
     def _listen(self) -> bool:
         """Keep what was printed. False when nothing more can come."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
-__all__ = ["Moment", "Picture", "PictureFile", "Tape", "main_camera"]
+__all__ = ["Picture", "PictureFile", "Tape", "TapeTick", "main_camera"]
 
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92
@@ -41,7 +41,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TapeTick:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
     `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is what its main camera
@@ -50,7 +50,7 @@ class Moment:
     last moment of a tape is the end: nothing is asked or applied any more.
     """
 
-    frame: WorldState
+    state: WorldState
     pictures: tuple[Picture, ...] = ()
     real: Picture | None = None
     gps: tuple[float, float] | None = None
@@ -69,7 +69,7 @@ class Tape:
     """
 
     result: EpisodeResult
-    moments: tuple[Moment, ...]
+    moments: tuple[TapeTick, ...]
     lane_map: LaneMap
     route: NDArray[np.float64]
     file: PictureFile

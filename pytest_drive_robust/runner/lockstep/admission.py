@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import typing
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,22 +15,42 @@ from pytest_drive_robust.runner.lockstep.lockstep import WIDTH
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.runner.episode.loop import Watch
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Vetting", "factory_offers_lockstep", "refused", "vet"]
+__all__ = ["Admission", "Admissions", "admission_of", "factory_offers_lockstep"]
 
 
-class Vetting(NamedTuple):
+class Admission(NamedTuple):
     """`recorded`: something was seen to ask about. `problem`: why the agent must not be driven in lockstep."""
 
     recorded: bool
     problem: str | None = None
 
-    @property
-    def passed(self) -> bool:
-        """True when the agent may be driven in lockstep."""
-        return self.recorded and self.problem is None
+
+class Admissions:
+    """What is known of the agents of a run, each asked once for all threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._known: dict[str, Admission] = {}
+
+    def may_share(self, agent: str, ask: Callable[[], Admission]) -> bool:
+        """Return whether the agent may be driven in lockstep; `ask` where that is not known yet. False: still unknown.
+
+        Raises `UsageError` for an agent that is refused, and what `ask` does.
+        """
+        with self._lock:
+            admission = self._known.get(agent) or ask()
+            if admission.recorded:
+                self._known[agent] = admission
+        if admission.problem is not None:
+            raise UsageError(
+                f"the agent {agent!r} cannot be driven in lockstep: {admission.problem} Leave out --drive-lockstep "
+                "(drive_lockstep) and its episodes are driven one by one."
+            )
+        return admission.recorded
 
 
 def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
@@ -47,18 +68,17 @@ def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
     return callable(getattr(made, "act_batch", None))
 
 
-def vet(world: Simulator, make_agent: Callable[[], Agent], request: EpisodeRequest, *, width: int) -> Vetting:
+def admission_of(
+    world: Simulator,
+    make_agent: Callable[[], Agent],
+    request: EpisodeRequest,
+    *,
+    width: int,
+    watch: Watch | None = None,
+) -> Admission:
     """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths."""
-    recording = record(world, make_agent(), request)
+    recording = record(world, make_agent(), request, watch=watch)
     if recording is None:
-        return Vetting(recorded=False)
+        return Admission(recorded=False)
     widths = sorted({ROWS, WIDTH, 2 * WIDTH, width})
-    return Vetting(recorded=True, problem=check_lockstep(make_agent, [recording], widths))
-
-
-def refused(agent: str, problem: str) -> UsageError:
-    """What a run is told whose agent must not be driven in lockstep."""
-    return UsageError(
-        f"the agent {agent!r} cannot be driven in lockstep: {problem} Leave out --drive-lockstep (drive_lockstep) and "
-        "its episodes are driven one by one."
-    )
+    return Admission(recorded=True, problem=check_lockstep(make_agent, [recording], widths, watch=watch))
