@@ -27,8 +27,8 @@ if TYPE_CHECKING:
         Setting,
         SpeedNoise,
     )
-    from pytest_drive_robust.verdict.model import Requirement, requirement
-    from pytest_drive_robust.verdict.parse import requirements
+    from pytest_drive_robust.verdict.requirement import Requirement, requirement
+    from pytest_drive_robust.verdict.sentences import requirements
 
     __version__: str
 
@@ -81,8 +81,8 @@ _MODULES = {
         "Setting",
         "SpeedNoise",
     ),
-    "verdict.model": ("Requirement", "requirement"),
-    "verdict.parse": ("requirements",),
+    "verdict.requirement": ("Requirement", "requirement"),
+    "verdict.sentences": ("requirements",),
     "domain.camera_rigs": ("rig", "rig_names"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

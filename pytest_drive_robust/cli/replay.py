@@ -61,13 +61,14 @@ class _Wanted:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.options.run import positive_seconds
+    from pytest_drive_robust.options.option import Given
+    from pytest_drive_robust.options.parsers import seconds
     from pytest_drive_robust.registry.registry import default_registry
     from pytest_drive_robust.simulators.base import SimulatorOptions
 
     registry = default_registry()
     wanted = _wanted(options, registry)
-    stuck_stop_s = None if options.stuck_stop is None else positive_seconds("--stuck-stop", options.stuck_stop)
+    stuck_stop_s = None if options.stuck_stop is None else seconds(Given("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
     before = before_of(options.run, wanted.stored)
@@ -179,7 +180,7 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
 
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
     """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
-    from pytest_drive_robust.verdict.divergence import first_divergence_s
+    from pytest_drive_robust.verdict.explain import first_divergence_s
 
     if len(tapes) == 2:
         parted_s = first_divergence_s(tapes[0].result, tapes[1].result)

@@ -48,11 +48,11 @@ def add_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def _score(options: argparse.Namespace) -> int:
     from pytest_drive_robust.bench2drive.results.ability_rates import undecided_routes
+    from pytest_drive_robust.bench2drive.results.carla_junctions import junction_shares
     from pytest_drive_robust.bench2drive.results.comforts import Comforts
-    from pytest_drive_robust.bench2drive.results.junctions import junction_shares
+    from pytest_drive_robust.bench2drive.results.official_totals import score_results
     from pytest_drive_robust.bench2drive.results.quirks import notes_on
     from pytest_drive_robust.bench2drive.results.results_file import read_results
-    from pytest_drive_robust.bench2drive.results.scores import score_results
     from pytest_drive_robust.errors import UsageError
     from pytest_drive_robust.metrics.guards import require_mode
     from pytest_drive_robust.report.official_score import score_as_json, score_text

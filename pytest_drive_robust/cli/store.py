@@ -107,7 +107,7 @@ def _gc(options: argparse.Namespace) -> int:
 
 
 def _folder(options: argparse.Namespace) -> Path:
-    from pytest_drive_robust.options.table import DEFAULT_STORE
+    from pytest_drive_robust.options.run import DEFAULT_STORE
     from pytest_drive_robust.regression.runs import home_of
 
     folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE

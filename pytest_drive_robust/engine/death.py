@@ -1,4 +1,4 @@
-"""Why an episode has no answer: whose fault it is, what to call it, and whether to try again."""
+"""Why a worker ended without an answer: whose fault it is, what to call it, and whether to try again."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 __all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
 
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
-_FRAME = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
+_LINE = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
 _LONGEST_LINE = 200
 
 
 class Cause(Enum):
-    """How it came to an end without an answer."""
+    """How a request came to an end without an answer."""
 
     DIED = "the process ended"
-    SILENT = "the channel was closed"
-    GARBAGE = "the channel carried something else"
+    SILENT = "the connection was closed"
+    GARBAGE = "the connection carried something else"
     ACT_DEADLINE = "one call took too long"
     EPISODE_DEADLINE = "the episode took too long"
 
 
 class Blame(Enum):
-    """Whose doing it was."""
+    """Whose fault it was."""
 
     AGENT = "agent"
     OURS = "the simulator or we"
@@ -43,24 +43,24 @@ class Blame(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """What is known. `status` is as `os.waitpid` tells it; `faults` is what faulthandler wrote, `said` the last output.
+    """What is known. `status` is as `os.waitpid` tells it, `faults` from faulthandler, `printed` the last output.
 
-    `lasted_s` is how long the phase of `moment` had lasted, `limit_s` the limit that was reached.
+    `lasted_s` is how long the phase of `reading` had lasted, `limit_s` the limit that was reached.
     """
 
     cause: Cause
-    moment: StateReading
+    reading: StateReading
     status: int | None = None
     limit_s: float = 0.0
     lasted_s: float = 0.0
     elapsed_s: float = 0.0
     faults: str = ""
-    said: str = ""
+    printed: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """The verdict over a death."""
+    """Whose fault a death is, the end of its episode, and the sentence that people read."""
 
     blame: Blame
     end: End
@@ -68,10 +68,10 @@ class Explanation:
 
 
 def explain(death: Death) -> Explanation:
-    """Who is to blame, and the sentence that people read."""
-    phase, tick = death.moment.phase, death.moment.tick
+    """Say who is to blame for a death, in a sentence that people read."""
+    phase, tick = death.reading.phase, death.reading.tick
     where = f"in {phase.call} at tick {tick}" if phase.is_agent else f"at tick {tick}"
-    place = place_of_fault(death.faults) or place_of_fault(death.said)  # an agent may have a handler of its own
+    place = place_of_fault(death.faults) or place_of_fault(death.printed)  # an agent may have a handler of its own
     if death.cause in (Cause.ACT_DEADLINE, Cause.EPISODE_DEADLINE):
         return _too_late(death, where, place)
     if death.cause is Cause.SILENT or death.status == CUT_OFF << 8:
@@ -80,7 +80,7 @@ def explain(death: Death) -> Explanation:
         return _agent(f"wrote to the descriptors of its process, noticed {where}")
     assert death.status is not None
     ending, number = _ending(death.status)
-    last = f"; it last printed {_last_line(death.said)!r}" if _last_line(death.said) else ""
+    last = f"; it last printed {_last_line(death.printed)!r}" if _last_line(death.printed) else ""
     if number in _FROM_OUTSIDE:
         if tick == 0 and not phase.is_agent:
             return _ours(f"killed by {ending} before the episode began")
@@ -92,8 +92,8 @@ def explain(death: Death) -> Explanation:
 
 
 def place_of_fault(faults: str) -> str:
-    """`" (agent.py:12 in act)"` from what faulthandler wrote, the deepest line that is no installed library."""
-    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _FRAME.finditer(faults)]
+    """Return `" (agent.py:12 in act)"` from what faulthandler wrote, the deepest line that is no installed library."""
+    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _LINE.finditer(faults)]
     outside = [frame for frame in frames if not _is_library(frame[0])] or frames
     if not outside:
         return ""
@@ -103,10 +103,10 @@ def place_of_fault(faults: str) -> str:
 
 
 def _too_late(death: Death, where: str, place: str) -> Explanation:
-    phase, moment = death.moment.phase, death.moment
+    phase, reading = death.reading.phase, death.reading
     if death.cause is Cause.ACT_DEADLINE:
         return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, f"took longer than {death.limit_s:g} s {where}{place}")
-    agent_s = moment.agent_s + (death.lasted_s if phase.is_agent else 0.0)
+    agent_s = reading.agent_s + (death.lasted_s if phase.is_agent else 0.0)
     if agent_s * 2.0 >= death.elapsed_s:
         share = f"the agent used {agent_s:.1f} s of it"
         detail = f"the episode took longer than {death.limit_s:g} s, {share}; it was {where}{place}"
@@ -135,8 +135,8 @@ def _ending(status: int) -> tuple[str, int | None]:
         return f"signal {number}", number
 
 
-def _last_line(said: str) -> str:
-    lines = [line for line in said.strip().splitlines() if not line.startswith("Extension modules:")]
+def _last_line(printed: str) -> str:
+    lines = [line for line in printed.strip().splitlines() if not line.startswith("Extension modules:")]
     return lines[-1][:_LONGEST_LINE] if lines else ""
 
 

@@ -1,44 +1,29 @@
-"""One request to a child and what comes back: an answer, or the news of its death."""
+"""Requests to a worker process and what comes back: answers, or the news of its death."""
 
 from __future__ import annotations
 
-import json
 import os
 import select
 import signal
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.engine.death import Cause, Death
-from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, FrameReader
-from pytest_drive_robust.engine.wire import REFUSED, RESULT
-from pytest_drive_robust.engine.worker.serve import split_answer
-from pytest_drive_robust.store.record import decode_episode
+from pytest_drive_robust.engine.messages import Answer, Message, receive
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.shared_state import StateReading
     from pytest_drive_robust.engine.worker_process import WorkerProcess
 
-__all__ = ["CHUNK_BYTES", "Answer", "Exchange", "Interrupted", "answer_in"]
+__all__ = ["Exchange", "Interrupted"]
 
-CHUNK_BYTES = 1 << 16
-_LAST_WORDS_S = 0.1
-_BURIAL_S = 0.25
-_LOOK_S = 0.2
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What the child replied: a result, or why it cannot drive that at all. `rss` in bytes."""
-
-    result: EpisodeResult | None
-    refused: Mapping[str, str]
-    rss: int
-    leftovers: tuple[str, ...]
+_CHUNK_BYTES = 1 << 16
+_TRACEBACK_S = 0.1
+_EXIT_S = 0.25
+_FULL_S = 0.05
 
 
 class Interrupted(Exception):  # noqa: N818 - it is no error: somebody asked for it
@@ -46,153 +31,155 @@ class Interrupted(Exception):  # noqa: N818 - it is no error: somebody asked for
 
 
 class Exchange:
-    """Waits for one child, within the limits, by a clock and descriptors that are out of the child's reach."""
+    """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    def __init__(self, child: WorkerProcess, limits: Limits, wake_fd: int) -> None:
-        self._child = child
+    `wake_fd` becomes readable when somebody wants to stop, `news_fd` when there may be another request.
+    """
+
+    def __init__(self, worker: WorkerProcess, limits: Limits, wake_fd: int, news_fd: int | None = None) -> None:
+        self._worker = worker
         self._limits = limits
         self._wake_fd = wake_fd
-        self._said = bytearray()
-        self._reader = FrameReader()
+        self._news_fd = news_fd
+        self._printed = bytearray()
         self._started_s = 0.0
+        self._begun_s: dict[bytes, float] = {}  # by token, of the requests under way
+        self._is_full = False
 
     @property
-    def said(self) -> str:
+    def printed(self) -> str:
         """The end of what was printed since the request."""
-        return bytes(self._said[-self._limits.output_bytes :]).decode("utf-8", "replace")
+        return bytes(self._printed[-self._limits.output_bytes :]).decode("utf-8", "replace")
 
-    def run(self, request: Frame) -> Answer | Death:
-        """Send the request and wait. After a `Death` the child is dead, too. Raises `Interrupted`."""
-        self._started_s = time.monotonic()
-        try:
-            self._child.send(request)
-        except OSError:
-            return self._lost()
-        poller = select.poll()
-        for number in (self._wake_fd, *self._child.channels[:2]):
-            poller.register(number, select.POLLIN)
-        if self._child.exit_fd is not None:
-            poller.register(self._child.exit_fd, select.POLLIN)
+    def ask(self, request: Message) -> Answer | Death:
+        """Send one request and wait. After a `Death` the worker is dead, too. Raises `Interrupted`."""
+        requests, answers = [request], list[Answer]()
+        death = self.run(lambda: requests.pop() if requests else None, lambda _, answer: answers.append(answer))
+        return answers[0] if death is None else death
+
+    def run(self, take: Callable[[], Message | None], hear: Callable[[bytes, Answer], object]) -> Death | None:
+        """Send what `take` gives, give `hear` what comes back; None when nothing is under way and nothing to be sent.
+
+        The limit of an episode counts from its own request. After a `Death` the worker is dead, too. Raises
+        `Interrupted`.
+        """
+        worker = self._worker
+        sources: list[Any] = [self._wake_fd, worker.output, worker.sentinel, worker.connection]
+        if self._news_fd is not None:
+            sources.append(self._news_fd)
         while True:
-            ready = dict(poller.poll(1000.0 * self._patience_s()))
+            death = self._send(take)
+            if death is not None or not self._begun_s:
+                return death
+            self._started_s = min(self._begun_s.values())
+            ready = wait(sources, self._patience_s())
             if self._wake_fd in ready:
                 raise Interrupted
-            if self._child.channels.output in ready and not self._listen():
-                poller.unregister(self._child.channels.output)
-            if self._child.channels.messages in ready:
-                ended = self._hear(request)
-                if ended is not None:
-                    return ended
-            elif self._has_ended(ready) and not select.select([self._child.channels.messages], [], [], 0)[0]:
-                return self._lost()  # without an answer that came in the last moment
-            late = self._late()
-            if late is not None:
-                return late
+            if self._news_fd in ready:
+                os.read(self._news_fd, _CHUNK_BYTES)
+            if worker.output in ready and not self._listen():
+                sources.remove(worker.output)
+            death = self._hear(ready, hear) or (self._late() if self._begun_s else None)
+            if death is not None:
+                return death
 
-    def _has_ended(self, ready: Mapping[int, int]) -> bool:
-        fd = self._child.exit_fd
-        return fd in ready if fd is not None else self._child.wait(0.0) is not None
+    def _send(self, take: Callable[[], Message | None]) -> Death | None:
+        """Send as much as there is room for: a worker that answers must never wait for us, who ask."""
+        poller = select.poll()
+        poller.register(self._worker.connection, select.POLLOUT)
+        while True:
+            self._is_full = bool(self._begun_s) and not poller.poll(0)
+            request = None if self._is_full else take()
+            if request is None:
+                return None
+            self._begun_s[request.token] = self._started_s = time.monotonic()
+            try:
+                self._worker.send(request)
+            except OSError:
+                return self._lost(Cause.SILENT)
 
-    def _hear(self, request: Frame) -> Answer | Death | None:
-        """What has arrived on the channel, None when it is not all."""
+    def _hear(self, ready: list[Any], hear: Callable[[bytes, Answer], object]) -> Death | None:
+        """Pass one answer on, where one has come."""
+        worker = self._worker
+        if worker.connection not in ready:
+            if worker.sentinel in ready and not worker.connection.poll():
+                return self._lost(Cause.SILENT)  # without an answer that came in the last moment
+            return None
         try:
-            piece = os.read(self._child.channels.messages, CHUNK_BYTES)
-        except OSError:
-            piece = b""
-        if not piece:
-            return self._lost()
-        try:
-            for frame in self._reader.feed(piece):
-                if frame.token != request.token:
-                    raise BrokenStreamError("the answer is to another request")
-                self._listen()
-                return answer_in(frame)
-        except (BrokenStreamError, ValueError):
-            return self._kill(Cause.GARBAGE)
+            message = receive(worker.connection)
+            if message.token not in self._begun_s:
+                raise ValueError("an answer to another request")
+            answer = Answer.of(message)
+        except EOFError:
+            return self._lost(Cause.SILENT)
+        except (OSError, ValueError):
+            return self._lost(Cause.GARBAGE)
+        del self._begun_s[message.token]
+        self._listen()
+        hear(message.token, answer)
         return None
 
     def _listen(self) -> bool:
         """Keep what was printed. False when nothing more can come."""
         try:
-            while piece := os.read(self._child.channels.output, CHUNK_BYTES):
-                self._said += piece
-                if len(self._said) > 4 * self._limits.output_bytes + CHUNK_BYTES:
-                    del self._said[: -self._limits.output_bytes]
-                if len(piece) < CHUNK_BYTES:
+            while piece := os.read(self._worker.output, _CHUNK_BYTES):
+                self._printed += piece
+                if len(self._printed) > 4 * self._limits.output_bytes + _CHUNK_BYTES:
+                    del self._printed[: -self._limits.output_bytes]
+                if len(piece) < _CHUNK_BYTES:
                     return True
         except BlockingIOError:
             return True
         return False
 
-    def _patience_s(self) -> float:
-        """Until when nothing can become late. A call that begins after this moment is late after the next one."""
+    def _patience_s(self) -> float | None:
+        """Return until when nothing can become late. A call that begins after this is late after the next one."""
         now = time.monotonic()
-        waits = [_LOOK_S] if self._child.exit_fd is None else []
+        waits = [_FULL_S] if self._is_full else []
         if self._limits.episode_s is not None:
             waits.append(self._started_s + self._limits.episode_s - now)
         if self._limits.act_s is not None:
-            moment = self._child.board.look()
-            begun_s = moment.since_s if moment.phase.is_call else now
+            reading = self._worker.state.read()
+            begun_s = reading.since_s if reading.phase.is_call else now
             waits.append(begun_s + self._limits.act_s - now)
-        return max(0.0, min(waits)) + 0.001 if waits else 3600.0
+        return max(0.0, min(waits)) + 0.001 if waits else None
 
     def _late(self) -> Death | None:
         now = time.monotonic()
-        moment = self._child.board.look()
+        reading = self._worker.state.read()
         act_s, episode_s = self._limits.act_s, self._limits.episode_s
-        if act_s is not None and moment.phase.is_call and now - moment.since_s > act_s:
-            return self._kill(Cause.ACT_DEADLINE, moment, act_s)
+        if act_s is not None and reading.phase.is_call and now - reading.since_s > act_s:
+            return self._kill(Cause.ACT_DEADLINE, reading, act_s)
         if episode_s is not None and now - self._started_s > episode_s:
-            return self._kill(Cause.EPISODE_DEADLINE, moment, episode_s)
+            return self._kill(Cause.EPISODE_DEADLINE, reading, episode_s)
         return None
 
-    def _lost(self) -> Death:
-        """The channel was closed or the process ended: which one?"""
-        status = self._child.wait(_BURIAL_S)
+    def _lost(self, cause: Cause) -> Death:
+        """Tell how the worker ended; `cause` is why it can be of no use where it has not."""
+        status = self._worker.wait(_EXIT_S)
         if status is None:
-            return self._kill(Cause.SILENT)
-        return self._death(Cause.DIED, status=status)
+            return self._kill(cause, self._worker.state.read())
+        return self._death(Cause.DIED, self._worker.state.read(), status=status)
 
-    def _kill(self, cause: Cause, moment: StateReading | None = None, limit_s: float = 0.0) -> Death:
-        """End the child, with a chance for faulthandler to say where it is."""
-        moment = moment or self._child.board.look()
+    def _kill(self, cause: Cause, reading: StateReading, limit_s: float = 0.0) -> Death:
+        """End the worker, with a chance for faulthandler to say where it is."""
         if limit_s:
-            self._child.kill(signal.SIGABRT)
-            self._child.wait(_LAST_WORDS_S)
-        self._child.kill()
-        self._child.wait(_BURIAL_S)
-        return self._death(cause, moment, limit_s=limit_s)
+            self._worker.kill(signal.SIGABRT)
+            self._worker.wait(_TRACEBACK_S)
+        self._worker.kill()
+        self._worker.wait(_EXIT_S)
+        return self._death(cause, reading, limit_s=limit_s)
 
-    def _death(
-        self, cause: Cause, moment: StateReading | None = None, *, status: int | None = None, limit_s: float = 0.0
-    ) -> Death:
+    def _death(self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0) -> Death:
         self._listen()
         now = time.monotonic()
-        moment = moment or self._child.board.look()
         return Death(
             cause=cause,
-            moment=moment,
+            reading=reading,
             status=status,
             limit_s=limit_s,
-            lasted_s=now - moment.since_s,
+            lasted_s=now - reading.since_s,
             elapsed_s=now - self._started_s,
-            faults=_text(self._child.channels.faults),
-            said=self.said,
+            faults=os.pread(self._worker.faults, _CHUNK_BYTES, 0).decode("utf-8", "replace"),
+            printed=self.printed,
         )
-
-
-def answer_in(frame: Frame) -> Answer:
-    """The meaning of a message. Raises `ValueError` when it has none."""
-    notes, body = split_answer(frame.payload)
-    rss, leftovers = int(notes["rss"]), tuple(map(str, notes["leftovers"]))
-    if frame.kind == RESULT:
-        return Answer(decode_episode(body), {}, rss, leftovers)
-    if frame.kind == REFUSED:
-        refused: dict[str, Any] = json.loads(body)
-        return Answer(None, {"type": str(refused["type"]), "text": str(refused["text"])}, rss, leftovers)
-    raise ValueError(f"an answer of kind {frame.kind!r}")
-
-
-def _text(fd: int) -> str:
-    """All of a small file, whatever has been read of it already."""
-    return os.pread(fd, CHUNK_BYTES, 0).decode("utf-8", "replace")

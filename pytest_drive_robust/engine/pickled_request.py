@@ -1,4 +1,4 @@
-"""One episode to drive, on its way to a child process."""
+"""One episode request on its way to a worker process."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PickledRequest:
 
     @classmethod
     def of(cls, request: EpisodeRequest) -> PickledRequest:
-        """What the child needs of a request."""
+        """Pickle what a worker needs of a request."""
         try:
             setting: bytes | None = pickle.dumps(request.setting)
         except Exception:  # a class of a conftest.py that another one pushed out of sys.modules, a lambda, a lock ...
@@ -36,7 +36,7 @@ class PickledRequest:
         return cls(request.episode, request.route, setting)
 
     def read_setting(self, registry: Registry) -> Setting:
-        """The setting, in the child. Raises `UsageError` when its classes are not to be had there."""
+        """Return the setting, in the worker. Raises `UsageError` when its classes are not to be had there."""
         problem = "its perturbations do not pickle"
         if self.setting is not None:
             try:

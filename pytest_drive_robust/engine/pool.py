@@ -1,4 +1,4 @@
-"""The executor of one machine: a few threads, each with a guarded child process of its own."""
+"""The executor of one machine: a few threads, each with a worker process that a supervisor watches."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_EPISODES = 5
 class ProcessExecutor:
     """Drives `slots` episodes at a time (see `runner.executors.Executor`).
 
-    The threads only wait: what drives are their children, which live until the run ends or an episode breaks them.
+    The threads only wait: what drives are their workers, which live until the run ends or an episode breaks them.
     No process is started, and `worker_setup` not called, before the first episode.
     """
 
@@ -44,13 +44,13 @@ class ProcessExecutor:
         self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust")
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Begin an episode in the next free child. Raises `UsageError` when no child could be made like this one."""
+        """Begin an episode in the next free worker. Raises `UsageError` where no worker could load what we have."""
         if self._fork_server is None:
             self._fork_server = ForkServer(self._setup())
         return self._pool.submit(self._drive, request)
 
     def close(self, *, cancel: bool = False) -> None:
-        """End the children. With `cancel`, those that drive are killed; without, they come to their end first."""
+        """End the workers. With `cancel`, those that drive are killed; without, they come to their end first."""
         if self._closed:
             return
         self._closed = True
@@ -66,19 +66,21 @@ class ProcessExecutor:
             self._fork_server.close()
 
     def last_words(self) -> tuple[tuple[str, str], ...]:
-        """(episode, what it printed at its end) of the first episodes that broke since this was asked last."""
+        """Return (episode, what it printed at its end) of the first episodes that broke since this was asked last."""
         with self._lock:
             words, self._words = tuple(self._words), []
         return words
 
     def heard(self, result: EpisodeResult, output: str) -> None:
-        """What a process printed in an episode: kept for people when the episode broke."""
-        said = output.strip()
-        if not said or result.outcome not in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+        """Keep what a worker printed in an episode that broke, for people."""
+        printed = output.strip()
+        if not printed or result.outcome not in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
             return
         with self._lock:
             if len(self._words) < _MOST_EPISODES:
-                self._words.append((str(result.episode), said if len(said) <= _WORDS else f"...{said[-_WORDS:]}"))
+                self._words.append(
+                    (str(result.episode), printed if len(printed) <= _WORDS else f"...{printed[-_WORDS:]}")
+                )
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         supervisor: Supervisor | None = getattr(self._own, "supervisor", None)

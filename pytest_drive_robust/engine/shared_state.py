@@ -1,7 +1,7 @@
-"""Memory that parent and child share: whose code runs, since when, and every control so far.
+"""Memory that we share with a worker: whose code runs, since when, and every control so far.
 
-The child writes, the parent reads. What stands there survives the child, so the parent can say whose fault a death is
-and have the episode scored up to that tick.
+The worker writes, we read. What stands there survives the worker, so we can say whose fault its death is and have the
+episode scored up to that tick.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Phase", "SharedState", "StateReading", "shared_file", "state_bytes"]
 
-_MOMENT = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it
+_READING = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it
 _COUNT = struct.Struct("<I")
 _COUNT_AT = 32
 _RIG_AT = 64
@@ -67,7 +67,7 @@ _BY_NAME = {"reset": Phase.RESET, "act": Phase.ACT, "sim": Phase.SIM}
 
 
 class StateReading(NamedTuple):
-    """One look at the board: `since_s` by the monotonic clock, `agent_s` with the current phase left out."""
+    """What the shared state says: `since_s` by the monotonic clock, `agent_s` with the current phase left out."""
 
     phase: Phase
     tick: int
@@ -87,7 +87,7 @@ class SharedState:
         self._agent_s = 0.0
 
     def clear(self) -> None:
-        """A new episode: nothing was driven yet."""
+        """Begin a new episode: nothing was driven yet."""
         self._agent_s = 0.0
         _COUNT.pack_into(self._memory, _COUNT_AT, 0)
         _COUNT.pack_into(self._memory, _RIG_AT, 0)
@@ -98,15 +98,15 @@ class SharedState:
         self.enter(_BY_NAME[name], tick)
 
     def enter(self, phase: Phase, tick: int) -> None:
-        """From now on the code of `phase` runs."""
+        """Note that the code of `phase` runs from now on."""
         now = time.monotonic()
         if self._phase <= Phase.ACT:
             self._agent_s += now - self._since_s
         self._phase, self._since_s = phase, now
-        _MOMENT.pack_into(self._memory, 0, phase, tick, now, self._agent_s)
+        _READING.pack_into(self._memory, 0, phase, tick, now, self._agent_s)
 
     def equip(self, rig: Rig) -> None:
-        """The agent's rig is known. One too large to be kept is left out: then nothing can be salvaged."""
+        """Keep the agent's rig, unless it is too large: then the episode cannot be driven again without the agent."""
         text = json.dumps(asdict(rig)).encode()
         if len(text) <= _RIG_BYTES - _COUNT.size:
             start = _RIG_AT + _COUNT.size
@@ -114,7 +114,7 @@ class SharedState:
             _COUNT.pack_into(self._memory, _RIG_AT, len(text))
 
     def add(self, tick: int, asked: Control | None, applied: Control, ego: EgoState) -> None:
-        """A tick was driven: what the agent asked for, what the vehicle got, where it stood before."""
+        """Keep a tick that was driven: what the agent asked for, what the vehicle got, where it stood before."""
         if tick >= self._capacity:
             return
         raw = _UNASKED
@@ -129,17 +129,17 @@ class SharedState:
         """Ticks that were driven, as far as there is room."""
         return int(min(_COUNT.unpack_from(self._memory, _COUNT_AT)[0], self._capacity))
 
-    def look(self) -> StateReading:
-        """What happens now; never half of what was just written."""
+    def read(self) -> StateReading:
+        """Return what happens now, never half of what was just written."""
         while True:
-            first, second = (_MOMENT.unpack_from(self._memory, 0) for _ in range(2))
+            first, second = (_READING.unpack_from(self._memory, 0) for _ in range(2))
             if first == second:
                 break
         phase, tick, since_s, agent_s = first
         return StateReading(Phase(phase) if phase in _PHASES else Phase.IDLE, tick, since_s, agent_s)
 
     def rig(self) -> Rig | None:
-        """The agent's rig, None before it was known. Raises `ValueError` where the child wrote nonsense."""
+        """Return the agent's rig, None before it was known. Raises `ValueError` where the worker wrote nonsense."""
         length = _COUNT.unpack_from(self._memory, _RIG_AT)[0]
         if not length:
             return None
@@ -149,7 +149,7 @@ class SharedState:
         return Rig(cameras, tuple(fields["consumes"]), bool(fields["privileged"]))
 
     def rows(self) -> NDArray[np.float64]:
-        """(ticks, 9): see `runner.episode.rescore`."""
+        """Return an array of shape (ticks, 9): see `runner.episode.rescore`."""
         import numpy as np
 
         data = self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]
@@ -165,12 +165,12 @@ _PHASES = frozenset(map(int, Phase))
 
 
 def state_bytes(tick_cap: int) -> int:
-    """The size of a board for episodes of so many ticks. Memory that is not written to costs nothing."""
+    """Return the size of the state of episodes of so many ticks. Memory that is not written to costs nothing."""
     return _ROWS_AT + min(tick_cap + 1, _MOST_TICKS) * _ROW.size
 
 
 def shared_file(name: str, size: int) -> int:
-    """A descriptor of `size` zero bytes in memory (or in a deleted file), not inherited unless asked for."""
+    """Return a descriptor of `size` zero bytes in memory (or in a deleted file), not inherited unless asked for."""
     if hasattr(os, "memfd_create"):
         fd = os.memfd_create(f"drive-robust-{name}")
     else:

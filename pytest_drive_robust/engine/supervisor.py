@@ -1,4 +1,4 @@
-"""Drives episodes in a child process that may break: whatever happens to it, an episode has a result."""
+"""Our side's watch over one worker process: whatever happens to it, an episode has a result."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.death import Blame, Death, Explanation, explain
-from pytest_drive_robust.engine.exchange import Answer, Exchange, Interrupted
-from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped, refusal
-from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
+from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
 from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, refusal
 from pytest_drive_robust.engine.pickled_request import PickledRequest
-from pytest_drive_robust.engine.wire import DRIVE, SALVAGE
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
@@ -34,27 +33,27 @@ if TYPE_CHECKING:
 __all__ = ["FailedAttempt", "Stopped", "Supervisor"]
 
 _SALVAGE_S = 600.0
-_FAREWELL_S = 0.5
+_EXIT_S = 0.5
 
 
 class FailedAttempt(NamedTuple):
-    """A death with what the board still told."""
+    """An attempt whose worker died, with what the shared state still told."""
 
-    finding: Explanation
+    explanation: Explanation
     rig: Rig | None
     rows: NDArray[np.float64] | None
     call: str
 
 
 class Supervisor:
-    """One child process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
+    """One worker process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
 
     _kind = DRIVE
 
     def __init__(self, fork_server: ForkServer, limits: Limits) -> None:
         self._fork_server = fork_server
         self._limits = limits
-        self._child: WorkerProcess | None = None
+        self._worker: WorkerProcess | None = None
         self._first_rss = 0
         self._lock = threading.Lock()
         self._stopped = threading.Event()
@@ -66,27 +65,27 @@ class Supervisor:
     def ticks(self) -> int:
         """Ticks of the episode under way, from any thread; 0 when there is none."""
         with self._lock:
-            return 0 if self._child is None else self._child.board.ticks
+            return 0 if self._worker is None else self._worker.state.ticks
 
     @property
     def pid(self) -> int | None:
-        """The child process, while there is one."""
-        child = self._child
-        return None if child is None else child.pid
+        """The worker process, while there is one."""
+        worker = self._worker
+        return None if worker is None else worker.pid
 
     def drive(self, request: EpisodeRequest, *, count: int = 0) -> EpisodeResult:
-        """The episode, whatever happens to the process that drives it. It was tried `count` times before.
+        """Drive the episode, whatever happens to the process that drives it. It was tried `count` times before.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all or the request cannot be sent, and
         `Stopped` after `stop`. `output` is then the end of what was printed.
         """
         started = time.monotonic()
-        order = PickledRequest.of(request)
-        payload = self._request_for(order)
+        pickled = PickledRequest.of(request)
+        payload = self._payload(pickled)
         while True:
             ended = self._attempt(self._kind, payload, self._limits)
             if isinstance(ended, FailedAttempt):
-                result = self._result_of(ended, order, final=count == DRIVEN_AGAIN, started=started)
+                result = self._result_of(ended, pickled, final=count == DRIVEN_AGAIN, started=started)
             else:
                 result = self._judged(ended)
                 if result.outcome is Outcome.INFRA_ERROR and count < DRIVEN_AGAIN:
@@ -96,21 +95,21 @@ class Supervisor:
                 return result
             count += 1
 
-    def _request_for(self, order: PickledRequest) -> bytes:
-        return pickle.dumps((order,))
+    def _payload(self, request: PickledRequest) -> bytes:
+        return pickle.dumps((request,))
 
     def stop(self) -> None:
-        """Kill the child and make `drive` raise `Stopped`, now and ever after. From any thread."""
+        """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
         self._stopped.set()
         with self._lock:
             if self._closed:
                 return
             os.write(self._wake_w, b"!")
-            if self._child is not None:
-                self._child.kill()
+            if self._worker is not None:
+                self._worker.kill()
 
     def close(self) -> None:
-        """End the child. Calling it twice does no harm; afterwards `drive` raises `Stopped`."""
+        """End the worker. Calling it twice does no harm; afterwards `drive` raises `Stopped`."""
         self._stopped.set()
         self._retire()
         with self._lock:
@@ -120,29 +119,29 @@ class Supervisor:
                 os.close(self._wake_w)
 
     def _result_of(
-        self, failure: FailedAttempt, order: PickledRequest, *, final: bool, started: float
+        self, failure: FailedAttempt, request: PickledRequest, *, final: bool, started: float
     ) -> EpisodeResult | None:
-        """The result of an episode that ended with its process; None when it should be driven again."""
-        finding = failure.finding
-        if finding.blame is not Blame.AGENT and not final:
+        """Return the result of an episode that ended with its process; None when it should be driven again."""
+        found = failure.explanation
+        if found.blame is not Blame.AGENT and not final:
             return None
-        if finding.blame is Blame.OURS:
+        if found.blame is Blame.OURS:
             outcome, result = Outcome.INFRA_ERROR, None
         else:
-            outcome, result = Outcome.AGENT_ERROR, self._salvaged(failure, order)
+            outcome, result = Outcome.AGENT_ERROR, self._salvaged(failure, request)
         if result is None:
-            result = bare_result(order.route, order.episode, outcome=outcome, end=finding.end, detail=finding.detail)
-        detail = finding.detail if finding.blame is not Blame.OUTSIDE else f"{finding.detail}, {DRIVEN_AGAIN + 1} times"
-        return replace(result, outcome=outcome, end=finding.end, end_detail=detail, wall_s=time.monotonic() - started)
+            result = bare_result(request.route, request.episode, outcome=outcome, end=found.end, detail=found.detail)
+        detail = found.detail if found.blame is not Blame.OUTSIDE else f"{found.detail}, {DRIVEN_AGAIN + 1} times"
+        return replace(result, outcome=outcome, end=found.end, end_detail=detail, wall_s=time.monotonic() - started)
 
-    def _salvaged(self, failure: FailedAttempt, order: PickledRequest) -> EpisodeResult | None:
-        """The score up to where the agent was lost, from another child; None when not even that works."""
+    def _salvaged(self, failure: FailedAttempt, request: PickledRequest) -> EpisodeResult | None:
+        """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
         if failure.rows is None or failure.call == "its constructor":
             return None
         wreck = Wreck(failure.rig, failure.rows, failure.call if failure.rig is not None else "sensors")
         limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
         try:
-            ended = self._attempt(SALVAGE, pickle.dumps((order, wreck)), limits)
+            ended = self._attempt(SALVAGE, pickle.dumps((request, wreck)), limits)
         except UsageError:
             return None
         if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
@@ -151,7 +150,7 @@ class Supervisor:
         return ended
 
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
-        """Memory that was refused is not the agent's fault for ever: another limit gives another result."""
+        """Tell a crash for lack of memory from others: another limit gives another result."""
         limit = self._limits.memory_bytes
         if limit is None or result.end is not End.AGENT_CRASHED or "MemoryError" not in result.end_detail:
             return result
@@ -159,23 +158,23 @@ class Supervisor:
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
     def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | FailedAttempt:
-        """One request to the child, a new one where there is none. Raises `UsageError`, `Stopped`."""
+        """Make one request to the worker, a new one where there is none. Raises `UsageError`, `Stopped`."""
         try:
-            child = self._ready_child()
+            worker = self._ready_worker()
         except NoWorkerError as error:
             return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
-        talk = Exchange(child, limits, self._wake_r)
+        exchange = Exchange(worker, limits, self._wake_r)
         try:
-            ended = talk.run(Frame(kind, os.urandom(TOKEN_BYTES), payload))
+            ended: Answer | Death | None = exchange.ask(Message(kind, os.urandom(TOKEN_BYTES), payload))
         except Interrupted:
             ended = None
         if kind != SALVAGE:
-            self.output = talk.said
+            self.output = exchange.printed
         if ended is None or self._stopped.is_set():  # what ended while we were stopping is no result
             self._discard()
             raise Stopped
         if isinstance(ended, Death):
-            failure = _failure(ended, child.board)
+            failure = _failure(ended, worker.state)
             self._discard()
             return failure
         self._keep_or_replace(ended)
@@ -183,20 +182,20 @@ class Supervisor:
             raise refusal(ended.refused)
         return ended.result
 
-    def _ready_child(self) -> WorkerProcess:
-        """The child that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
+    def _ready_worker(self) -> WorkerProcess:
+        """Return the worker that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
         if self._stopped.is_set():
             raise Stopped
-        if self._child is not None and self._child.wait(0.0) is not None:  # somebody killed it while it waited
+        if self._worker is not None and self._worker.wait(0.0) is not None:  # somebody killed it while it waited
             self._discard()
-        if self._child is None:
-            child = self._fork_server.child(self._limits, self._stopped.is_set)
+        if self._worker is None:
+            worker = self._fork_server.start_worker(self._limits, self._stopped.is_set)
             with self._lock:
-                self._child, self._first_rss = child, 0
-        return self._child
+                self._worker, self._first_rss = worker, 0
+        return self._worker
 
     def _keep_or_replace(self, answer: Answer) -> None:
-        """A child that is not as it was before the episode does not drive the next one."""
+        """Replace a worker that is not as it was before the episode."""
         self._first_rss = self._first_rss or answer.rss
         if answer.leftovers:
             self._discard()
@@ -204,28 +203,28 @@ class Supervisor:
             self._retire()
 
     def _retire(self) -> None:
-        """Let the child end by itself: its simulator may have something to close."""
+        """Let the worker end by itself: its simulator may have something to close."""
         with self._lock:
-            child, self._child = self._child, None
-        if child is not None:
-            child.hang_up()
-            if child.wait(_FAREWELL_S) is None:
-                child.kill()
-            child.close()
+            worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.hang_up()
+            if worker.wait(_EXIT_S) is None:
+                worker.kill()
+            worker.close()
 
     def _discard(self) -> None:
-        """Kill the child and everything in its group."""
+        """Kill the worker and everything in its group."""
         with self._lock:
-            child, self._child = self._child, None
-        if child is not None:
-            child.kill()
-            child.close()
+            worker, self._worker = self._worker, None
+        if worker is not None:
+            worker.kill()
+            worker.close()
 
 
-def _failure(death: Death, board: SharedState) -> FailedAttempt:
-    """The death and what the board still tells, unless the child wrote all over it."""
-    finding, call = explain(death), death.moment.phase.call
+def _failure(death: Death, state: SharedState) -> FailedAttempt:
+    """Join a death with what the shared state still tells, unless the worker wrote all over it."""
+    found, call = explain(death), death.reading.phase.call
     try:
-        return FailedAttempt(finding, board.rig(), board.rows(), call)
+        return FailedAttempt(found, state.rig(), state.rows(), call)
     except (ValueError, KeyError, TypeError):
-        return FailedAttempt(finding, None, None, call)
+        return FailedAttempt(found, None, None, call)

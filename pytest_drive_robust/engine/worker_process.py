@@ -1,4 +1,4 @@
-"""A child process from its parent's side."""
+"""A worker process from our side: its connection, what it prints, how it ended."""
 
 from __future__ import annotations
 
@@ -7,133 +7,118 @@ import os
 import select
 import signal
 import socket
-import subprocess
+import struct
 import threading
 import time
-from typing import Protocol
+from contextlib import ExitStack
+from multiprocessing.connection import Connection
+from typing import NamedTuple
 
-from pytest_drive_robust.engine.frames import Frame, write_frame
-from pytest_drive_robust.engine.shared_state import SharedState
-from pytest_drive_robust.engine.worker.serve import Descriptors
+from pytest_drive_robust.engine.messages import Message, send
+from pytest_drive_robust.engine.shared_state import SharedState, shared_file, state_bytes
 
-__all__ = ["ForkedChild", "SpawnedChild", "WorkerProcess"]
+__all__ = ["Descriptors", "WorkerProcess"]
 
-_POLL_S = 0.05
-
-
-class WorkerProcess(Protocol):
-    """One child process. `exit_fd` becomes readable when it ends; None where one has to ask now and then."""
-
-    pid: int
-    channels: Descriptors
-    board: SharedState
-    exit_fd: int | None
-
-    def send(self, frame: Frame) -> None:
-        """Give it a message. Raises `OSError` when it is dead."""
-        ...
-
-    def wait(self, timeout_s: float) -> int | None:
-        """How it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
-        ...
-
-    def kill(self, number: int = signal.SIGKILL) -> None:
-        """Send a signal to it, SIGKILL to its whole group. From any thread, also when it is dead."""
-        ...
-
-    def hang_up(self) -> None:
-        """Nothing more will be asked: a child that waits frees its simulator and ends."""
-        ...
-
-    def close(self) -> None:
-        """Forget it."""
-        ...
+_STALLED_S = 10
+"""The rest of a message comes within this time: a worker writes it in one go, and anybody else does not."""
 
 
-class _Child:
-    """What both kinds share."""
+class Descriptors(NamedTuple):
+    """What a worker inherits: for messages, for what is printed, for faulthandler, of the shared state."""
 
-    exit_fd: int | None = None
+    messages: int
+    output: int
+    faults: int
+    state: int
 
-    def __init__(self, pid: int, ends: tuple[Descriptors, SharedState]) -> None:
-        self.pid = pid
-        self.channels, self.board = ends
+
+class WorkerProcess:
+    """One worker process. Made before the process is, with both ends of every connection; see `ForkServer`.
+
+    `connection` carries the messages, `output` is the descriptor with what is printed, `faults` that of what
+    faulthandler wrote, `sentinel` becomes readable when the process ends.
+    """
+
+    pid = 0
+
+    def __init__(self, tick_cap: int) -> None:
         self._lock = threading.Lock()
         self._status: int | None = None
         self._closed = False
-        os.set_blocking(self.channels.output, False)
+        with ExitStack() as ours, ExitStack() as theirs:
+            our_socket, their_socket = socket.socketpair()
+            theirs.callback(their_socket.close)
+            our_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", _STALLED_S, 0))
+            self.connection = ours.enter_context(Connection(our_socket.detach()))
+            self.output, output = _pipe(ours, theirs)
+            self.sentinel, self._exit = _pipe(ours, theirs)
+            self.faults, state = shared_file("faults", 0), shared_file("state", state_bytes(tick_cap))
+            ours.callback(os.close, self.faults)
+            theirs.callback(os.close, state)
+            self.state = SharedState(state)
+            ours.callback(self.state.close)
+            os.set_blocking(self.output, False)
+            self._descriptors = Descriptors(their_socket.fileno(), output, self.faults, state)
+            self._ours, self._theirs = ours.pop_all(), theirs.pop_all()
 
-    def send(self, frame: Frame) -> None:
-        write_frame(self.channels.messages, frame)
+    def fork(self, control: socket.socket, request: bytes, *, timeout_s: float) -> None:
+        """Have the fork server behind `control` start the process. Raises `OSError`."""
+        with self._theirs:
+            socket.send_fds(control, [request], [self._exit, *self._descriptors])
+        if not select.select([self.sentinel], [], [], timeout_s)[0]:
+            raise TimeoutError(f"it did not fork within {timeout_s:g} s")
+        told = os.read(self.sentinel, 4)
+        if len(told) < 4:
+            raise ConnectionError("it died instead of forking")
+        self.pid = int.from_bytes(told, "little", signed=True)
+
+    def send(self, message: Message) -> None:
+        """Give it a message. Raises `OSError` when it is dead."""
+        send(self.connection, message)
 
     def wait(self, timeout_s: float) -> int | None:
+        """Return how it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
         deadline = time.monotonic() + timeout_s
-        while True:
-            with self._lock:
-                status = self._look()
-            left_s = deadline - time.monotonic()
-            if status is not None or left_s <= 0:
-                return status
-            self._sleep(left_s)
+        while (status := self._look()) is None and (left_s := deadline - time.monotonic()) > 0:
+            select.select([self.sentinel], [], [], left_s)
+        return status
 
     def kill(self, number: int = signal.SIGKILL) -> None:
+        """Send a signal to it, SIGKILL to its whole group. From any thread, also when it is dead."""
         with self._lock, contextlib.suppress(OSError):
-            if self._closed or self._look() is not None:
+            if self._closed or self._read_status() is not None:
                 return  # its number may belong to somebody else by now
             (os.killpg if number == signal.SIGKILL else os.kill)(self.pid, number)
 
     def hang_up(self) -> None:
+        """Ask for nothing more: a worker that waits frees its simulator and ends."""
         with self._lock, contextlib.suppress(OSError):
             if not self._closed:
-                with socket.socket(fileno=os.dup(self.channels.messages)) as other:
+                with socket.socket(fileno=os.dup(self.connection.fileno())) as other:
                     other.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
+        """Free what belongs to it here. Calling it twice does no harm."""
         with self._lock:
-            if self._closed:
-                return
             self._closed = True
-            for number in (*self.channels[:3], *(() if self.exit_fd is None else (self.exit_fd,))):
-                os.close(number)
-            self.board.close()
+            self._theirs.close()
+            self._ours.close()
 
     def _look(self) -> int | None:
-        raise NotImplementedError
+        with self._lock:
+            return self._read_status()
 
-    def _sleep(self, most_s: float) -> None:
-        time.sleep(min(most_s, _POLL_S))
-
-
-class ForkedChild(_Child):
-    """A child of the fork_server, which tells of its end."""
-
-    def __init__(self, pid: int, ends: tuple[Descriptors, SharedState], exit_fd: int) -> None:
-        super().__init__(pid, ends)
-        self.exit_fd: int | None = exit_fd
-        self._exit = exit_fd
-
-    def _look(self) -> int | None:
-        if self._status is None and not self._closed and select.select([self._exit], [], [], 0)[0]:
-            told = os.read(self._exit, 4)
-            # Without a word: the fork_server died, and its children with it.
+    def _read_status(self) -> int | None:
+        if self._status is None and not self._closed and select.select([self.sentinel], [], [], 0)[0]:
+            told = os.read(self.sentinel, 4)
+            # Without a word: the fork server died, and its children with it.
             self._status = int.from_bytes(told, "little", signed=True) if len(told) == 4 else int(signal.SIGKILL)
         return self._status
 
-    def _sleep(self, most_s: float) -> None:
-        select.select([self._exit], [], [], most_s)
 
-
-class SpawnedChild(_Child):
-    """A Python of its own."""
-
-    def __init__(self, process: subprocess.Popen[bytes], ends: tuple[Descriptors, SharedState]) -> None:
-        super().__init__(process.pid, ends)
-        self._process = process
-
-    def _look(self) -> int | None:
-        code = self._process.poll()
-        if code is not None and self._status is None:
-            self._status = -code if code < 0 else code << 8
-            with contextlib.suppress(OSError):
-                os.killpg(self.pid, signal.SIGKILL)  # what it left
-        return self._status
+def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[int, int]:
+    """A pipe whose ends are closed with their stacks."""
+    reader, writer = os.pipe()
+    reading.callback(os.close, reader)
+    writing.callback(os.close, writer)
+    return reader, writer

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
+import pickle
+import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -34,8 +39,7 @@ class WorkerSetup:
     `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
     `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
     name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
-    are names whose modules are imported once for all processes. `cradle` is where a process of this run listens that
-    has loaded the simulator already (see `engine.cradle`), empty where there is none.
+    are names whose modules are imported once for all processes.
     """
 
     python_path: tuple[str, ...]
@@ -45,14 +49,41 @@ class WorkerSetup:
     options: SimulatorOptions = field(default_factory=SimulatorOptions)
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
-    cradle: str = ""
 
     def environment(self) -> dict[str, str]:
-        """The environment of the process: ours, with the number of threads for libraries that read it at import."""
+        """Return the environment of the process: ours, with the number of threads for libraries that read it."""
         return {**os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))}
 
+    def start_python(
+        self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int
+    ) -> subprocess.Popen[bytes]:
+        """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
+
+        It finds `content` pickled at its standard input.
+        """
+        code = (
+            "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+            f"from pytest_drive_robust.engine.worker import forking; forking.{function}{(*arguments,)}"
+        )
+        with tempfile.TemporaryFile() as stdin:
+            stdin.write(pickle.dumps(content))
+            stdin.seek(0)
+            return subprocess.Popen(
+                [sys.executable, "-c", code, json.dumps(self.python_path)],
+                stdin=stdin,
+                stdout=output,
+                stderr=output,
+                pass_fds=pass_fds,
+                env=self.environment(),
+                cwd=self.folder,
+                start_new_session=True,
+            )
+
     def registry(self) -> Registry:
-        """In the new process: every name that the run knows. Raises `UsageError` for a plugin that does not load."""
+        """Return every name that the run knows, in the new process.
+
+        Raises `UsageError` for a plugin that does not load.
+        """
         from pytest_drive_robust.registry.registry import default_registry
 
         sys.path[:] = self.python_path

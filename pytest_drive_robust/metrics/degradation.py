@@ -1,22 +1,29 @@
-"""Robustness degradation, the paper's own metric (section "Metrics")."""
+"""Robustness degradation, the paper's own metric (section "Metrics"), and which episodes it may compare."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.averages import mean, values_by_route
-from pytest_drive_robust.metrics.pairing import pair_up
+from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score
 
-__all__ = ["paired_driving_scores", "robustness_degradation"]
+__all__ = ["EpisodePair", "pair_up", "paired_driving_scores", "robustness_degradation"]
+
+EpisodePair = tuple[EpisodeResult, EpisodeResult]
+"""The clean and the perturbed episode of one (route, seed)."""
+
+_Key = tuple[str, int]
+_SHOWN = 5
 
 
 def robustness_degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> float:
     """RD = 1 - DS_perturbed / DS_clean, on means over the same routes and seeds; at most 1, 0 is no degradation.
 
-    Raises `ComparisonError` for sets that do not pair (see `pairing.pair_up`) and for a clean driving score of 0:
+    Raises `ComparisonError` for sets that do not pair (see `pair_up`) and for a clean driving score of 0:
     an agent that drives nowhere has nothing to lose.
     """
     clean_scores, perturbed_scores = paired_driving_scores(clean, perturbed)
@@ -39,3 +46,83 @@ def paired_driving_scores(
             "its degradation is undefined. Check the agent, or ask for a clean floor first: 'DS under clean >= 30'."
         )
     return clean_scores, perturbed_scores
+
+
+def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> tuple[EpisodePair, ...]:
+    """Pair by (route, seed), in the order of `clean`.
+
+    Raises `ComparisonError` when a set is empty, holds an `infra_error` or one pair twice, when the sets differ in
+    their (route, seed) pairs, when agents or simulator versions differ, or when a set mixes settings.
+    """
+    for name, results in (("clean", clean), ("perturbed", perturbed)):
+        if not results:
+            raise ComparisonError(f"the {name} set holds no episode. Expected the same routes and seeds in both sets.")
+        require_scorable(results)
+        _require_one_setting(name, results)
+        _require_no_duplicate(name, results)
+    _require_same_pairs(clean, perturbed)
+    _require_same_world([*clean, *perturbed])
+    twins = {_key(result): result for result in perturbed}
+    return tuple((result, twins[_key(result)]) for result in clean)
+
+
+def _key(result: EpisodeResult) -> _Key:
+    return result.episode.route_id, result.episode.seed
+
+
+def _listed(keys: Sequence[_Key]) -> str:
+    shown = ", ".join(f"(route {route}, seed {seed})" for route, seed in sorted(keys)[:_SHOWN])
+    more = len(keys) - _SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _require_no_duplicate(name: str, results: Sequence[EpisodeResult]) -> None:
+    repeated = [key for key, count in Counter(map(_key, results)).items() if count > 1]
+    if repeated:
+        raise ComparisonError(
+            f"the {name} set holds more than one episode of {_listed(repeated)}. Expected each (route, seed) once."
+        )
+
+
+def _require_same_pairs(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> None:
+    clean_keys, perturbed_keys = set(map(_key, clean)), set(map(_key, perturbed))
+    if clean_keys == perturbed_keys:
+        return
+    parts = [
+        f"only {name}: {_listed(sorted(keys))}"
+        for name, keys in (("clean", clean_keys - perturbed_keys), ("perturbed", perturbed_keys - clean_keys))
+        if keys
+    ]
+    raise ComparisonError(
+        f"the clean and the perturbed set differ in their (route, seed) pairs: {'; '.join(parts)}. "
+        "Drive the missing episodes, or compare the common pairs only."
+    )
+
+
+def _require_same_world(results: Sequence[EpisodeResult]) -> None:
+    agents = sorted({result.episode.agent for result in results})
+    if len(agents) > 1:
+        raise ComparisonError(f"the episodes are of different agents: {', '.join(agents)}. Expected one.")
+    reference = _versions_of(results[0])
+    for result in results[1:]:
+        versions = _versions_of(result)
+        if versions != reference:
+            different = sorted(name for name in {*reference, *versions} if reference.get(name) != versions.get(name))
+            changes = ", ".join(
+                f"{name} {reference.get(name, 'absent')} and {versions.get(name, 'absent')}" for name in different
+            )
+            raise ComparisonError(
+                f"the episodes were driven with different versions of the simulator: {changes} "
+                f"(first: {result.episode}). Drive both sets with the same one."
+            )
+
+
+def _versions_of(result: EpisodeResult) -> dict[str, str]:
+    """Another machine may round differently, which the reports say; it is the same world."""
+    return {name: version for name, version in result.versions.items() if name not in MACHINE_FACTS}
+
+
+def _require_one_setting(name: str, results: Sequence[EpisodeResult]) -> None:
+    settings = sorted({result.episode.setting for result in results})
+    if len(settings) > 1:
+        raise ComparisonError(f"the {name} set mixes settings: {'; '.join(settings)}. Expected one.")

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.averages import mean_over_routes
+from pytest_drive_robust.metrics.averages import mean, mean_over_routes, values_by_route
 from pytest_drive_robust.metrics.comfort import comfort
-from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.degradation import paired_driving_scores, robustness_degradation
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.guards import require_mode, require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
@@ -49,8 +49,8 @@ class Metric:
     high: float = math.inf
     higher_is_better: bool = True
     decimals: int | None = None
-    of_episode: EpisodeValue | None = None
-    function: MetricFunction | None = None
+    of_episode: EpisodeValue | None = field(default=None, repr=False)
+    function: MetricFunction | None = field(default=None, repr=False)
 
     @classmethod
     def from_function(cls, name: str, function: MetricFunction) -> Metric:
@@ -62,6 +62,9 @@ class Metric:
     def needs_clean(self) -> bool:
         """True when the value is relative to the clean episodes."""
         return self.of_episode is None and self.function is None
+
+    def __str__(self) -> str:
+        return self.name
 
     def measure(
         self,
@@ -79,6 +82,31 @@ class Metric:
         if self.function is not None:
             return self.function(results)
         return robustness_degradation(clean, results)
+
+    def by_route(
+        self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
+    ) -> tuple[list[float], list[float]]:
+        """Return the values and the references of all routes with data, means over seeds, in the same order.
+
+        What RD compares are driving scores, and its references those of `clean`; the references of others are 0. A
+        user's `function` has no values by route. Raises `ComparisonError` where RD is undefined.
+        """
+        if self.needs_clean:
+            references, scores = paired_driving_scores(clean, results)
+            return scores, references
+        of_episode = self.of_episode
+        assert of_episode is not None, f"{self} is a function over all episodes"
+        values = list(values_by_route(results, lambda result: of_episode(result, mode)).values())
+        return values, [0.0] * len(values)
+
+    def of_route(
+        self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
+    ) -> tuple[float, float] | None:
+        """Return value and reference, as in `by_route`, of the episodes of one route, None when they hold no data."""
+        if self.needs_clean:
+            return mean([driving_score(result) for result in results]), mean([driving_score(item) for item in clean])
+        values, references = self.by_route(results, mode=mode)
+        return (values[0], references[0]) if values else None
 
     def format(self, value: float | None) -> str:
         """The value for people: `"0.43"`, `"61.25"`; a dash when there is no data."""

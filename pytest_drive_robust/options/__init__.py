@@ -1,1 +1,1 @@
-"""Every option of the command line, the ini file and the marker."""
+"""Every option of the command line, the ini file and the marker, stated once."""

@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-import math
 import os
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.options.run import OptionSource, read_option
-from pytest_drive_robust.options.table import EXECUTION_OPTIONS, EXECUTORS
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
+from pytest_drive_robust.options.parsers import gigabytes, one_of, time_limit_s
 
-__all__ = ["ExecutionOptions", "available_cores", "parse_duration_s"]
+__all__ = ["ExecutionOptions", "available_cores"]
 
-_DURATION = re.compile(r"(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?", re.IGNORECASE)
-_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+_known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
+
+
+def _executor(given: Given) -> str:
+    """Debuggers and prints need the agent in this process."""
+    executor = _known_executor(given)
+    if executor != "auto" or given.source is None:
+        return executor
+    config: Any = given.source
+    debugging = any(config.getoption(name, False) for name in ("usepdb", "trace"))
+    return "inline" if debugging or config.getoption("capture", "") == "no" else "processes"
+
+
+def _workers(given: Given) -> int | None:
+    if given.text == "auto":
+        return None
+    if not given.text.isdecimal() or int(given.text) < 1:
+        raise UsageError(f"{given.flag} is {given.text!r}, expected a whole number >= 1, or auto.")
+    return int(given.text)
+
+
+def _width(given: Given) -> int | None:
+    if given.text in ("", "none"):
+        return None
+    if not given.text.isdecimal() or int(given.text) < 4 or int(given.text) % 4:
+        raise UsageError(f"{given.flag} is {given.text!r}, expected a multiple of 4 such as 8.")
+    return int(given.text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,42 +51,66 @@ class ExecutionOptions:
     no limit, and `memory_bytes` too.
     """
 
-    executor: str = "auto"
-    workers: int | None = None
-    lockstep: int | None = None
-    episode_timeout_s: float | None = 1800.0
-    act_timeout_s: float | None = 60.0
-    memory_bytes: int | None = None
-    budget_s: float | None = None
-    results: str = ""
-    b2d_root: str = ""
-    ray_address: str = ""
+    executor: str = option(
+        "--drive-executor",
+        "NAME",
+        "auto",
+        "inline (in this process, for debuggers), processes (guarded children), ray; auto: processes, inline with "
+        "--pdb, --trace or -s",
+        parse=_executor,
+    )
+    workers: int | None = option(
+        "--drive-workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n", parse=_workers
+    )
+    lockstep: int | None = option(
+        "--drive-lockstep",
+        "N",
+        "",
+        "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
+        parse=_width,
+    )
+    episode_timeout_s: float | None = option(
+        "--drive-episode-timeout", "TIME", "30m", "an episode must end within, as in 90s", parse=time_limit_s
+    )
+    act_timeout_s: float | None = option(
+        "--drive-act-timeout", "TIME", "60s", "a call of the agent must return within", parse=time_limit_s
+    )
+    memory_bytes: int | None = option(
+        "--drive-memory", "GB", "", "what the process of an episode may allocate, as in 4", parse=gigabytes
+    )
+    ray_address: str = option(
+        "--drive-ray-address",
+        "ADDRESS",
+        "",
+        "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
+    )
+    b2d_root: str = option(
+        "--drive-b2d-root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"
+    )
+    results: str = option(
+        "--drive-results",
+        "LIST",
+        "",
+        'judge official results instead of driving, as in "clean=DIR,200 ms latency=DIR2"',
+    )
+    budget_s: float | None = option(
+        "--drive-budget",
+        "TIME",
+        "",
+        "begin nothing new after so long, as in 20m; run again to go on",
+        parse=time_limit_s,
+    )
 
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> ExecutionOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
-        given = {option.ini: read_option(config, option) for option in EXECUTION_OPTIONS}
-        executor = given["drive_executor"]
-        if executor not in EXECUTORS:
-            raise UnknownNameError.of("executor", executor, EXECUTORS, hint="Set it with --drive-executor.")
-        lockstep = _width(given["drive_lockstep"])
-        if lockstep is not None and executor == "ray":
+        options = cls(**read_fields(cls, config))
+        if options.lockstep is not None and options.executor == "ray":
             raise UsageError(
                 "--drive-lockstep and --drive-executor ray exclude each other: Ray drives every episode in a process "
                 "of its own. Leave one of them out."
             )
-        return cls(
-            executor=_executor_for(config) if executor == "auto" else executor,
-            workers=_workers(given["drive_workers"]),
-            lockstep=lockstep,
-            episode_timeout_s=_limit("--drive-episode-timeout", given["drive_episode_timeout"]),
-            act_timeout_s=_limit("--drive-act-timeout", given["drive_act_timeout"]),
-            memory_bytes=_bytes("--drive-memory", given["drive_memory"]),
-            budget_s=_limit("--drive-budget", given["drive_budget"]),
-            results=given["drive_results"],
-            b2d_root=given["drive_b2d_root"],
-            ray_address=given["drive_ray_address"],
-        )
+        return options
 
     def check_workers(self) -> None:
         """Raise `UsageError` when pytest-xdist's workers cannot drive like this."""
@@ -74,60 +121,11 @@ class ExecutionOptions:
             )
 
     def slots(self, *, shared: bool) -> int:
-        """Episodes at a time. `shared`: pytest-xdist's workers drive beside us, each on a core of its own."""
+        """Return how many episodes at a time. `shared`: pytest-xdist's workers drive beside us, each on its core."""
         return self.workers or (1 if shared else available_cores())
 
 
 def available_cores() -> int:
-    """The cores that this process may use."""
+    """Return how many cores this process may use."""
     affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
-
-
-def parse_duration_s(given: str, *, source: str) -> float:
-    """`"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds. Raises `UsageError`, naming `source`, for all but times > 0."""
-    match = _DURATION.fullmatch(given.strip())
-    seconds = float(match["number"]) * _SECONDS[(match["unit"] or "s").lower()] if match else math.nan
-    if not (math.isfinite(seconds) and seconds > 0):
-        raise UsageError(f"{source} is {given!r}, expected a time such as 90s, 20m or 1.5h.")
-    return seconds
-
-
-def _limit(option: str, given: str) -> float | None:
-    return None if given in ("", "none") else parse_duration_s(given, source=option)
-
-
-def _workers(given: str) -> int | None:
-    if given == "auto":
-        return None
-    if not given.isdecimal() or int(given) < 1:
-        raise UsageError(f"--drive-workers is {given!r}, expected a whole number >= 1, or auto.")
-    return int(given)
-
-
-def _width(given: str) -> int | None:
-    if given in ("", "none"):
-        return None
-    if not given.isdecimal() or int(given) < 4 or int(given) % 4:
-        raise UsageError(f"--drive-lockstep is {given!r}, expected a multiple of 4 such as 8.")
-    return int(given)
-
-
-def _bytes(option: str, given: str) -> int | None:
-    if not given:
-        return None
-    number = given.lower().removesuffix("gb").removesuffix("g").strip()
-    try:
-        gigabytes = float(number)
-    except ValueError:
-        gigabytes = math.nan
-    if not (math.isfinite(gigabytes) and gigabytes > 0):
-        raise UsageError(f"{option} is {given!r}, expected gigabytes > 0, as in {option} 4.")
-    return int(gigabytes * 1e9)
-
-
-def _executor_for(config: Any) -> str:
-    """Debuggers and prints need the agent in this process."""
-    looking = ("usepdb", "trace")
-    inline = any(config.getoption(name, False) for name in looking) or config.getoption("capture", "") == "no"
-    return "inline" if inline else "processes"

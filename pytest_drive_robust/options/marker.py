@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError, nearest
-from pytest_drive_robust.options.run import check_seeds
+from pytest_drive_robust.options.parsers import check_seeds
 
 __all__ = ["MarkerOptions"]
 
@@ -34,7 +34,7 @@ class MarkerOptions:
     margin: float | None = None
 
     def verdict_rule(self, usual: VerdictRule) -> VerdictRule:
-        """The run's verdict_rule with what these marks change. Raises `UsageError`."""
+        """Return the run's verdict rule with what these marks change. Raises `UsageError`."""
         kind = usual.kind if self.verdict is None else self.verdict
         return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
 

@@ -35,7 +35,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext
-from pytest_drive_robust.perturbations.environment import perturbations_from
+from pytest_drive_robust.perturbations.paper_variables import perturbations_from
 from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, render
 
 __all__ = ["BUILTIN", "Perturbation", "RunningStack", "Setting"]
@@ -152,7 +152,7 @@ class Setting:
     def from_env(cls, environ: Mapping[str, str] = os.environ) -> Setting:
         """Return the stack that the environment variables of the paper and its released code ask for.
 
-        See `environment.perturbations_from` for the variables. Raises `UsageError` with the variable and its value.
+        See `paper_variables.perturbations_from` for the variables. Raises `UsageError` with the variable and its value.
         """
         return cls.of(*perturbations_from(environ, BUILTIN))
 

@@ -45,7 +45,7 @@ def activate(config: pytest.Config) -> None:
     options = replace(RunOptions.from_pytest_config(config), plugins=plugin_words(config.pluginmanager))
     execution = ExecutionOptions.from_pytest_config(config)
     options = external_options(config, options, execution)
-    regression = RegressionOptions.from_pytest_config(config, config.rootpath)
+    regression = RegressionOptions.from_pytest_config(config)
     waivers = Waivers.of(regression.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     config.pluginmanager.register(InterruptPlugin(), "drive_robust_interrupt")
@@ -70,20 +70,20 @@ def _report_here(
     drive_here: Callable[..., None],
 ) -> None:
     """In the one process that people look at: drive here, or follow what the workers drive."""
-    if config.getoption("drive_plan"):
+    if options.plan:
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
     first_line = " ".join((header(options), *regression.in_words()))
     record: RunRecord
     if is_controller(config):
         execution.check_workers()
-        record = xdist.start_run(config, options, execution)
+        record = xdist.start_run(config, options)
     else:
         record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=new_run_name()))
         drive_here(local.store, local, shared=False)
     outputs = RunOutputs(options, record, versions={"pytest": pytest.__version__}, checks=checks)
     config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
-    if config.getoption("drive_probe"):
+    if options.probe:
         config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
 
 
@@ -106,6 +106,6 @@ def _drive_here(
     config.pluginmanager.register(DrivingPlugin(campaign, last_words), "drive_robust_driving")
     collection = CollectionPlugin()
     config.pluginmanager.register(collection, "drive_robust_collection")
-    if config.getoption("drive_plan"):
+    if options.plan:
         plan = PlanPlugin(config, store, collection.requests, slots=executor.slots)
         config.pluginmanager.register(plan, "drive_robust_planning")

@@ -11,8 +11,7 @@ from pytest_drive_robust.plugin.process_roles import is_worker
 from pytest_drive_robust.plugin.usage_errors import PROBLEMS, note_problem
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.store.events import Advised
-from pytest_drive_robust.verdict.forms import advice_on, by_evidence
-from pytest_drive_robust.verdict.model import Requirement
+from pytest_drive_robust.verdict.requirement import Requirement, by_evidence
 
 __all__ = ["CollectionPlugin"]
 
@@ -65,7 +64,7 @@ class CollectionPlugin:
         verdict_rule = marker.verdict_rule(context.options.verdict_rule).for_routes(len(scope.routes))
         for requirement in wanted:
             context.scopes.check_setting(requirement.setting)
-            advice = advice_on(requirement, verdict_rule, len(scope.routes))
+            advice = requirement.advice(verdict_rule, len(scope.routes))
             if advice.level == "refuse":
                 raise UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
             if advice.text:

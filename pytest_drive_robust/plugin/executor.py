@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
-
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.cradle import Cradle
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.options.execution import ExecutionOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.runner.executors import Executor
 
-__all__ = ["CRADLE", "cradle_for", "executor_of"]
-
-CRADLE = "drive_robust_cradle"
-"""Where a worker of pytest-xdist finds it in its `workerinput`."""
+__all__ = ["executor_of"]
 
 
 def executor_of(
@@ -79,42 +73,17 @@ def executor_of(
     return ProcessExecutor(lambda: _setup_of(config, settings, agents()), limits, slots=slots)
 
 
-def cradle_for(settings: RunOptions, execution: ExecutionOptions, place: Path) -> Cradle | None:
-    """On the controller of pytest-xdist: what its workers' processes are forked from; None where that saves nothing.
-
-    It loads no plugin and no agent: which ones there are is known to the workers, which collect.
-    """
-    if execution.executor != "processes" or settings.simulator != DEFAULT_SIMULATOR:
-        return None
-    from pytest_drive_robust.engine.cradle import Cradle
-
-    return Cradle(_setup(settings), place)
-
-
-def _setup_of(config: pytest.Config, settings: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
-    """How a fresh process comes to know the names that this one knows."""
-    from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
-
-    return replace(
-        _setup(settings),
-        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
-        preload_agents=agents,
-        cradle=getattr(config, "workerinput", {}).get(CRADLE, ""),
-    )
-
-
-def _setup(settings: RunOptions) -> WorkerSetup:
-    """With nothing but what is installed."""
-    import os
-    import sys
-
+def _setup_of(config: pytest.Config, options: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
+    """Return how a fresh process comes to know the names that this one knows."""
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
+    from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
     from pytest_drive_robust.simulators.base import SimulatorOptions
 
     return WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
-        plugins=(),
-        simulator=settings.simulator,
-        options=SimulatorOptions(stuck_stop_s=settings.stuck_stop_s),
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+        simulator=options.simulator,
+        options=SimulatorOptions(stuck_stop_s=options.stuck_stop_s),
+        preload_agents=agents,
     )

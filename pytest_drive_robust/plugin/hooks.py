@@ -14,7 +14,9 @@ from typing import Any
 import pytest
 
 from pytest_drive_robust import hookspecs
-from pytest_drive_robust.options.table import EXECUTION_OPTIONS, MARKER_LINE, OPTIONS, REGRESSION_OPTIONS
+from pytest_drive_robust.options.execution import ExecutionOptions
+from pytest_drive_robust.options.option import options_of
+from pytest_drive_robust.options.run import DRIVE_ROBUST, RunOptions
 from pytest_drive_robust.plugin.fixtures import FIXTURES, NEEDS_FLAG
 from pytest_drive_robust.plugin.usage_errors import (
     PROBLEMS,
@@ -24,25 +26,36 @@ from pytest_drive_robust.plugin.usage_errors import (
     refuse_problems,
     usage_error_in,
 )
+from pytest_drive_robust.regression.options import RegressionOptions
 
-__all__: list[str] = []
+__all__ = ["OPTIONS"]
+
+OPTIONS = (
+    DRIVE_ROBUST,
+    *options_of(RunOptions),
+    *options_of(ExecutionOptions),
+    *options_of(RegressionOptions),
+)
+"""Every option that pytest is given, in the order of `--help`."""
+
+_MARKER_LINE = (
+    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], verdict=RULE, margin=SHARE): drive these tests with this "
+    "agent, these routes and these seeds, and judge them by this rule, whatever the command line says."
+)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
     group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
-    group.addoption("--drive-robust", action="store_true", help="drive episodes and judge requirements")
-    group.addoption("--drive-probe", action="store_true", help="drive one clean episode twice: does one seed suffice?")
-    group.addoption("--drive-fresh", action="store_true", help="drive again what earlier runs left in the store")
-    group.addoption(
-        "--drive-plan", action="store_true", help="show which episodes are needed and stored; drive nothing"
-    )
-    for option in (*OPTIONS, *EXECUTION_OPTIONS, *REGRESSION_OPTIONS):
+    for option in OPTIONS:
+        if option.is_switch:
+            group.addoption(option.flag, action="store_true", help=option.help)
+            continue
         default = f" (default: {option.default})" if option.default else ""
         bare = {"nargs": "?", "const": option.bare} if option.bare else {}
         text = f"{option.help}{default}".replace("%", "%%")  # argparse formats it
         group.addoption(option.flag, metavar=option.metavar, default=None, help=text, **bare)
-        parser.addini(option.ini, f"as {option.flag}: {option.help}", default="")
+        parser.addini(option.name, f"as {option.flag}: {option.help}", default="")
 
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
@@ -53,7 +66,7 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 @pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
-    config.addinivalue_line("markers", MARKER_LINE)
+    config.addinivalue_line("markers", _MARKER_LINE)
     config.stash[PROBLEMS] = {}
     with as_pytest_usage_error():
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
@@ -75,7 +88,7 @@ def pytest_unconfigure() -> None:
 
 def pytest_make_parametrize_id(val: object) -> str | None:
     """Name test cases after their requirements."""
-    model = sys.modules.get("pytest_drive_robust.verdict.model")  # not loaded: then it cannot be one
+    model = sys.modules.get("pytest_drive_robust.verdict.requirement")  # not loaded: then it cannot be one
     return val.id if model is not None and isinstance(val, model.Requirement) else None
 
 

@@ -11,8 +11,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.runner.reading import routes_in_order
+from pytest_drive_robust.runner.plan import EpisodeRequest, routes_in_order
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.events import Asked, Judged, Spared, Used

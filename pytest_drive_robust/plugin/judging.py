@@ -22,14 +22,12 @@ from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.runner.record import searched
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.runner.search.largest_severity import largest, searched
-from pytest_drive_robust.runner.search.smallest_stack import minimal_failure
-from pytest_drive_robust.verdict.bracket import Bracket
 from pytest_drive_robust.verdict.evaluate import Verdict
-from pytest_drive_robust.verdict.margin import MarginRequirement
-from pytest_drive_robust.verdict.model import Requirement
-from pytest_drive_robust.verdict.shrink import MinimalFailure
+from pytest_drive_robust.verdict.largest_severity import Bracket, largest
+from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
+from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
 
 __all__ = [
     "INCONCLUSIVE",
@@ -67,7 +65,7 @@ class Estimate(float):
     def of(cls, verdict: Verdict) -> Estimate:
         """The value of a verdict."""
         estimate = cls(verdict.value)
-        estimate.metric = verdict.requirement.metric
+        estimate.metric = verdict.requirement.metric.name
         estimate.setting = str(verdict.requirement.setting)
         estimate.low, estimate.high = float(verdict.low), float(verdict.high)
         estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
@@ -167,7 +165,7 @@ class Drive:
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
             ladder = ladder_of(perturbation, dt_s=self._context.scopes.dt_s, levels=levels)
-            bracket = largest(ladder, self._context.campaign, scope=self._scope, metric=metric, limit=limit)
+            bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
         self._context.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
         return bracket
@@ -179,19 +177,18 @@ class Drive:
         __tracebackhide__ = True
         with self._errors_of(str(requirement)):
             return minimal_failure(
-                requirement,
-                self._context.campaign,
-                scope=self._scope,
-                verdict_rule=self._verdict_rule,
-                dt_s=self._context.scopes.dt_s,
+                requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=self._context.scopes.dt_s
             )
+
+    def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
+        return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
 
     def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
         """The limit is only there because a verdict needs one; the test has its own."""
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, _as_setting(setting), comparison, limit)
-            return Estimate.of(self._context.campaign.measure(requirement, self._scope).verdict)
+            return Estimate.of(self._context.campaign.measure(requirement, self._scope))
 
     @contextmanager
     def _errors_of(self, what: str) -> Iterator[None]:
@@ -247,7 +244,7 @@ class Drive:
         """How far the agent does get, where a margin was asked for."""
         if not isinstance(requirement, MarginRequirement):
             return ""
-        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric, limit=requirement.limit)}"
+        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)}"
 
 
 class DriveContext(NamedTuple):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.backends import is_external
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import INCONCLUSIVE

@@ -15,17 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pytest_drive_robust.plugin.executor import CRADLE, cradle_for
 from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
 from pytest_drive_robust.plugin.terminal import progress_for
-from pytest_drive_robust.store.base import nothing_is_stored, open_store
+from pytest_drive_robust.store.base import open_store
 from pytest_drive_robust.store.events import Advised, Event
 from pytest_drive_robust.store.journal import JournalReader, JournalWriter
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.cradle import Cradle
-    from pytest_drive_robust.options.execution import ExecutionOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.report.progress import Progress
     from pytest_drive_robust.store.base import EpisodeStore
@@ -40,19 +37,12 @@ _INPUT = "drive_robust_folder"
 _POLL_S = 0.2
 
 
-def start_run(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> SharedRunRecord:
+def start_run(config: pytest.Config, options: RunOptions) -> SharedRunRecord:
     """Make the run's folder and follow what the workers do: the controller's part. The folder goes with the session."""
     folder = Path(tempfile.mkdtemp(prefix="drive-robust-"))
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
     record = SharedRunRecord(folder, open_store(options, config.rootpath, run=folder.name, own=folder / "store"))
     config.pluginmanager.register(ControllerPlugin(folder, record, progress_for(config)), "drive_robust_controller")
-    cradle = cradle_for(options, execution, folder / "cradle")
-    if cradle is not None:
-        config.add_cleanup(cradle.close)
-        config.pluginmanager.register(
-            CradlePlugin(cradle, folder / "cradle", at_once=nothing_is_stored(options, config.rootpath)),
-            "drive_robust_cradle",
-        )
     return record
 
 
@@ -177,22 +167,3 @@ class ControllerPlugin:
                 for event in self._record.fresh():
                     self._progress.see(event)
                 self._progress.refresh()
-
-
-class CradlePlugin:
-    """Gives workers one process from which theirs are forked. `at_once`: they will surely need it."""
-
-    def __init__(self, cradle: Cradle, place: Path, *, at_once: bool) -> None:
-        self._cradle = cradle
-        self._place = place
-        self._at_once = at_once
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_xdist_setupnodes(self) -> None:
-        """Workers are about to be started (a hook of pytest-xdist): it gets ready while they do."""
-        self._cradle.open(at_once=self._at_once)
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_configure_node(self, node: Any) -> None:
-        """Tell a worker where to find it (a hook of pytest-xdist)."""
-        node.workerinput[CRADLE] = str(self._place)

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
-from pytest_drive_robust.regression.clean import clean_sentence
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import judge_drop, judge_rise, kind_for
+from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.stats.judges import VerdictKind
-from pytest_drive_robust.stats.order import planned_order
 
 __all__ = ["compare"]
 
@@ -133,7 +133,7 @@ def _quartets(
 ) -> tuple[Quartet, ...]:
     """The routes that have clean scores in both runs too; none for a clean setting."""
     old, new = cells
-    sentence = clean_sentence(new.setting)
+    sentence = _clean_sentence(new.setting)
     clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
     if sentence == new.setting or clean_old is None or clean_new is None:
         return ()
@@ -166,9 +166,20 @@ def _findings(
 def _rise(new: Cell, quartets: Sequence[Quartet], allowance: Allowance, kind: VerdictKind) -> Finding:
     if quartets:
         return Finding(allowance, judge_rise(quartets, allowance, kind=kind))
-    if clean_sentence(new.setting) == new.setting:
+    if _clean_sentence(new.setting) == new.setting:
         return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
     return Finding(allowance, "error", "RD needs clean episodes of the same routes in both runs")
+
+
+def _clean_sentence(setting: str) -> str:
+    """Return the sentence of the clean drive that `setting` is compared with.
+
+    That is `"clean"`, or a clean drive with the same warm-up; `"clean"` too for sentences with perturbations of a user.
+    """
+    try:
+        return str(Setting.parse(setting).baseline)
+    except UsageError:  # stored runs are compared where the user's classes need not be importable
+        return str(Setting.CLEAN)
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:

@@ -7,9 +7,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
+from pytest_drive_robust.verdict.explain import describe_outcome
 
 __all__ = ["READS_SCHEMA", "read_document", "snapshot_of"]
 
@@ -113,13 +119,6 @@ def _taken(item: Mapping[str, Any]) -> Taken:
 
 def _outcome(item: Mapping[str, Any]) -> str:
     """The words that every report uses. They need no trajectory, which a document does not hold."""
-    import numpy as np
-
-    from pytest_drive_robust.domain.episode import Episode
-    from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-    from pytest_drive_robust.domain.result import EpisodeResult, Trace
-    from pytest_drive_robust.verdict.describe import describe_outcome
-
     return describe_outcome(
         EpisodeResult(
             episode=Episode(item["agent"], item["route_id"], item["setting"], item["seed"]),

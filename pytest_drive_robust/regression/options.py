@@ -1,4 +1,4 @@
-"""What a pytest run was asked about other runs: the options `--drive-save`, `--drive-compare` and their company."""
+"""What a pytest run was asked about other runs: the options `--drive-save`, `--drive-compare` and those beside them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,65 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.run import read_option
-from pytest_drive_robust.options.table import REGRESSION_OPTIONS
-from pytest_drive_robust.regression.runs import AUTO
+from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.options.run import OptionSource
     from pytest_drive_robust.regression.allowance import Allowance
     from pytest_drive_robust.regression.fingerprint import MismatchPolicy
 
 __all__ = ["RegressionOptions"]
+
+# Every pytest session imports this module: what reads the values is imported when they are read.
+
+
+def _save(given: Given) -> str:
+    from pytest_drive_robust.regression.runs import AUTO, check_run_name
+
+    return given.text if given.text in ("", AUTO) else check_run_name(given.text, source=given.flag)
+
+
+def _allowances(given: Given) -> tuple[Allowance, ...]:
+    from pytest_drive_robust.regression.allowance import parse_allowances
+
+    return parse_allowances([given.text], source=given.flag)
+
+
+def _policy(given: Given) -> MismatchPolicy:
+    from pytest_drive_robust.regression.fingerprint import parse_policy
+
+    return parse_policy(given.text)
+
+
+def _compare(given: Given) -> str:
+    """`--drive-compare suites/` takes the folder that was meant to be collected: refused with advice."""
+    reference = given.text
+    if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
+        raise UsageError(
+            f"--drive-compare is {reference!r}, expected a stored run, a JSON file of a run, latest or baseline. If it "
+            "was meant as a path to collect, put it before --drive-compare."
+        )
+    return reference
+
+
+def _baselines(given: Given) -> Path:
+    from pytest_drive_robust.regression.references import BASELINES
+
+    return _home(given) / (given.text or BASELINES)
+
+
+def _waivers(given: Given) -> Path | None:
+    """The file that was named, which must be there, or the usual one where it is."""
+    if given.text:
+        path = _home(given) / given.text
+        if not path.is_file():
+            raise UsageError(f"{given.flag} is {given.text!r}, but there is no file {str(path)!r}.")
+        return path
+    usual = _home(given) / "suites" / "waivers.toml"
+    return usual if usual.is_file() else None
+
+
+def _home(given: Given) -> Path:
+    return Path() if given.source is None else given.source.rootpath
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,32 +77,39 @@ class RegressionOptions:
     """
 
     home: Path
-    save: str
-    compare: str
-    allowances: tuple[Allowance, ...]
-    policy: MismatchPolicy
-    baselines: Path
-    waivers: Path | None
+    save: str = option(
+        "--drive-save", "NAME", "", "store the run as .drive-robust/runs/NAME.json", bare="auto", parse=_save
+    )
+    compare: str = option(
+        "--drive-compare",
+        "REF",
+        "",
+        "judge every setting against a stored run, a JSON file, latest or baseline; "
+        "alone: what was blessed, else the latest run",
+        bare="auto",
+        parse=_compare,
+    )
+    allowances: tuple[Allowance, ...] = option(
+        "--drive-fail-on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%", parse=_allowances
+    )
+    policy: MismatchPolicy = option(
+        "--drive-on-mismatch",
+        "POLICY",
+        "default",
+        "warn or refuse when the two runs were not driven with the same; else other routes and simulators are refused",
+        parse=_policy,
+    )
+    baselines: Path = option(
+        "--drive-baselines", "FOLDER", "", "blessed baselines; default: suites/baselines", parse=_baselines
+    )
+    waivers: Path | None = option(
+        "--drive-waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists", parse=_waivers
+    )
 
     @classmethod
-    def from_pytest_config(cls, config: OptionSource, home: Path) -> RegressionOptions:
+    def from_pytest_config(cls, config: OptionSource) -> RegressionOptions:
         """Read the options. Raises `UsageError` for values that cannot be used."""
-        from pytest_drive_robust.regression.allowance import parse_allowances
-        from pytest_drive_robust.regression.fingerprint import parse_policy
-        from pytest_drive_robust.regression.references import BASELINES
-        from pytest_drive_robust.regression.runs import check_run_name
-
-        given = {option.ini: read_option(config, option) for option in REGRESSION_OPTIONS}
-        save, baselines = given["drive_save"], given["drive_baselines"]
-        return cls(
-            home=home,
-            save=check_run_name(save, source="--drive-save") if save not in ("", AUTO) else save,
-            compare=_not_a_place(given["drive_compare"]),
-            allowances=parse_allowances([given["drive_fail_on"]], source="--drive-fail-on"),
-            policy=parse_policy(given["drive_on_mismatch"]),
-            baselines=home / baselines if baselines else home / BASELINES,
-            waivers=_waivers(given["drive_waivers"], home),
-        )
+        return cls(home=config.rootpath, **read_fields(cls, config))
 
     @property
     def drives_all(self) -> bool:
@@ -61,27 +117,6 @@ class RegressionOptions:
         return bool(self.save or self.compare)
 
     def in_words(self) -> tuple[str, ...]:
-        """What the header says about it."""
+        """Return what the header says about it."""
         told = (("save", self.save), ("compare", self.compare))
         return tuple(f"{name}={value}" for name, value in told if value)
-
-
-def _not_a_place(reference: str) -> str:
-    """`--drive-compare suites/` takes the folder that was meant to be collected: refused with advice."""
-    if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
-        raise UsageError(
-            f"--drive-compare is {reference!r}, expected a stored run, a JSON file of a run, latest or baseline. If it "
-            "was meant as a path to collect, put it before --drive-compare."
-        )
-    return reference
-
-
-def _waivers(given: str, home: Path) -> Path | None:
-    """The file that was named, which must be there, or the usual one where it is."""
-    if given:
-        path = home / given
-        if not path.is_file():
-            raise UsageError(f"--drive-waivers is {given!r}, but there is no file {str(path)!r}.")
-        return path
-    usual = home / "suites" / "waivers.toml"
-    return usual if usual.is_file() else None

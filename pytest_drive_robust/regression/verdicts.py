@@ -15,9 +15,15 @@ from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS, VerdictRule
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.rises import Quartet
-from pytest_drive_robust.stats.evidence import FEWEST_FOR_T, Decision, mean_below_zero_p
-from pytest_drive_robust.stats.judges import VerdictKind, judge_by
-from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
+from pytest_drive_robust.stats.evidence import (
+    FEWEST_FOR_T,
+    Decision,
+    LinearForms,
+    degradation_forms,
+    mean_below_zero_p,
+    mean_forms,
+)
+from pytest_drive_robust.stats.judges import VerdictKind, read_until_decided
 
 __all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
 
@@ -53,22 +59,29 @@ def judge_drop(
     `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most `alpha` of
     the time on routes like these. Raises `ComparisonError` when there is no pair.
     """
-    judge = judge_by(kind, _rule(allowance), planned=len(pairs), alpha=alpha)
-    for before, after in pairs:
-        found = judge.read(after, before) if allowance.relative else judge.read(after - before)
-        if found is not None:
-            return found
-    return judge.close()
+    scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
+    return read_until_decided(kind, _forms(allowance), scores, planned=len(pairs), alpha=alpha)[0]
 
 
 def judge_rise(
     routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
 ) -> Decision:
-    """Did RD rise by more than allowed? Inconclusive when a clean mean is 0 and, by evidence, below 20 routes.
+    """Did RD rise by more than allowed? By evidence that is inconclusive below 20 routes.
+
+    Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
+    this never passes, and a fail stays a fail unless a clean score is 0.
 
     One value per route whose mean is the rise beyond the allowance (the influence of the route on both ratios), then
     Hall's t test as in the last look of the gate, with one pessimistic pseudo route on the pass side.
     """
+    decision = _decide_rise(routes, allowance, kind=kind, alpha=alpha)
+    floor = VerdictRule().clean_floor
+    unsure = min(fmean(route.clean_before for route in routes), fmean(route.clean_after for route in routes)) < floor
+    return "inconclusive" if unsure and decision == "pass" else decision
+
+
+def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind, alpha: float) -> Decision:
+    """`judge_rise` without its floor."""
     clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
     if clean_before <= 0.0 or clean_after <= 0.0:
         return "inconclusive"
@@ -91,8 +104,8 @@ def judge_rise(
     return "pass" if 1.0 - mean_below_zero_p([*slacks, min(*slacks, MARGIN - 1.0)]) <= alpha else "inconclusive"
 
 
-def _rule(allowance: Allowance) -> Rule:
+def _forms(allowance: Allowance) -> LinearForms:
     if allowance.relative:
-        return degradation_rule(allowance.amount, MARGIN, top_score=allowance.top)
+        return degradation_forms(allowance.amount, MARGIN, top_score=allowance.top)
     top = allowance.top
-    return mean_rule(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)
+    return mean_forms(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from io import StringIO
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import shown
+from pytest_drive_robust.report.numbers import counted, shown
+from pytest_drive_robust.report.page import WIDTH, Page, new_table
+from pytest_drive_robust.verdict.explain import WorstRoute
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,29 +18,23 @@ if TYPE_CHECKING:
     from pytest_drive_robust.regression.rises import Rise
     from pytest_drive_robust.regression.snapshot import RouteScore
 
-__all__ = ["WIDTH", "comparison_text", "conclusion"]
+__all__ = ["comparison_text", "conclusion"]
 
-WIDTH = 100
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 
 
 def comparison_text(comparison: Comparison, *, colour: bool) -> str:
     """Everything about a comparison. Of one that is refused only why. `colour` adds terminal escapes."""
-    from rich.console import Console
-
-    stream = StringIO()
-    console = Console(
-        file=stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
-    )
+    page = Page(colour=colour)
     for line in _fingerprint_lines(comparison):
-        console.print(line, soft_wrap=True)
+        page.print(line, wraps=False)
     if not comparison.refusals:
-        console.print(_table(comparison, colour=colour))
+        page.print(_table(comparison, colour=colour))
         for line in (*_stories(comparison), *_mean_lines(comparison)):
-            console.print(line, soft_wrap=True)  # a replay line must stay one line
-    console.print(conclusion(comparison), soft_wrap=True)
-    return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
+            page.print(line, wraps=False)
+    page.print(conclusion(comparison), wraps=False)
+    return page.text
 
 
 def conclusion(comparison: Comparison) -> str:
@@ -51,7 +46,7 @@ def conclusion(comparison: Comparison) -> str:
             "Drive both runs with the same, or give --on-mismatch=warn (in pytest --drive-on-mismatch=warn)."
         )
     unsure = sum(cell.verdict == "inconclusive" for cell in comparison.cells)
-    count = _count(len(comparison.cells), "setting")
+    count = counted(len(comparison.cells), "setting")
     if comparison.regressions:
         first = comparison.regressions[0]
         what = f"{first.agent} under {first.setting}"
@@ -73,11 +68,9 @@ def _fingerprint_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def _table(comparison: Comparison, *, colour: bool) -> Table:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table = new_table(colour=colour)
     table.add_column("agent", max_width=14, no_wrap=True, overflow="ellipsis")
     table.add_column("setting", overflow="fold")
     for name in ("DS", "SR", "RD", "routes"):
@@ -104,7 +97,7 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         broken = [finding for finding in cell.findings if finding.verdict in telling]
         if not broken and not cell.flips:
             continue
-        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {_count(cell.routes, 'route')} changed"
+        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {counted(cell.routes, 'route')} changed"
         if (rise := cell.rise) is not None:
             yield f"  RD {_change(rise)}"
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
@@ -118,7 +111,7 @@ def _mean_lines(comparison: Comparison) -> Iterator[str]:
     if not any(cell.changed for cell in comparison.cells):
         return
     for agent, rise in comparison.mean_rises.items():
-        yield f"{agent}: mean RD of {rise.settings} settings {_change(rise)} on {_count(rise.routes, 'route')}"
+        yield f"{agent}: mean RD of {rise.settings} settings {_change(rise)} on {counted(rise.routes, 'route')}"
 
 
 def _change(rise: Rise) -> str:
@@ -135,7 +128,7 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
     if allowance.relative and before > 0.0:
         change += f" ({100.0 * (after / before - 1.0):+.1f} %)"
     words = {"fail": "broken", "inconclusive": "neither shown nor ruled out"}
-    return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {_count(cell.routes, 'route')}"
+    return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(cell.routes, 'route')}"
 
 
 def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:
@@ -158,23 +151,17 @@ def _story(word: str, score: RouteScore) -> str:
 
 
 def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
-    from pytest_drive_robust.verdict.worst import WorstRoute
-
     fingerprint = score.fingerprint
-    settings = RunOptions(
+    options = RunOptions(
         simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s, plugins=fingerprint.plugins
     )
     worst = WorstRoute(
         score.route_id, score.scenario, score.worst_seed, None, score.ds, "not driven", score.outcome, None
     )
-    return replay_command(worst, cell.agent, cell.setting, settings, routes_spec=cell.routes_spec)
+    return replay_command(worst, cell.agent, cell.setting, options, routes_spec=cell.routes_spec)
 
 
 def _short(lines: Sequence[str], most: int) -> Iterator[str]:
     yield from lines[:most]
     if len(lines) > most:
         yield f"note: and {len(lines) - most} more"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -6,22 +6,22 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.options.table import DEFAULT_SIMULATOR
-from pytest_drive_robust.report.numbers import interval_text, shown
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
+from pytest_drive_robust.report.numbers import counted, interval_text, shown
+from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.runner.routes import ships
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.verdict.evaluate import Verdict, WorstRoute
+    from pytest_drive_robust.verdict.evaluate import Verdict
+    from pytest_drive_robust.verdict.explain import WorstRoute
 
-__all__ = ["WIDTH", "failure_text", "replay_command", "value_text"]
-
-WIDTH = 100
+__all__ = ["failure_text", "replay_command", "value_text"]
 
 
-def failure_text(verdict: Verdict, settings: RunOptions, *, routes_spec: str, privileged: bool) -> str:
+def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
     """The whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
     lines = [
         *_headline(verdict),
@@ -33,7 +33,7 @@ def failure_text(verdict: Verdict, settings: RunOptions, *, routes_spec: str, pr
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
     if verdict.worst:
         setting = str(verdict.requirement.setting)
-        command = replay_command(verdict.worst[0], verdict.agent, setting, settings, routes_spec=routes_spec)
+        command = replay_command(verdict.worst[0], verdict.agent, setting, options, routes_spec=routes_spec)
         lines.append(f"  replay:  {command}")  # never shortened: it is there to be copied
     return "\n".join(lines)
 
@@ -44,40 +44,40 @@ def value_text(metric: str, setting: str, value: float) -> str:
 
 
 def replay_command(
-    worst: WorstRoute | Episode, agent: str, setting: str, settings: RunOptions, *, routes_spec: str
+    worst: WorstRoute | Episode, agent: str, setting: str, options: RunOptions, *, routes_spec: str
 ) -> str:
     """The command line that drives one episode again. Options are left out where the defaults say the same."""
-    words = ["drive-robust", *(word for plugin in settings.plugins for word in ("-p", plugin))]
+    words = ["drive-robust", *(word for plugin in options.plugins for word in ("-p", plugin))]
     words += ["replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]
-    if routes_spec != settings.simulator and not ships(routes_spec):
+    if routes_spec != options.simulator and not ships(routes_spec):
         words += ["--routes", routes_spec]
-    if settings.stuck_stop_s is not None:
-        words += ["--stuck-stop", f"{settings.stuck_stop_s:g}"]
-    if settings.simulator != DEFAULT_SIMULATOR:
-        words += ["--sim", settings.simulator]
+    if options.stuck_stop_s is not None:
+        words += ["--stuck-stop", f"{options.stuck_stop_s:g}"]
+    if options.simulator != DEFAULT_SIMULATOR:
+        words += ["--sim", options.simulator]
     return " ".join(_quoted(word) for word in words)
 
 
 def _headline(verdict: Verdict) -> list[str]:
     """Value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
-    metric = requirement.metric
+    metric = requirement.metric.name
     value = value_text(metric, str(requirement.setting), verdict.value)
     limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
     alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
     interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)
-    routes = _count(verdict.routes, "route")
+    routes = counted(verdict.routes, "route")
     if verdict.routes < verdict.planned:
-        routes = f"{verdict.routes} of {_count(verdict.planned, 'route')}"
-    counts = f"{routes} x {_count(verdict.seeds, 'seed')}"
+        routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"
+    counts = f"{routes} x {counted(verdict.seeds, 'seed')}"
     line = f"{value}, {limit}   ({interval}, {counts})"
     return [line] if len(line) <= WIDTH else [_cut(f"{value}, {limit}", WIDTH), f"  ({interval}, {counts})"]
 
 
 def _promise(verdict: Verdict) -> list[str]:
     """What the verdict says and how often it may be wrong; nothing for a plain comparison."""
-    metric, kind = verdict.requirement.metric, verdict.verdict_rule.kind
+    metric, kind = verdict.requirement.metric.name, verdict.verdict_rule.kind
     if verdict.reason:
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:
@@ -101,7 +101,7 @@ def _promise(verdict: Verdict) -> list[str]:
             "  Holm's procedure decides when all of them are judged: see the end of the run",
         ]
     if verdict.decision == "inconclusive":
-        return [f"  open: neither {broken} nor {held} is shown by {_count(verdict.routes, 'route')}"]
+        return [f"  open: neither {broken} nor {held} is shown by {counted(verdict.routes, 'route')}"]
     claim = broken if verdict.decision == "fail" else held
     line = f"  shown: {claim} on routes like these, wrong at most {verdict_rule.alpha:.0%} of the time"
     if verdict.decision == "fail" and verdict_rule.family > 1:
@@ -123,7 +123,7 @@ def _summaries(verdict: Verdict) -> list[str]:
     ]
     errors = verdict.perturbed.agent_errors
     if errors:
-        lines.append(f"  {_count(errors, 'episode')} of {verdict.perturbed.episodes} ended with an agent error")
+        lines.append(f"  {counted(errors, 'episode')} of {verdict.perturbed.episodes} ended with an agent error")
     return lines
 
 
@@ -148,10 +148,6 @@ def _worst(verdict: Verdict) -> list[str]:
 
 def _story(under: str, score: float | None, outcome: str) -> str:
     return _cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {outcome}", WIDTH)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _cut(text: str, width: int) -> str:

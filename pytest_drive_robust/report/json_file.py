@@ -39,7 +39,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
     """The run as plain JSON types; NaN and infinity become None."""
     document = {
         "schema": SCHEMA,
-        "settings": run.settings.to_json(),
+        "settings": run.options.to_json(),
         "versions": dict(run.versions),
         "fingerprint": _fingerprint(run),
         "requirements": [asdict(judged) for judged in run.judged],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["interval_text", "legible", "shown"]
+__all__ = ["counted", "duration_text", "interval_text", "legible", "shown"]
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) not in "\t\n"}
 
@@ -26,6 +26,18 @@ def interval_text(metric: str, low: float, high: float, *, confidence: float = 0
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{name} unknown"
     return f"{name} {shown(metric, low)} to {shown(metric, high)}"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return `"1 route"`, `"2 routes"`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def duration_text(seconds: float) -> str:
+    """Return `"12 s"`, `"3 min"`, `"1.5 h"`."""
+    if seconds < 60:
+        return f"{max(1, round(seconds))} s"
+    return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
 
 
 def legible(text: str, *, controls: bool = False) -> str:

@@ -8,14 +8,14 @@ from pytest_drive_robust.bench2drive.results.safe_json import shown
 
 if TYPE_CHECKING:
     from pytest_drive_robust.bench2drive.results.ability_rates import AbilityRate
-    from pytest_drive_robust.bench2drive.results.scores import Score
+    from pytest_drive_robust.bench2drive.results.official_totals import OfficialTotals
 
 __all__ = ["score_as_json", "score_text"]
 
 _MOST_IDS = 30
 
 
-def score_as_json(score: Score, notes: tuple[str, ...]) -> dict[str, Any]:
+def score_as_json(score: OfficialTotals, notes: tuple[str, ...]) -> dict[str, Any]:
     """As plain JSON types, numbers in full."""
     return {
         "metrics": score.mode,
@@ -41,7 +41,7 @@ def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
     return {"value": rate.value, "low": rate.low, "high": rate.high, "routes": rate.routes}
 
 
-def score_text(score: Score, notes: tuple[str, ...], *, source: str) -> str:
+def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:
     """The totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
     lines = [
         f"{shown(source, quotes=False)}: {score.records} records of {score.routes} routes, {score.mode} metrics",
@@ -74,7 +74,7 @@ def _rate_text(rate: AbilityRate) -> str:
     return f"{low} %" if rate.value is not None else f"{low} to {high} %"
 
 
-def _gaps(score: Score) -> list[str]:
+def _gaps(score: OfficialTotals) -> list[str]:
     lines = []
     if score.missing:
         lines.append(f"{len(score.missing):>5}  missing: {_ids(score.missing)}")

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from io import StringIO
 from math import fsum
 from typing import TYPE_CHECKING
+
+from pytest_drive_robust.report.numbers import duration_text
+from pytest_drive_robust.report.page import Page, new_table
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["plan_text"]
-
-_WIDTH = 100
 
 
 def plan_text(
@@ -23,10 +23,6 @@ def plan_text(
 
     The time rests on the stored episodes of the plan; where there are none it is not known.
     """
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
     counts: dict[tuple[str, str], list[int]] = {}
     walls: list[float] = []
     for request in requests:
@@ -36,19 +32,16 @@ def plan_text(
         if stored is not None:
             count[1] += 1
             walls.append(stored.wall_s)
-    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table = new_table(colour=colour)
     table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
     table.add_column("setting", max_width=48, overflow="fold")
     for name in ("episodes", "stored", "to drive"):
         table.add_column(name, justify="right", no_wrap=True)
     for (agent, setting), (needed, stored_count) in counts.items():
         table.add_row(agent, setting, str(needed), str(stored_count), str(needed - stored_count))
-    stream = StringIO()
-    Console(file=stream, width=_WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour).print(
-        table
-    )
-    lines = [line.rstrip() for line in stream.getvalue().splitlines()]
-    return "\n".join([*lines, _sentence(counts.values(), walls, slots)])
+    page = Page(colour=colour)
+    page.print(table)
+    return f"{page.text}\n{_sentence(counts.values(), walls, slots)}"
 
 
 def _sentence(counts: Iterable[list[int]], walls: list[float], slots: int) -> str:
@@ -58,10 +51,4 @@ def _sentence(counts: Iterable[list[int]], walls: list[float], slots: int) -> st
     at_most = f"At most {left} episodes would be driven, {slots} at a time"
     if not walls:
         return f"{at_most}; how long that takes shows when the first ones are stored."
-    return f"{at_most}, in about {_duration(left * fsum(walls) / len(walls) / slots)}; a verdict may need fewer."
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 60:
-        return f"{max(1, round(seconds))} s"
-    return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
+    return f"{at_most}, in about {duration_text(left * fsum(walls) / len(walls) / slots)}; a verdict may need fewer."

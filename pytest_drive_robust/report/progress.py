@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TextIO
 
+from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Reused, Spared, Started
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class ProgressState:
 
     def counts(self) -> str:
         """`"37/264 episodes, about 3 min left"`."""
-        left = "" if self.left_s is None or self.done == self.total else f", about {_duration(self.left_s)} left"
+        left = "" if self.left_s is None or self.done == self.total else f", about {duration_text(self.left_s)} left"
         return f"{self.done}/{self.total} episodes{left}"
 
     def now(self) -> str:
@@ -213,12 +214,3 @@ def _bar(state: ProgressState) -> Table:
     bar = ProgressBar(total=max(state.total, 1), completed=state.done, width=20)
     grid.add_row(bar, Text(state.counts()), Text(state.now(), style="dim"))
     return grid
-
-
-def _duration(seconds: float) -> str:
-    """`"12 s"`, `"3 min"`, `"1.5 h"`."""
-    if seconds < 60:
-        return f"{max(1, round(seconds))} s"
-    if seconds < 3600:
-        return f"{round(seconds / 60)} min"
-    return f"{seconds / 3600:.1f} h"

@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.stats.several import late_fails
 from pytest_drive_robust.store.events import (
     Asked,
     Event,
@@ -70,7 +71,7 @@ class RunResult:
     `late` are those of `judged` that were open in their test and became fails when all p-values were known.
     """
 
-    settings: RunOptions
+    options: RunOptions
     rows: tuple[SettingRow, ...]
     judged: tuple[Judged, ...]
     episodes: Mapping[str, EpisodeResult]
@@ -84,7 +85,7 @@ class RunResult:
     @classmethod
     def of(
         cls,
-        settings: RunOptions,
+        options: RunOptions,
         events: Sequence[Event],
         find: Lookup,
         *,
@@ -99,10 +100,10 @@ class RunResult:
         used = {key for event in events if isinstance(event, Used) for key in event.keys}
         episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
         judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
-        judged, late = _corrected(judged, settings)
+        judged, late = _corrected(judged, options)
         return cls(
-            settings=settings,
-            rows=tuple(_row(item, episodes, judged, spared, mode=settings.metrics) for item in asked),
+            options=options,
+            rows=tuple(_row(item, episodes, judged, spared, mode=options.metrics) for item in asked),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
@@ -114,17 +115,15 @@ class RunResult:
         )
 
 
-def _corrected(judged: list[Judged], settings: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
+def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
     """What was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
     known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
-    if settings.correction == "none" or not known:
+    if options.correction == "none" or not known:
         return judged, ()
-    from pytest_drive_robust.stats.several import late_fails
-
     verdicts, p_values = [judged[place].verdict for place, _ in known], [p_value for _, p_value in known]
     family = max(item.family for item in judged)
     late = {}
-    for found in late_fails(verdicts, p_values, family=family, alpha=settings.verdict_rule.alpha):
+    for found in late_fails(verdicts, p_values, family=family, alpha=options.verdict_rule.alpha):
         place, p_value = known[found]
         message = f"open in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
         late[place] = replace(judged[place], verdict="fail", message=message)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from io import StringIO
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import legible, shown
-from pytest_drive_robust.verdict.touched import immunity
+from pytest_drive_robust.report.page import Page, new_table
+from pytest_drive_robust.stats.several import any_wrong
+from pytest_drive_robust.verdict.evaluate import immunity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -18,9 +19,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
-__all__ = ["WIDTH", "footnotes", "numbers_of", "run_summary"]
+__all__ = ["footnotes", "numbers_of", "run_summary"]
 
-WIDTH = 100
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
@@ -31,24 +31,17 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     """The table with its footnotes; empty when nothing was asked for. `colour` adds terminal escapes."""
     if not run.rows:
         return ""
-    from rich.console import Console
-
-    stream = StringIO()
-    console = Console(
-        file=stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
-    )
-    console.print(_table(run, colour=colour))
+    page = Page(colour=colour)
+    page.print(_table(run, colour=colour))
     for line in footnotes(run):
-        console.print(line, soft_wrap=line.startswith(_REPLAY))  # a command is there to be copied
-    return legible("\n".join(line.rstrip() for line in stream.getvalue().splitlines()), controls=colour)
+        page.print(line, wraps=not line.startswith(_REPLAY))
+    return legible(page.text, controls=colour)
 
 
 def _table(run: RunResult, *, colour: bool) -> Table:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD if colour else None, pad_edge=False, padding=(0, 1), header_style="bold")
+    table = new_table(colour=colour)
     table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
     table.add_column("setting", max_width=40, overflow="fold")
     for name in _COLUMNS:
@@ -116,15 +109,13 @@ def _several(run: RunResult) -> list[str]:
     shared = [item for item in run.judged if item.p_value is not None]
     if len(shared) < 2:
         return []
-    from pytest_drive_robust.stats.several import any_wrong
-
-    alpha, count = run.settings.verdict_rule.alpha, len(shared)
+    alpha, count = run.options.verdict_rule.alpha, len(shared)
     others = len(run.judged) - count
     lines = [
         f"{count} verdicts from evidence: when all pass, 'all hold' is wrong at most {alpha:.0%} of the time, "
         "however many there are;"
     ]
-    if run.settings.correction == "none":
+    if run.options.correction == "none":
         often = f"{any_wrong(alpha, count):.0%}"
         lines.append(
             f"  'any fails' is wrong up to {often} of the time, if every limit lies exactly at the agent's value, and "
@@ -179,7 +170,7 @@ def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
     if routes_spec is None:
         return []
     episode = result.episode
-    command = replay_command(episode, episode.agent, episode.setting, run.settings, routes_spec=routes_spec)
+    command = replay_command(episode, episode.agent, episode.setting, run.options, routes_spec=routes_spec)
     return [f"{_REPLAY} (it ended after {result.ticks} ticks):  {command}"]
 
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.errors import ComparisonError, DriveRobustError
+from pytest_drive_robust.runner.plan import RouteRequests, routes_in_order
+from pytest_drive_robust.runner.record import asked, judged, not_judged
 from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.stats.judges import VerdictKind, read_until_decided
 from pytest_drive_robust.store.events import (
-    Asked,
     Event,
     Finished,
     Identified,
-    Judged,
     Planned,
     Reused,
     Spared,
@@ -23,16 +24,16 @@ from pytest_drive_robust.store.events import (
     Troubled,
     Used,
 )
+from pytest_drive_robust.verdict.evaluate import evaluate
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.verdict_rule import VerdictRule
     from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
-    from pytest_drive_robust.runner.reading import Drive, RouteRequests
     from pytest_drive_robust.store.base import EpisodeStore
     from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.model import Requirement
+    from pytest_drive_robust.verdict.requirement import Requirement
 
 __all__ = ["Campaign", "Judgement", "Observer"]
 
@@ -120,61 +121,46 @@ class Campaign:
         try:
             judgement = self.decide(requirement, scope, verdict_rule)
         except DriveRobustError as error:
-            self._observer(_judged(requirement, scope, nodeid, verdict=None, message=str(error)))
+            self._observer(not_judged(requirement, scope, nodeid, str(error)))
             raise
-        self._observer(_judged(requirement, scope, nodeid, verdict=judgement.verdict))
+        self._observer(judged(judgement.verdict, scope, nodeid))
         return judgement
 
     def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule) -> Judgement:
         """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
-        from pytest_drive_robust.runner.reading import read_until_decided, routes_in_order
-        from pytest_drive_robust.verdict.evaluate import judge
-        from pytest_drive_robust.verdict.forms import reads_routes
-
-        if not reads_routes(requirement, verdict_rule):
-            return self.measure(requirement, scope, verdict_rule)
         need = scope.need(requirement.setting, clean=requirement.needs_clean)
+        if not requirement.reads_routes(verdict_rule):
+            clean, perturbed = self._results(scope, need)
+            return self._judgement(requirement, scope, clean, perturbed, verdict_rule)
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
-        asked: list[EpisodeRequest] = []
-        with self._driving(), self._kept_in_view(asked):
-            reader = self._reader(routes, asked)
-            decision, count = read_until_decided(requirement, verdict_rule, routes, reader, mode=self._metrics)
-            read, rest = routes[:count], tuple(request for route in routes[count:] for request in route.requests)
-            if self._whole:
-                self._ensure(rest)
-                self._observer(Used(tuple(request.key for request in rest)))
-            elif rest:
-                self._scheduler.spare(rest)
-                self._observer(Spared(tuple(request.key for request in rest)))
-        clean = self._use(tuple(request for route in read for request in route.clean))
-        perturbed = self._use(tuple(request for route in read for request in route.perturbed))
-        verdict = judge(
-            requirement,
-            agent=scope.agent,
-            clean=clean,
-            perturbed=perturbed,
-            mode=self._metrics,
-            verdict_rule=verdict_rule,
-            decision=decision,
-            planned=len(routes),
+        begun: list[EpisodeRequest] = []
+        with self._driving(), self._kept_in_view(begun):
+            decision, count = read_until_decided(
+                cast("VerdictKind", verdict_rule.kind),
+                requirement.linear_forms(verdict_rule),
+                self._scores(requirement, routes, begun),
+                planned=len(routes),
+                alpha=verdict_rule.alpha,
+                fail_alpha=verdict_rule.fail_alpha,
+            )
+            self._leave(tuple(request for route in routes[count:] for request in route.requests))
+        clean = self._use(tuple(request for route in routes[:count] for request in route.clean))
+        perturbed = self._use(tuple(request for route in routes[:count] for request in route.perturbed))
+        return self._judgement(
+            requirement, scope, clean, perturbed, verdict_rule, decision=decision, planned=len(routes)
         )
-        return _judgement(verdict, (*clean, *perturbed))
 
-    def measure(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None = None) -> Judgement:
-        """The value over all episodes, compared with the limit: for a caller who only wants the value."""
-        from pytest_drive_robust.verdict.evaluate import judge
+    def measure(self, requirement: Requirement, scope: Scope) -> Verdict:
+        """The value over all episodes, for a caller who only wants the value.
 
+        Raises `ComparisonError` when there is none, and when it says nothing: an RD below the floor of the clean score.
+        """
         clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
-        verdict = judge(
-            requirement,
-            agent=scope.agent,
-            clean=clean,
-            perturbed=perturbed,
-            mode=self._metrics,
-            verdict_rule=verdict_rule,
-        )
-        return _judgement(verdict, (*clean, *perturbed))
+        verdict = self._judgement(requirement, scope, clean, perturbed).verdict
+        if verdict.reason:
+            raise ComparisonError(f"{verdict.reason}. Ask for a clean floor first: 'DS under clean >= 30'.")
+        return verdict
 
     def assist(self, requests: Iterable[EpisodeRequest]) -> None:
         """Drive some of `requests` for others who ask for them; see `Scheduler.assist`."""
@@ -203,9 +189,33 @@ class Campaign:
         place = request.episode.agent, request.route.id
         self._longest_s[place] = max(wall_s, self._longest_s.get(place, 0.0))
 
+    def _judgement(
+        self,
+        requirement: Requirement,
+        scope: Scope,
+        clean: Results,
+        perturbed: Results,
+        verdict_rule: VerdictRule | None = None,
+        *,
+        decision: str | None = None,
+        planned: int | None = None,
+    ) -> Judgement:
+        verdict = evaluate(
+            requirement,
+            agent=scope.agent,
+            clean=clean,
+            perturbed=perturbed,
+            mode=self._metrics,
+            verdict_rule=verdict_rule,
+            decision=decision,
+            planned=planned,
+        )
+        used = (*clean, *perturbed)
+        return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))
+
     def _tell_asked(self, scope: Scope, need: Need) -> None:
-        for asked in _asked(scope, need):
-            self._observer(asked)
+        for event in asked(scope, need):
+            self._observer(event)
 
     @contextmanager
     def _kept_in_view(self, requests: Sequence[EpisodeRequest]) -> Iterator[None]:
@@ -219,22 +229,30 @@ class Campaign:
             )
             raise
 
-    def _reader(self, routes: Sequence[RouteRequests], asked: list[EpisodeRequest]) -> Drive:
-        """What gives the results of one route after the other, while free slots drive the routes behind it.
+    def _scores(
+        self, requirement: Requirement, routes: Sequence[RouteRequests], begun: list[EpisodeRequest]
+    ) -> Iterator[tuple[float, float] | None]:
+        """The scores of one route after the other, while free slots drive the routes behind it.
 
-        `asked` gets every request that was asked for.
+        `begun` gets every request that was asked for.
         """
         order = [request for route in routes for request in route.requests]
         place = {request.key: number for number, request in enumerate(order)}
+        for route in routes:
+            begun.extend(route.requests)
+            behind = range(place[route.requests[-1].key] + 1, len(order))
+            self._ensure(route.requests, (order[number] for number in behind))
+            clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
+            yield requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
-        def read(requests: tuple[EpisodeRequest, ...]) -> Results:
-            if requests:
-                asked.extend(requests)
-                behind = range(place[requests[-1].key] + 1, len(order))
-                self._ensure(requests, (order[number] for number in behind))
-            return self._finished(requests)
-
-        return read
+    def _leave(self, rest: tuple[EpisodeRequest, ...]) -> None:
+        """Deal with the episodes that the verdict did without."""
+        if self._whole:
+            self._ensure(rest)
+            self._observer(Used(tuple(request.key for request in rest)))
+        elif rest:
+            self._scheduler.spare(rest)
+            self._observer(Spared(tuple(request.key for request in rest)))
 
     def _ensure(self, requests: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
         unique = tuple({request.key: request for request in requests}.values())
@@ -284,48 +302,3 @@ class Campaign:
     def ticked(self) -> None:
         """An episode is still under way (see `runner.scheduler.Listener`)."""
         self._observer.ticked()
-
-
-def _asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
-    """What the record is told: the setting, and its clean twins as a setting of their own."""
-    clean_keys = tuple(request.key for request in need.clean)
-    keys = tuple(request.key for request in need.perturbed)
-
-    def asked(requests: tuple[EpisodeRequest, ...], setting: str, twins: tuple[str, ...]) -> Asked:
-        own = tuple(request.key for request in requests)
-        return Asked(scope.agent, scope.routes_spec, setting, scope.seeds, own, twins)
-
-    perturbed = asked(need.perturbed, str(need.setting), () if clean_keys == keys else clean_keys)
-    if not clean_keys or clean_keys == keys:
-        return (perturbed,)
-    return (asked(need.clean, str(need.setting.baseline), ()), perturbed)
-
-
-def _judged(
-    requirement: Requirement, scope: Scope, nodeid: str, *, verdict: Verdict | None, message: str = ""
-) -> Judged:
-    return Judged(
-        nodeid=nodeid,
-        requirement=str(requirement),
-        agent=scope.agent,
-        routes_spec=scope.routes_spec,
-        seeds=scope.seeds,
-        metric=requirement.metric,
-        setting=str(requirement.setting),
-        comparison=requirement.comparison,
-        limit=float(requirement.limit),
-        verdict="error" if verdict is None else verdict.decision,
-        value=None if verdict is None else float(verdict.value),
-        low=None if verdict is None else float(verdict.low),
-        high=None if verdict is None else float(verdict.high),
-        routes=0 if verdict is None else verdict.routes,
-        message=message or ("" if verdict is None else verdict.reason),
-        planned=0 if verdict is None else verdict.planned,
-        rule="" if verdict is None else verdict.verdict_rule.kind,
-        p_value=None if verdict is None else verdict.p_value,
-        family=1 if verdict is None else verdict.verdict_rule.family,
-    )
-
-
-def _judgement(verdict: Verdict, used: Results) -> Judgement:
-    return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))

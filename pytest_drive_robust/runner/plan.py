@@ -1,8 +1,9 @@
-"""From a requirement to the episodes that it needs."""
+"""From a requirement to the episodes that it needs, and in which order its routes are read."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,9 +15,9 @@ from pytest_drive_robust.runner.cache_key.canonical import digest_of
 from pytest_drive_robust.runner.cache_key.code import perturbation_sources
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.verdict.model import Requirement
+    from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["EpisodeRequest", "Need", "Scope"]
+__all__ = ["EpisodeRequest", "Need", "RouteRequests", "Scope", "planned_order", "routes_in_order"]
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ class Scope:
         """
         perturbed = self._requests(setting)
         if setting.is_clean:
-            return Need(setting, perturbed if clean else (), perturbed)
-        return Need(setting, self._requests(setting.baseline) if clean else (), perturbed)
+            return Need(perturbed if clean else (), perturbed, setting)
+        return Need(self._requests(setting.baseline) if clean else (), perturbed, setting)
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
         """Every episode that judging `requirements` takes, by key, each once, in the order of need."""
@@ -85,10 +86,9 @@ class Scope:
 
 
 @dataclass(frozen=True, slots=True)
-class Need:
-    """The episodes under one setting with their clean twins (none when nobody compares)."""
+class RouteRequests:
+    """Episodes with their clean twins (none when nothing is compared), of one route over all seeds."""
 
-    setting: Setting
     clean: tuple[EpisodeRequest, ...]
     perturbed: tuple[EpisodeRequest, ...]
 
@@ -96,6 +96,66 @@ class Need:
     def requests(self) -> tuple[EpisodeRequest, ...]:
         """All of them, the clean ones first, each once."""
         return tuple({request.key: request for request in (*self.clean, *self.perturbed)}.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Need(RouteRequests):
+    """The same of all routes, under one setting."""
+
+    setting: Setting
+
+
+def routes_in_order(scope: Scope, need: Need) -> tuple[RouteRequests, ...]:
+    """Return the routes of a need in planned order.
+
+    It is the same for all requirements of a scope, so they share clean episodes.
+    """
+    ids = [route.id for route in scope.routes]
+    types = [route.scenario.type for route in scope.routes]
+    order = planned_order(ids, types, f"{scope.agent} on {scope.routes_spec}")
+    clean, perturbed = _by_route(need.clean), _by_route(need.perturbed)
+    return tuple(RouteRequests(clean.get(route, ()), perturbed[route]) for route in order)
+
+
+def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_text: str) -> tuple[str, ...]:
+    """Return the routes shuffled by `seed_text`, spread so that every stretch holds its share of each scenario type.
+
+    A verdict may stop early only on a finished prefix of an order that was fixed before: whoever stops on what finished
+    first stops on the routes that are quick, and those are the ones that went well.
+
+    With equally many routes of each type these are blocks with one route of each, shuffled within and between;
+    otherwise a type with twice the routes comes twice as often from start to end. The same on every machine and
+    whatever the order of the arguments; another text gives another order. Use the id of the suite or the requirement
+    as text, never the time.
+
+    Raises `ValueError` when a route has no type or comes twice.
+    """
+    if len(route_ids) != len(scenario_types):
+        raise ValueError(f"{len(route_ids)} routes and {len(scenario_types)} scenario types. Expected one for each.")
+    if len(set(route_ids)) != len(route_ids):
+        twice = sorted({route for route in route_ids if list(route_ids).count(route) > 1})
+        raise ValueError(f"these routes come twice: {', '.join(twice)}. Expected every route once.")
+    of_type: dict[str, list[tuple[float, str]]] = {}
+    for route, scenario_type in zip(route_ids, scenario_types, strict=True):
+        of_type.setdefault(scenario_type, []).append((_draw(seed_text, "choice", route), route))
+    places: list[tuple[float, str]] = []
+    for routes in of_type.values():
+        for number, (_, route) in enumerate(sorted(routes)):
+            places.append(((number + _draw(seed_text, "place", route)) / len(routes), route))
+    return tuple(route for _, route in sorted(places))
+
+
+def _draw(*texts: str) -> float:
+    """A number in 0..1 named by texts: the same in every process, unlike `hash()`."""
+    digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
+    return int.from_bytes(digest[:6], "big") / 2.0**48
+
+
+def _by_route(requests: Sequence[EpisodeRequest]) -> dict[str, tuple[EpisodeRequest, ...]]:
+    found: dict[str, list[EpisodeRequest]] = {}
+    for request in requests:
+        found.setdefault(request.route.id, []).append(request)
+    return {route: tuple(own) for route, own in found.items()}
 
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.options.table import DEFAULT_ROUTES
+from pytest_drive_robust.options.run import DEFAULT_ROUTES
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route

@@ -1,5 +1,7 @@
 """The three ways to a verdict, behind one face: read route by route in planned order, stop as soon as one is in.
 
+`read_until_decided` reads a requirement for a run, `gate` two lists of driving scores without pytest, suites or agents.
+
 ========== ============================================================ ================= ======================
 name       question                                                     stops early       answers
 ========== ============================================================ ================= ======================
@@ -12,13 +14,23 @@ point      is the value of this run on the right side of the limit?     never   
 from __future__ import annotations
 
 import math
-from typing import Literal, Protocol, get_args
+from collections.abc import Iterable
+from typing import Literal, NamedTuple, Protocol, get_args
 
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.stats.evidence import Decision, Wealth
-from pytest_drive_robust.stats.rules import Rule
+from pytest_drive_robust.stats.evidence import Decision, LinearForms, Wealth, degradation_forms
 
-__all__ = ["EvidenceJudge", "Judge", "ListJudge", "PointJudge", "VerdictKind", "judge_by"]
+__all__ = [
+    "EvidenceJudge",
+    "GateVerdict",
+    "Judge",
+    "ListJudge",
+    "PointJudge",
+    "VerdictKind",
+    "gate",
+    "judge_by",
+    "read_until_decided",
+]
 
 VerdictKind = Literal["evidence", "list", "point"]
 
@@ -48,20 +60,20 @@ class Judge(Protocol):
         ...
 
 
-class _Docket:
-    """What all judges keep: the rule, the count, the verdict, and whether any reference moved at all."""
+class _Reading:
+    """What all judges keep: the forms, the count, the verdict, and whether any reference moved at all."""
 
-    def __init__(self, rule: Rule) -> None:
-        self.rule = rule
+    def __init__(self, forms: LinearForms) -> None:
+        self.forms = forms
         self.routes = 0
         self.decision: Decision | None = None
-        self._compares = not rule.relative
+        self._compares = not forms.relative
 
     def _enter(self, score: float, reference: float) -> float:
-        """Counts the route and gives its hold. Raises `ComparisonError` for a score that the metric cannot have."""
-        hold = self.rule.hold(score, reference)
+        """Count the route and return its hold. Raises `ComparisonError` for a score that the metric cannot have."""
+        hold = self.forms.hold(score, reference)
         reach = 1.0 + _ROUNDING
-        if not -self.rule.floor * reach - _ROUNDING <= hold <= self.rule.most * reach + _ROUNDING:
+        if not -self.forms.floor * reach - _ROUNDING <= hold <= self.forms.most * reach + _ROUNDING:
             raise ComparisonError(f"a score is {score!r} (reference {reference!r}), outside what its metric can be.")
         self.routes += 1
         self._compares = self._compares or reference > 0.0
@@ -72,21 +84,21 @@ class _Docket:
             raise ComparisonError("there is no pair to judge. Expected one clean and one perturbed score per route.")
 
 
-class EvidenceJudge(_Docket):
-    """Routes and seeds are a sample: `Evidence` on the two linear forms of the rule.
+class EvidenceJudge(_Reading):
+    """Routes and seeds are a sample: `Evidence` on the two linear forms of the forms.
 
     While every reference is 0 there is nothing to compare with, so nothing is decided; at the end that is
     inconclusive.
     """
 
-    def __init__(self, rule: Rule, *, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
-        super().__init__(rule)
-        self.evidence = rule.evidence(alpha, fail_alpha=fail_alpha)
+    def __init__(self, forms: LinearForms, *, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
+        super().__init__(forms)
+        self.evidence = forms.evidence(alpha, fail_alpha=fail_alpha)
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
         """One more route; the verdict as soon as there is one."""
         if self.decision is None:
-            found = self.evidence.read(self._enter(score, reference), self.rule.slack(score, reference))
+            found = self.evidence.read(self._enter(score, reference), self.forms.slack(score, reference))
             self.decision = found if self._compares else None
         return self.decision
 
@@ -98,11 +110,11 @@ class EvidenceJudge(_Docket):
         return self.decision
 
 
-class PointJudge(_Docket):
+class PointJudge(_Reading):
     """The plain comparison of all routes: red half of the time when the agent sits exactly on the limit."""
 
-    def __init__(self, rule: Rule) -> None:
-        super().__init__(rule)
+    def __init__(self, forms: LinearForms) -> None:
+        super().__init__(forms)
         self._holds: list[float] = []
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
@@ -116,12 +128,12 @@ class PointJudge(_Docket):
         self._require_routes()
         if self.decision is None:
             self.decision = (
-                _sign_of(math.fsum(self._holds), self.routes, self.rule) if self._compares else "inconclusive"
+                _sign_of(math.fsum(self._holds), self.routes, self.forms) if self._compares else "inconclusive"
             )
         return self.decision
 
 
-class ListJudge(_Docket):
+class ListJudge(_Reading):
     """The `planned` routes and seeds are all there is: the verdict is that of the full list.
 
     Betting without replacement stops early: if the full list passes, the routes that are left must make up for those
@@ -131,8 +143,8 @@ class ListJudge(_Docket):
     could not turn it.
     """
 
-    def __init__(self, rule: Rule, *, planned: int, alpha: float = 0.05) -> None:
-        super().__init__(rule)
+    def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05) -> None:
+        super().__init__(forms)
         if not 0.0 < alpha < 0.5:
             raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
         self.planned = planned
@@ -163,44 +175,117 @@ class ListJudge(_Docket):
 
     def _bet(self, hold: float, due: float) -> None:
         """`due` is what the routes left must average for the list to sit exactly on the limit."""
-        nothing = _ROUNDING * self.rule.scale
-        self.against.bet(_stake(due - hold, self.rule.most - due, nothing))
-        self.within.bet(_stake(hold - due, self.rule.floor + due, nothing))
+        nothing = _ROUNDING * self.forms.scale
+        self.against.bet(_stake(due - hold, self.forms.most - due, nothing))
+        self.within.bet(_stake(hold - due, self.forms.floor + due, nothing))
 
     def _look(self, left: int) -> Decision | None:
         if not self._compares:
             return None if left else "inconclusive"
         if left == 0:
-            return _sign_of(math.fsum(self._holds), self.planned, self.rule)
-        if self.against.value >= self.needed or self._sum + left * self.rule.most < -_slop(self.planned, self.rule):
+            return _sign_of(math.fsum(self._holds), self.planned, self.forms)
+        if self.against.value >= self.needed or self._sum + left * self.forms.most < -_slop(self.planned, self.forms):
             return "fail"
-        if self.within.value >= self.needed or self._sum - left * self.rule.floor > _slop(self.planned, self.rule):
+        if self.within.value >= self.needed or self._sum - left * self.forms.floor > _slop(self.planned, self.forms):
             return "pass"
         return None
 
 
 def judge_by(
-    kind: VerdictKind, rule: Rule, *, planned: int, alpha: float = 0.05, fail_alpha: float | None = None
+    kind: VerdictKind, forms: LinearForms, *, planned: int, alpha: float = 0.05, fail_alpha: float | None = None
 ) -> Judge:
     """The judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
 
     Raises `ValueError` for another name.
     """
     if kind == "evidence":
-        return EvidenceJudge(rule, alpha=alpha, fail_alpha=fail_alpha)
+        return EvidenceJudge(forms, alpha=alpha, fail_alpha=fail_alpha)
     if kind == "list":
-        return ListJudge(rule, planned=planned, alpha=alpha)
+        return ListJudge(forms, planned=planned, alpha=alpha)
     if kind == "point":
-        return PointJudge(rule)
+        return PointJudge(forms)
     raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(get_args(VerdictKind))}.")
 
 
-def _sign_of(total: float, routes: int, rule: Rule) -> Decision:
-    return "pass" if total >= -_slop(routes, rule) else "fail"
+def read_until_decided(
+    kind: VerdictKind,
+    forms: LinearForms,
+    scores: Iterable[tuple[float, float] | None],
+    *,
+    planned: int,
+    alpha: float = 0.05,
+    fail_alpha: float | None = None,
+) -> tuple[Decision, int]:
+    """Return the verdict and how many routes were taken from `scores` for it; none is taken after the verdict.
+
+    `scores` gives (score, reference) for each of the `planned` routes in their order, None for a route without data:
+    it is counted but not read. A list that turns out shorter than planned is judged by its value.
+    """
+    judge = judge_by(kind, forms, planned=planned, alpha=alpha, fail_alpha=fail_alpha)
+    read: list[tuple[float, float]] = []
+    taken = 0
+    for found in scores:
+        taken += 1
+        if found is not None:
+            read.append(found)
+            if judge.read(*found) is not None:
+                return judge.close(), taken
+    if kind == "list" and read:
+        judge = PointJudge(forms)
+        for found in read:
+            judge.read(*found)
+    return judge.close(), taken
 
 
-def _slop(routes: int, rule: Rule) -> float:
-    return _ROUNDING * routes * rule.scale
+class GateVerdict(NamedTuple):
+    """The verdict and how many pairs it took."""
+
+    verdict: Decision
+    pairs: int
+
+
+def gate(
+    clean: Iterable[float], perturbed: Iterable[float], threshold: float, margin: float = 0.10, alpha: float = 0.05
+) -> GateVerdict:
+    """Is RD = 1 - mean(perturbed) / mean(clean) at most `threshold`, judged on driving scores 0..100 per route?
+
+    `clean` and `perturbed` give one score per route each, in planned order; average the seeds of a route first.
+    "fail": RD exceeds the threshold; "pass": it stays below threshold + margin; each wrong at most `alpha` of the time.
+    Fewer than 20 routes are judged by betting alone. A clean score of 0 throughout is inconclusive. The lists may be
+    two runs of one setting as well, so there is no floor of the clean score: that is for the caller (`VerdictRule`).
+
+    >>> gate([90.0] * 30, [88.0] * 30, threshold=0.30)
+    GateVerdict(verdict='pass', pairs=14)
+    >>> gate([90.0] * 30, [20.0] * 30, threshold=0.30).verdict
+    'fail'
+
+    Raises `ComparisonError` for scores outside 0..100, lists of different lengths or no pair, `ValueError` for a
+    threshold, margin or alpha that leaves nothing to decide.
+    """
+    judge = EvidenceJudge(degradation_forms(threshold, margin), alpha=alpha)
+    for before, after in _pairs(clean, perturbed):
+        if judge.read(after, before) is not None:
+            break
+    return GateVerdict(judge.close(), judge.routes)
+
+
+def _pairs(clean: Iterable[float], perturbed: Iterable[float]) -> Iterable[tuple[float, float]]:
+    try:
+        for before, after in zip(clean, perturbed, strict=True):
+            for score in (before, after):
+                if not 0.0 <= score <= 100.0:
+                    raise ComparisonError(f"a driving score is {score!r}, expected a number in 0..100.")
+            yield float(before), float(after)
+    except ValueError:
+        raise ComparisonError("clean and perturbed scores do not pair. Expected one of each per route.") from None
+
+
+def _sign_of(total: float, routes: int, forms: LinearForms) -> Decision:
+    return "pass" if total >= -_slop(routes, forms) else "fail"
+
+
+def _slop(routes: int, forms: LinearForms) -> float:
+    return _ROUNDING * routes * forms.scale
 
 
 def _stake(gain: float, worst: float, nothing: float) -> float:

@@ -13,10 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p, share_of
-from pytest_drive_robust.stats.rules import Rule
-
-__all__ = ["any_wrong", "fail_p_value", "holm", "late_fails"]
+__all__ = ["any_wrong", "holm", "late_fails"]
 
 
 def any_wrong(alpha: float, count: int) -> float:
@@ -63,24 +60,3 @@ def late_fails(
     ranked = [1.0 if verdict == "pass" else p_value for verdict, p_value in zip(verdicts, p_values, strict=True)]
     rejected = holm([*ranked, *([1.0] * (family - len(ranked)))], alpha)
     return tuple(place for place, verdict in enumerate(verdicts) if verdict == "inconclusive" and rejected[place])
-
-
-def fail_p_value(rule: Rule, scores: Sequence[float], references: Sequence[float] = (), *, ended: bool = True) -> float:
-    """The p-value against "the requirement holds", of the routes read so far in planned order; `alpha` or less: fail.
-
-    The fail side of the evidence verdict as a number: the largest e-value weighs a fifth, the last look the rest. With
-    `ended` False the last look is still to come and only betting counts. Holm's procedure needs smaller values than one
-    verdict does, so read all routes for it instead of stopping at the verdict.
-    """
-    if rule.relative and not any(reference > 0.0 for reference in references):
-        return 1.0
-    holds = [
-        rule.hold(score, reference)
-        for score, reference in zip(scores, references if rule.relative else [0.0] * len(scores), strict=True)
-    ]
-    wealth = Wealth()
-    largest = max((wealth.bet(share_of(rule.most, -hold)) for hold in holds), default=1.0)
-    p_value = 1.0 / (EARLY_SHARE * largest)
-    if ended and len(holds) >= FEWEST_FOR_T:
-        p_value = min(p_value, mean_below_zero_p(holds, scale=rule.scale) / (1.0 - EARLY_SHARE))
-    return min(1.0, p_value)

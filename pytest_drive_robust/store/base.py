@@ -20,7 +20,6 @@ __all__ = [
     "ends_reusable",
     "is_reusable",
     "new_run_name",
-    "nothing_is_stored",
     "open_store",
 ]
 
@@ -90,11 +89,6 @@ def ends_reusable(outcome: Outcome, end: End) -> bool:
 def new_run_name() -> str:
     """Return a name that no other run has."""
     return uuid.uuid4().hex
-
-
-def nothing_is_stored(options: RunOptions, root: Path) -> bool:
-    """Tell whether every episode of the run has to be driven, whatever it is."""
-    return options.store == "off" or options.fresh or not (root / options.store / "episodes").is_dir()
 
 
 def open_store(options: RunOptions, root: Path, *, run: str, own: Path | None = None) -> EpisodeStore:

@@ -150,7 +150,7 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Searched:
-    """A test asked for the largest severity that holds (see `verdict.bracket`); `sentence` is the whole answer.
+    """A test asked for the largest severity that holds (`verdict.largest_severity`); `sentence` is the whole answer.
 
     `holds` and `breaks` are severities of `failure` in `unit`, None where none was found; `rule`: what they rest on.
     """

@@ -30,7 +30,7 @@ except ImportError as error:  # pragma: no cover
 
 from pytest_drive_robust.perturbations import BUILTIN, Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
-from pytest_drive_robust.verdict.shrink import MinimalFailure, minimal_failing
+from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failing
 
 __all__ = ["MinimalFailure", "driving", "minimal_failing", "perturbations", "settings"]
 

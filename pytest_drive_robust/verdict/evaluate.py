@@ -1,29 +1,34 @@
-"""From episodes to a verdict on one requirement."""
+"""From episodes to a verdict on one requirement; what says nothing is refused or stays inconclusive."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from pytest_drive_robust.domain.reception import CONTROL, Reception
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.averages import values_by_route
-from pytest_drive_robust.metrics.degradation import paired_driving_scores
 from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
-from pytest_drive_robust.verdict.divergence import first_divergence_s
-from pytest_drive_robust.verdict.forms import margin_of, rule_of
-from pytest_drive_robust.verdict.known import known_metric
-from pytest_drive_robust.verdict.model import Requirement
-from pytest_drive_robust.verdict.touched import require_touched
-from pytest_drive_robust.verdict.worst import WorstRoute, worst_routes
+from pytest_drive_robust.stats.evidence import fail_p_value
+from pytest_drive_robust.stats.intervals import (
+    evidence_interval,
+    jackknife_interval,
+    mean_evidence_interval,
+    mean_interval,
+    ratio_interval,
+    share_interval,
+)
+from pytest_drive_robust.verdict.explain import WorstRoute, worst_routes
+from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Verdict", "WorstRoute", "first_divergence_s", "judge", "measure"]
+__all__ = ["Decide", "Verdict", "evaluate", "immunity", "measure", "require_touched"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +66,11 @@ class Verdict:
         return self.decision == "pass"
 
 
-def judge(
+Decide = Callable[[Requirement, VerdictRule], Verdict]
+"""Gives the verdict on a requirement by a rule, with episodes driven where they are missing."""
+
+
+def evaluate(
     requirement: Requirement,
     *,
     agent: str,
@@ -72,19 +81,20 @@ def judge(
     decision: str | None = None,
     planned: int | None = None,
 ) -> Verdict:
-    """The verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
+    """Return the verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
 
-    `decision` is what `verdict_rule` decided while it read the routes (`runner.reading`); without one the value is
+    `decision` is what `verdict_rule` decided while it read the routes (`stats.judges`); without one the value is
     compared with the limit, as the rule `"point"` does. `planned` is how many routes there were to read.
 
     `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones. For a
     relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
 
-    Raises `ComparisonError` when there is nothing to judge: no episode or no data for the metric, an `infra_error`,
-    episodes of another agent or setting, a setting that changed nothing, sets that do not pair.
+    An RD whose clean driving score is below the floor of the rule says nothing: whatever the rule, it never passes but
+    is inconclusive, and a fail stays a fail. Raises `ComparisonError` when there is nothing to judge: no episode or no
+    data for the metric, an `infra_error`, episodes of another agent or setting, a setting that changed nothing, sets
+    that do not pair, a clean driving score of 0.
     """
-    metric = known_metric(requirement.metric)
-    baseline = str(requirement.setting.baseline)
+    metric, baseline = requirement.metric, str(requirement.setting.baseline)
     _require_episodes_of(agent, [str(requirement.setting)], perturbed)
     require_touched(requirement.setting, perturbed)
     if clean:
@@ -93,21 +103,21 @@ def judge(
     routes = len({result.episode.route_id for result in perturbed})
     p_value = None
     if decision is None or verdict_rule is None:
-        verdict_rule = replace(
-            verdict_rule or VerdictRule(), kind="point"
-        )  # nothing was read route by route, so nothing is promised
+        # nothing was read route by route, so nothing is promised
+        verdict_rule = replace(verdict_rule or VerdictRule(), kind="point")
         decision = "pass" if requirement.is_met_by(value) else "fail"
     elif verdict_rule.kind == "evidence":
         ended = planned is None or routes >= planned
-        low, high = _honest(metric, clean, perturbed, mode, verdict_rule, ended=ended)
-        p_value = _p_value(requirement, clean, perturbed, mode, verdict_rule, ended=ended)
-    reason = _clean_floor(metric, clean, verdict_rule)
+        values, references = metric.by_route(perturbed, clean=clean, mode=mode)
+        low, high = _interval_after_reading(metric, values, references, verdict_rule.alpha, ended=ended)
+        p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
+    reason = _below_floor(metric, clean, verdict_rule)
     return Verdict(
         requirement=requirement,
         agent=agent,
         decision="inconclusive" if reason and decision == "pass" else decision,
         verdict_rule=verdict_rule,
-        margin=margin_of(requirement, verdict_rule) if verdict_rule.kind == "evidence" else 0.0,
+        margin=requirement.margin(verdict_rule) if verdict_rule.kind == "evidence" else 0.0,
         reason=reason,
         planned=routes if planned is None else planned,
         value=value,
@@ -122,53 +132,20 @@ def judge(
     )
 
 
-def _honest(
-    metric: Metric,
-    clean: Sequence[EpisodeResult],
-    perturbed: Sequence[EpisodeResult],
-    mode: str,
-    verdict_rule: VerdictRule,
-    *,
-    ended: bool,
+def _interval_after_reading(
+    metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float, *, ended: bool
 ) -> tuple[float, float]:
     """The interval that holds although reading may have stopped early."""
-    from pytest_drive_robust.stats.sequential_intervals import evidence_interval, mean_evidence_interval
-
     if metric.needs_clean:
-        return evidence_interval(*paired_driving_scores(clean, perturbed), verdict_rule.alpha, ended=ended)
-    of_episode = metric.of_episode
-    assert of_episode is not None  # a user's function is never read route by route
-    values = list(values_by_route(perturbed, lambda result: of_episode(result, mode)).values())
-    return mean_evidence_interval(values, verdict_rule.alpha, low=metric.low, high=metric.high, ended=ended)
+        return evidence_interval(references, values, alpha, ended=ended)
+    return mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
 
 
-def _p_value(
-    requirement: Requirement,
-    clean: Sequence[EpisodeResult],
-    perturbed: Sequence[EpisodeResult],
-    mode: str,
-    verdict_rule: VerdictRule,
-    *,
-    ended: bool,
-) -> float:
-    """Of the episodes in the order in which they were read."""
-    from pytest_drive_robust.stats.several import fail_p_value
-
-    metric, rule = known_metric(requirement.metric), rule_of(requirement, verdict_rule)
-    if metric.needs_clean:
-        references, scores = paired_driving_scores(clean, perturbed)
-        return fail_p_value(rule, scores, references, ended=ended)
-    of_episode = metric.of_episode
-    assert of_episode is not None  # a user's function is never read route by route
-    values = values_by_route(perturbed, lambda result: of_episode(result, mode))
-    return fail_p_value(rule, list(values.values()), ended=ended)
-
-
-def _clean_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
-    """Why an RD says nothing: an agent that hardly drives has little to lose."""
-    if not metric.needs_clean or verdict_rule.kind == "point":
+def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
+    """Why an RD says nothing: an agent that hardly drives has little to lose. Empty when it does say something."""
+    if not metric.needs_clean:
         return ""
-    scores, _ = paired_driving_scores(clean, clean)
+    scores = values_by_route(clean, driving_score).values()
     mean = math.fsum(scores) / len(scores)
     if mean >= verdict_rule.clean_floor:
         return ""
@@ -184,7 +161,7 @@ def measure(
     perturbed: Sequence[EpisodeResult],
     mode: str = "bench2drive",
 ) -> tuple[float, tuple[float, float]]:
-    """The value of a metric and its 95 % interval (low, high); the unit of analysis is the route.
+    """Return the value of a metric and its 95 % interval (low, high); the unit of analysis is the route.
 
     Fieller for RD, Wilson for SR, Student's t for other means over episodes, jackknife for a user's function. Raises
     `ComparisonError` when the episodes hold no data for the metric, and for sets that the metric refuses.
@@ -192,28 +169,44 @@ def measure(
     value = metric.measure(perturbed, clean=clean, mode=mode)
     if value is None:
         raise ComparisonError(
-            f"the {len(perturbed)} episodes under {perturbed[0].episode.setting!r} hold no data for {metric.name} "
+            f"the {len(perturbed)} episodes under {perturbed[0].episode.setting!r} hold no data for {metric} "
             f"({metric.meaning}), so there is nothing to judge."
         )
     if not math.isfinite(value):
-        raise ComparisonError(
-            f"the metric {metric.name} gave {value!r}, expected a finite number, or None for no data."
-        )
+        raise ComparisonError(f"the metric {metric} gave {value!r}, expected a finite number, or None for no data.")
     return float(value), _interval(metric, float(value), clean, perturbed, mode)
+
+
+def immunity(results: Sequence[EpisodeResult]) -> str:
+    """Return why these episodes of one setting tell nothing of robustness although it changed something, as a sentence.
+
+    That is so when it changed only signals that the agent declares not to use. Empty when it changed a command or a
+    signal in use, and when nothing is known.
+    """
+    receptions = [result.reception for result in results if result.reception is not None]
+    touched = {touch.signal: None for item in receptions for touch in item.touched}
+    if not touched or CONTROL in touched:
+        return ""
+    used = {name for item in receptions for name in _used(item)}
+    if used & touched.keys():
+        return ""
+    episode = results[0].episode
+    return (
+        f"{episode.setting} changed {_listed(touched)}, which {episode.agent} does not use: {_declared(receptions[0])}"
+    )
 
 
 def _interval(
     metric: Metric, value: float, clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult], mode: str
 ) -> tuple[float, float]:
-    bounds = (metric.low, metric.high)
-    if metric.needs_clean:
-        return ratio_interval(*paired_driving_scores(clean, perturbed))
-    of_episode, function = metric.of_episode, metric.function
-    if of_episode is not None:
-        values = list(values_by_route(perturbed, lambda result: of_episode(result, mode)).values())
+    bounds, function = (metric.low, metric.high), metric.function
+    if function is None:
+        values, references = metric.by_route(perturbed, clean=clean, mode=mode)
+        if metric.needs_clean:
+            return ratio_interval(references, values)
         return share_interval(values) if bounds == (0.0, 1.0) else mean_interval(values, bounds=bounds)
     routes = dict.fromkeys(result.episode.route_id for result in perturbed)
-    if function is None or len(routes) < 2:
+    if len(routes) < 2:
         return bounds
     without = [function([result for result in perturbed if result.episode.route_id != route]) for route in routes]
     known = [other for other in without if other is not None]
@@ -231,3 +224,44 @@ def _require_episodes_of(agent: str, settings: Sequence[str], results: Sequence[
             raise ComparisonError(
                 f"expected episodes of agent {agent!r} under {settings[0]!r}, but got {result.episode}."
             )
+
+
+def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
+    """Raise `ComparisonError` when no episode under `setting` shows any change of what agent or vehicle got.
+
+    One episode in which a rare failure never struck is no error, all of them are. Episodes of which nobody recorded
+    what was given (`reception` is None) are taken on trust, and the clean baselines have nothing to show.
+    """
+    if setting == setting.baseline:
+        return
+    driven = [result for result in results if result.ticks > 0]
+    receptions = [result.reception for result in driven if result.reception is not None]
+    if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
+        return
+    dt_s, seen = driven[0].dt_s, receptions[0]
+    reasons = [f"{item}: {item.idle_reason(seen.cameras, dt_s)}" for item in setting.perturbations]
+    episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
+    raise ComparisonError(
+        "\n  ".join(
+            [
+                f"{setting} changed nothing in {episodes} of agent {driven[0].episode.agent!r}, "
+                "so its numbers would be those of clean driving under another name.",
+                *reasons,
+                _declared(seen),
+            ]
+        )
+    )
+
+
+def _used(reception: Reception) -> Iterable[str]:
+    for name in reception.consumes:
+        yield from reception.cameras if name == "cameras" else (name,)
+
+
+def _declared(reception: Reception) -> str:
+    cameras = f"cameras {_listed(reception.cameras)}" if reception.cameras else "no camera"
+    return f"the agent has {cameras}; of its sensors it declares to use {_listed(reception.consumes) or 'none'}."
+
+
+def _listed(words: Iterable[str]) -> str:
+    return ", ".join(words)

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
-from pytest_drive_robust.verdict.describe import describe_outcome
+from pytest_drive_robust.verdict.explain import describe_outcome
 
 TICK_MS = 50
 STUCK_STOP_S = 30.0

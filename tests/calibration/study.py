@@ -29,9 +29,9 @@ from score_model import (
 from score_shapes import SHAPES
 
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
+from pytest_drive_robust.stats.intervals import evidence_interval
 from pytest_drive_robust.stats.judges import EvidenceJudge, ListJudge, PointJudge
-from pytest_drive_robust.stats.rules import Rule, degradation_rule, mean_rule
-from pytest_drive_robust.stats.sequential_intervals import evidence_interval
 
 GateRule = Callable[[Sequence[float], Sequence[float], float, float, float], tuple[str, int]]
 
@@ -214,8 +214,8 @@ def mean_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
             ("efficiency", speeds, 130.0, math.inf, 30.0),
         ):
             for comparison, worse in ((">=", -1.0), ("<=", 1.0)):
-                at = mean_rule(truth, comparison, low=0.0, high=high, margin=margin)
-                over = mean_rule(truth - worse * margin, comparison, low=0.0, high=high, margin=margin)
+                at = mean_forms(truth, comparison, low=0.0, high=high, margin=margin)
+                over = mean_forms(truth - worse * margin, comparison, low=0.0, high=high, margin=margin)
                 name = f"{metric} {comparison}, {routes} routes"
                 fails = sum(_read(at, route_values) == "fail" for route_values in values.tolist()) / studies
                 passes = sum(_read(over, route_values) == "pass" for route_values in values.tolist()) / studies
@@ -224,8 +224,8 @@ def mean_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
                 yield Bar(f"wrong pass: {name}", passes, error, at_most=ALPHA)
 
 
-def _read(rule: Rule, values: Sequence[float]) -> str:
-    judge = EvidenceJudge(rule, alpha=ALPHA)
+def _read(forms: LinearForms, values: Sequence[float]) -> str:
+    judge = EvidenceJudge(forms, alpha=ALPHA)
     for value in values:
         if judge.read(value) is not None:
             break
@@ -235,14 +235,14 @@ def _read(rule: Rule, values: Sequence[float]) -> str:
 def list_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
     """The verdict on a fixed list: how rarely it disagrees with all 220 routes, and what it saves."""
     seeds = count(1000 * seed + 600)
-    rule = degradation_rule(0.30)
+    forms = degradation_forms(0.30)
     pairs_at = {"strong": (17, 26, 33), "mid": (26, 43, 46), "weak": (32, 51, 55)}  # at RD 0, 0.10, 0.50
     for profile in AGENTS:
         for number, rd in enumerate((0.0, 0.10, 0.50, 0.25, 0.30, 0.35)):
             drawn = draw_pairs(profile, rd, studies=studies, routes=220, seed=next(seeds))
             wrong, used = 0, []
             for clean, perturbed in zip(drawn[0].tolist(), drawn[1].tolist(), strict=True):
-                judge, full = ListJudge(rule, planned=220, alpha=ALPHA), PointJudge(rule)
+                judge, full = ListJudge(forms, planned=220, alpha=ALPHA), PointJudge(forms)
                 for before, after in zip(clean, perturbed, strict=True):
                     judge.read(after, before)
                     full.read(after, before)

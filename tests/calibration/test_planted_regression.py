@@ -16,7 +16,7 @@ from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.verdict.describe import describe_outcome
+from pytest_drive_robust.verdict.explain import describe_outcome
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("drive_robust_agents")

@@ -22,9 +22,8 @@ from study import (
 from wrong_rules import peeking_rule, point_rule
 
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.evidence import degradation_forms
 from pytest_drive_robust.stats.judges import EvidenceJudge
-from pytest_drive_robust.stats.order import PrefixReader
-from pytest_drive_robust.stats.rules import degradation_rule
 
 pytestmark = pytest.mark.slow
 
@@ -82,12 +81,10 @@ def test_who_stops_on_what_finished_first_is_fooled_and_the_planned_order_is_not
     passes = {"planned": 0, "finished": 0}
     for number, (clean, perturbed) in enumerate(zip(drawn[0].tolist(), drawn[1].tolist(), strict=True)):
         finishing = finishing_order(perturbed, random.Random(number))
-        planned, finished = EvidenceJudge(degradation_rule(limit)), EvidenceJudge(degradation_rule(limit))
-        reader: PrefixReader[int] = PrefixReader(map(str, range(220)))
-        for route in finishing:
-            finished.read(perturbed[route], clean[route])
-            for _, ready in reader.finish(str(route), route):
-                planned.read(perturbed[ready], clean[ready])
+        planned, finished = EvidenceJudge(degradation_forms(limit)), EvidenceJudge(degradation_forms(limit))
+        for first, route in zip(finishing, range(220), strict=True):
+            finished.read(perturbed[first], clean[first])
+            planned.read(perturbed[route], clean[route])
         passes["planned"] += planned.close() == "pass"
         passes["finished"] += finished.close() == "pass"
 

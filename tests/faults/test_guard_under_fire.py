@@ -240,16 +240,39 @@ def test_nothing_outlives_a_parent_that_is_killed(note: Path) -> None:
 
 
 @pytest.mark.parametrize("agent", ["Steady", "Segfaults", "HangsInC"])
-def test_where_forking_is_not_safe_each_child_is_a_new_python(make_supervisor: Make, agent: str) -> None:
+def test_where_forking_is_not_safe_each_worker_is_a_new_python(make_supervisor: Make, agent: str) -> None:
     forked = make_supervisor().drive(request(agent))
     fork_server = ForkServer(worker_setup(), fork=False)
     supervisor = Supervisor(fork_server, LIMITS)
     try:
+        supervisor.drive(request("Steady"))
+        assert b"serve_in_new_python" in Path(f"/proc/{supervisor.pid}/cmdline").read_bytes()
         result = supervisor.drive(request(agent))
     finally:
         supervisor.close()
         fork_server.close()
-    assert fork_server.pid is None
     assert (result.outcome, result.end, result.ticks) == (forked.outcome, forked.end, forked.ticks)
     assert result.end_detail == forked.end_detail
     assert result.trace.digest == forked.trace.digest
+
+
+@pytest.mark.parametrize("fork", [True, False])
+def test_setups_side_by_side_have_each_their_own_environment(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fork: bool
+) -> None:
+    told = []
+    for number in range(2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        monkeypatch.setenv("DRIVE_ROBUST_TEST_NOTE", f"note {number}")
+        fork_server = ForkServer(worker_setup(folder=str(folder), threads=number + 1), fork=fork)
+        told.append((fork_server, Supervisor(fork_server, LIMITS)))
+    for number, (_, supervisor) in enumerate(told):
+        monkeypatch.setenv("DRIVE_ROBUST_TEST_NOTE", f"note {number}")
+        detail = supervisor.drive(request("TellsItsSurroundings")).end_detail
+        assert f"note {number}" in detail
+        assert str(tmp_path / str(number)) in detail
+        assert f'"OMP_NUM_THREADS": "{number + 1}"' in detail
+    for fork_server, supervisor in told:
+        supervisor.close()
+        fork_server.close()

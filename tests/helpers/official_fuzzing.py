@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from official_records import official_totals
 
 from pytest_drive_robust.bench2drive.results.comforts import Comforts
+from pytest_drive_robust.bench2drive.results.official_totals import score_results
 from pytest_drive_robust.bench2drive.results.quirks import notes_on
 from pytest_drive_robust.bench2drive.results.results_file import read_results
-from pytest_drive_robust.bench2drive.results.scores import score_results
 from pytest_drive_robust.bench2drive.results.supply import ResultsSource
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.errors import UsageError

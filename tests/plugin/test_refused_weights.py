@@ -22,7 +22,7 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents.training.loop.export import write_weights
 from drive_robust_agents.training.loop.trainer import TrainingOptions
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
-from pytest_drive_robust.options.table import DEFAULT_STORE
+from pytest_drive_robust.options.run import DEFAULT_STORE
 
 CANDIDATES = ("-p", "drive_robust_agents.training.candidates")
 TESTS = """

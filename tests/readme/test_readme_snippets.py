@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.plugin.hooks import OPTIONS
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -35,6 +37,19 @@ def test_it_shows_the_table_of_the_paper_as_it_was_driven() -> None:
     rows = [line for line in table.partition("\n## RD")[2].partition("\n## ")[0].splitlines() if line.startswith("|")]
     assert len(rows) == 14
     assert "\n".join(rows) in README
+
+
+def test_its_table_of_options_is_what_pytest_is_given() -> None:
+    rows = re.findall(r"^\| `(--drive-[^`]+)` \|([^|]*)\|([^|]*)\|", README, re.MULTILINE)
+    stated = {
+        option.flag + (f"[={option.metavar}]" if option.bare else f" {option.metavar}".rstrip()): (
+            "" if option.is_switch else f"`{option.name}`",
+            f"`{option.default}`" if option.default else "off",
+        )
+        for option in OPTIONS
+    }
+    assert {flag: (ini.strip(), default.strip()) for flag, ini, default in rows} == stated
+    assert len(rows) == len(stated)
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_requirements_stays_the_function_after_its_subpackage_was_imported() -> None:
-    importlib.import_module("pytest_drive_robust.verdict.parse")
+    importlib.import_module("pytest_drive_robust.verdict.sentences")
     assert isinstance(pytest_drive_robust.requirement, FunctionType)
 
 

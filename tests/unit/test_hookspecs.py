@@ -22,7 +22,7 @@ def _example() -> str:
 
 
 def test_the_example_registers_an_agent_and_a_perturbation_that_keep_their_contracts() -> None:
-    module: dict[str, object] = {"__name__": "conftest"}
+    module: dict[str, object] = {"__name__": __name__}  # @dataclass looks its module up
     exec(compile(_example(), "conftest.py", "exec"), module)
     registry = Registry()
     module["pytest_drive_robust_register"](registry)  # type: ignore[operator]

@@ -9,11 +9,11 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from pytest_drive_robust.bench2drive.agents.carla_world import SeenWorld, show_world
 from pytest_drive_robust.bench2drive.agents.commands import control_of
+from pytest_drive_robust.bench2drive.agents.official_rig import OfficialRig, read_rig
 from pytest_drive_robust.bench2drive.agents.payloads import Payloads, frame_number, game_time_s
 from pytest_drive_robust.bench2drive.agents.plans import STRAIGHT_PLAN, gps_plan, world_plan
-from pytest_drive_robust.bench2drive.agents.rig import Rig, read_rig
-from pytest_drive_robust.bench2drive.agents.world import SeenWorld, show_world
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
@@ -81,7 +81,7 @@ class OfficialAgent:
         self._world.hero.command = control
         return control
 
-    def _wake(self, plan: GlobalPlan, route: str) -> Rig:
+    def _wake(self, plan: GlobalPlan, route: str) -> OfficialRig:
         agent = self._class(_HOST, _PORT, False)
         self._agent = agent
         self._destroy = weakref.finalize(self, _quietly, agent.destroy)

@@ -16,7 +16,7 @@ from pytest_drive_robust.bench2drive.agents.rays import boxes_near, first_hits, 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.bench2drive.agents.rig import Sensor
+    from pytest_drive_robust.bench2drive.agents.official_rig import Sensor
     from pytest_drive_robust.domain.truth import GroundTruth
 
 __all__ = ["sweep"]

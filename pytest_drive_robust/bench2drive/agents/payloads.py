@@ -25,9 +25,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pytest_drive_robust.bench2drive.agents.lidar import sweep
+from pytest_drive_robust.bench2drive.agents.official_rig import (
+    CAMERA,
+    GNSS,
+    IMU,
+    LIDAR,
+    MAP,
+    RADAR,
+    OfficialRig,
+    Sensor,
+)
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
 from pytest_drive_robust.bench2drive.agents.radar import detections
-from pytest_drive_robust.bench2drive.agents.rig import CAMERA, GNSS, IMU, LIDAR, MAP, RADAR, Rig, Sensor
 from pytest_drive_robust.domain.geodesy import to_geodetic
 from pytest_drive_robust.perturbations.draws import Draws
 
@@ -63,7 +72,7 @@ def game_time_s(tick: int) -> float:
 class Payloads:
     """The sensors of one episode. Their noise is a function of the seed, the route, the sensor and the tick."""
 
-    def __init__(self, rig: Rig, *, seed: int, route: str) -> None:
+    def __init__(self, rig: OfficialRig, *, seed: int, route: str) -> None:
         self._rig = rig
         self._draws = Draws(seed, route, "leaderboard sensors")
         self._map: str | None = None

@@ -11,7 +11,7 @@ from pytest_drive_robust.bench2drive.agents.rays import boxes_near, first_hits, 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.bench2drive.agents.rig import Sensor
+    from pytest_drive_robust.bench2drive.agents.official_rig import Sensor
     from pytest_drive_robust.domain.truth import GroundTruth
     from pytest_drive_robust.perturbations.draws import Draws
 

@@ -14,7 +14,7 @@ from queue import SimpleQueue
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
-from pytest_drive_robust.bench2drive.evaluator.drive import Driven, Job, Places, drive_route
+from pytest_drive_robust.bench2drive.evaluator.drive import DrivenRoute, EvaluatorSetup, RunFolder, drive_route
 from pytest_drive_robust.bench2drive.evaluator.executor import AGENT_PREFIX, read_agent
 from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.outcome import Outcome
@@ -71,17 +71,19 @@ def _run(options: argparse.Namespace) -> int:
     for name, value in (("--slots", options.slots), ("--tries", options.tries)):
         if value < 1:
             raise UsageError(f"{name} is {value}, expected 1 or more.")
-    job = Job(
+    setup = EvaluatorSetup(
         checkout, agent, config, setting, options.seed, file, port=options.port, tries=options.tries,
         patience=Patience(route_s=options.route_s, silence_s=options.silence_s),
     )  # fmt: skip
     folder = options.out or Path("bench2drive-runs") / _slug(f"{agent.stem}-{setting}-seed{options.seed}")
-    places = Places(folder.resolve())
-    _claim(places.folder, job)
+    run_folder = RunFolder(folder.resolve())
+    _claim(run_folder.folder, setup)
     print(f"{len(routes)} routes of {file} under {setting}, seed {options.seed}, into {folder}", flush=True)
-    driven, interrupted = _drive_all(job, routes, places, slots=options.slots, gpus=tuple(options.gpu or (0,)))
+    driven, interrupted = _drive_all(setup, routes, run_folder, slots=options.slots, gpus=tuple(options.gpu or (0,)))
     unscored = [item for item in driven if item.record is None]
-    print(f"{len(driven) - len(unscored)} of {len(routes)} routes have a score: drive-robust score {places.results}")
+    print(
+        f"{len(driven) - len(unscored)} of {len(routes)} routes have a score: drive-robust score {run_folder.results}"
+    )
     if interrupted:
         print("interrupted; the same command goes on from here")
         return _INTERRUPTED
@@ -91,8 +93,8 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _drive_all(
-    job: Job, routes: Sequence[str], places: Places, *, slots: int, gpus: tuple[int, ...]
-) -> tuple[list[Driven], bool]:
+    setup: EvaluatorSetup, routes: Sequence[str], run_folder: RunFolder, *, slots: int, gpus: tuple[int, ...]
+) -> tuple[list[DrivenRoute], bool]:
     """What came of every route, and whether somebody interrupted: then what was under way is gone."""
     from dataclasses import replace
 
@@ -101,15 +103,15 @@ def _drive_all(
     for slot in range(slots):
         free.put(slot)
 
-    def drive(route: str) -> Driven:
+    def drive(route: str) -> DrivenRoute:
         slot = free.get()
         try:
-            own = replace(job, gpu=gpus[slot % len(gpus)])
-            return drive_route(own, route, places, slot=slot, stop=stop)
+            own = replace(setup, gpu=gpus[slot % len(gpus)])
+            return drive_route(own, route, run_folder, slot=slot, stop=stop)
         finally:
             free.put(slot)
 
-    driven: list[Driven] = []
+    driven: list[DrivenRoute] = []
     pool = ThreadPoolExecutor(slots)
     try:
         for future in as_completed([pool.submit(drive, route) for route in routes]):
@@ -123,7 +125,7 @@ def _drive_all(
     return driven, False
 
 
-def _line(driven: Driven) -> str:
+def _line(driven: DrivenRoute) -> str:
     if driven.record is None:
         return f"{driven.route}: no score: {driven.troubles[-1] if driven.troubles else 'stopped'}"
     record = driven.record
@@ -147,9 +149,9 @@ def _routes(spec: str) -> tuple[Path, list[str]]:
     return Path(name).resolve(), chosen
 
 
-def _claim(folder: Path, job: Job) -> None:
+def _claim(folder: Path, setup: EvaluatorSetup) -> None:
     """Results of different drives must not get into one folder. Raises `UsageError`."""
-    own = job.identity
+    own = setup.identity
     path = folder / "run.json"
     if path.is_file():
         try:

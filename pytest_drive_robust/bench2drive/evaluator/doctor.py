@@ -15,7 +15,7 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["Check", "carla_version", "checkout_version", "examine"]
+__all__ = ["DoctorCheck", "carla_version", "checkout_version", "examine"]
 
 _CARLA = "0.9.15"
 _LARGE_MAPS = ("Town12", "Town13")
@@ -50,7 +50,7 @@ _TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class DoctorCheck:
     """`ok` is None for what is worth knowing and stops nothing. `advice` says what to do when it is not ok."""
 
     name: str
@@ -59,14 +59,16 @@ class Check:
     advice: str = ""
 
 
-def examine(root: Path, *, carla_root: Path | None = None, python: str = "", port: int = 2000) -> tuple[Check, ...]:
+def examine(
+    root: Path, *, carla_root: Path | None = None, python: str = "", port: int = 2000
+) -> tuple[DoctorCheck, ...]:
     """Everything, in the order in which one would put it right."""
     given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
     checks = [*_checkout(root), *_server(given)]
     try:
         checkout = Checkout.find(root, carla_root=given, python=python)
     except UsageError:
-        interpreter = Check("python", None, "not looked at", "Put the checkout and CARLA right first.")
+        interpreter = DoctorCheck("python", None, "not looked at", "Put the checkout and CARLA right first.")
         checks.append(interpreter)
     else:
         checks += _python(checkout)
@@ -86,52 +88,54 @@ def carla_version(carla_root: Path) -> str:
         return ""
 
 
-def _checkout(root: Path) -> Iterator[Check]:
+def _checkout(root: Path) -> Iterator[DoctorCheck]:
     clone = "Clone github.com/Thinklab-SJTU/Bench2Drive and give its folder."
     evaluator = root / "leaderboard/leaderboard/leaderboard_evaluator.py"
     if not evaluator.is_file():
-        yield Check("checkout", False, f"no {evaluator}", clone)
+        yield DoctorCheck("checkout", False, f"no {evaluator}", clone)
         return
-    yield Check("checkout", True, f"{root}, version {checkout_version(root)}")
+    yield DoctorCheck("checkout", True, f"{root}, version {checkout_version(root)}")
     missing = [
         name for name in ("scenario_runner/srunner", "leaderboard/data/weather.xml") if not (root / name).exists()
     ]
     if missing:
-        yield Check("checkout files", False, f"no {', '.join(missing)}", clone)
+        yield DoctorCheck("checkout files", False, f"no {', '.join(missing)}", clone)
     lost = [f"{cls}.{method}" for file, (cls, method) in _SEAMS.items() if not _has_method(root / file, cls, method)]
     told = "SensorInterface.get_data, AgentWrapper.__call__" if not lost else f"no {', '.join(lost)}"
-    yield Check("seams", not lost, told, "This fork is built differently: the injection cannot be put into it.")
+    yield DoctorCheck("seams", not lost, told, "This fork is built differently: the injection cannot be put into it.")
     manager = root / "leaderboard/leaderboard/scenarios/scenario_manager.py"
     if manager.is_file() and not _mentions(manager, 4000):
-        yield Check(
+        yield DoctorCheck(
             "tick cap", None, "none: the fork removed it", "Its scores do not compare with those of the original."
         )
 
 
-def _server(carla_root: Path | None) -> Iterator[Check]:
+def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
     install = f"Unpack CARLA {_CARLA} with its additional maps; set CARLA_ROOT to its folder."
     if carla_root is None:
-        yield Check("server", False, "CARLA_ROOT is not set", install)
+        yield DoctorCheck("server", False, "CARLA_ROOT is not set", install)
         return
     script = carla_root / "CarlaUE4.sh"
     if not script.is_file():
-        yield Check("server", False, f"no {script}", install)
+        yield DoctorCheck("server", False, f"no {script}", install)
         return
     if not os.access(script, os.X_OK):
-        yield Check("server", False, f"{script} cannot be executed", f"chmod +x {script}")
+        yield DoctorCheck("server", False, f"{script} cannot be executed", f"chmod +x {script}")
         return
     version = carla_version(carla_root)
     right = not version or version.startswith(_CARLA)
-    yield Check("server", right, f"{carla_root}, version {version or 'unknown'}", f"Bench2Drive is made for {_CARLA}.")
+    yield DoctorCheck(
+        "server", right, f"{carla_root}, version {version or 'unknown'}", f"Bench2Drive is made for {_CARLA}."
+    )
     maps = carla_root / "CarlaUE4/Content/Carla/Maps"
     missing = [town for town in _LARGE_MAPS if not (maps / town).is_dir() and not (maps / f"{town}.umap").is_file()]
-    yield Check(
+    yield DoctorCheck(
         "maps", not missing, f"{', '.join(missing)} missing" if missing else ", ".join(_LARGE_MAPS),
         "Import AdditionalMaps with ImportAssets.sh: 151 of the 220 routes are in Town12 and Town13.",
     )  # fmt: skip
 
 
-def _python(checkout: Checkout) -> Iterator[Check]:
+def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
     """Ask the evaluator's Python, with the evaluator's environment, what it can import."""
     hint = "Give the Python of the agent's environment with --python."
     try:
@@ -142,39 +146,39 @@ def _python(checkout: Checkout) -> Iterator[Check]:
         )  # fmt: skip
         told = json.loads(ended.stdout.splitlines()[-1])
     except (OSError, subprocess.TimeoutExpired, ValueError, IndexError) as error:
-        yield Check("python", False, f"{checkout.python}: {type(error).__name__}", hint)
+        yield DoctorCheck("python", False, f"{checkout.python}: {type(error).__name__}", hint)
         return
     version = tuple(told["python"])
     known = version >= (3, 7)
-    yield Check("python", known, f"{checkout.python}, version {version[0]}.{version[1]}", hint)
+    yield DoctorCheck("python", known, f"{checkout.python}, version {version[0]}.{version[1]}", hint)
     missing = dict(told["missing"])
     client = missing.pop("carla", "")
     eggs = ", ".join(egg.name for egg in checkout.eggs) or "no egg in PythonAPI/carla/dist"
-    yield Check(
+    yield DoctorCheck(
         "client", not client, client or f"carla {told.get('carla') or 'of unknown version'} ({eggs})",
         f"{checkout.python} -m pip install carla=={_CARLA} (Python 3.7 to 3.10), or a Python that fits the egg.",
     )  # fmt: skip
     planner = missing.pop("agents.navigation.global_route_planner", "")
     if planner and not client:
-        yield Check(
+        yield DoctorCheck(
             "PythonAPI", False, planner, "CARLA's folder PythonAPI/carla/agents is not there: unpack CARLA again."
         )
     found = "all there" if not missing else "; ".join(f"{name} ({why})" for name, why in missing.items())
-    yield Check(
+    yield DoctorCheck(
         "modules", not missing, found,
         f"{checkout.python} -m pip install -r {checkout.root}/leaderboard/requirements.txt "
         f"-r {checkout.root}/scenario_runner/requirements.txt",
     )  # fmt: skip
     numbers = [int(part) for part in str(told.get("numpy", "")).split(".")[:2] if part.isdecimal()]
     if numbers:
-        yield Check("numpy", numbers >= [1, 17], told["numpy"], "The injection needs numpy 1.17 or later.")
+        yield DoctorCheck("numpy", numbers >= [1, 17], told["numpy"], "The injection needs numpy 1.17 or later.")
 
 
-def _ports(port: int) -> Iterator[Check]:
+def _ports(port: int) -> Iterator[DoctorCheck]:
     """CARLA takes three ports in a row, the traffic manager one."""
     wanted = (port, port + 1, port + 2, port + 6000)
     held = [number for number in wanted if not _is_free(number)]
-    yield Check(
+    yield DoctorCheck(
         "ports", not held, f"{', '.join(map(str, held))} taken" if held else f"{', '.join(map(str, wanted))} free",
         "Another server runs there: `pgrep -af carla-rpc-port` names it. End it, or give another --port.",
     )  # fmt: skip
@@ -189,20 +193,22 @@ def _is_free(port: int) -> bool:
     return True
 
 
-def _gpu() -> Check:
+def _gpu() -> DoctorCheck:
     advice = "CARLA draws with Vulkan on a GPU, also with -RenderOffScreen: use a machine with one and its driver."
     tool = shutil.which("nvidia-smi")
     if tool is None:
-        return Check("gpu", False, "no nvidia-smi", advice)
+        return DoctorCheck("gpu", False, "no nvidia-smi", advice)
     try:
         ended = subprocess.run(
             [tool, "--query-gpu=name,driver_version,memory.free", "--format=csv,noheader"],
             capture_output=True, text=True, errors="replace", timeout=_TIMEOUT_S, check=False,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
-        return Check("gpu", False, f"nvidia-smi: {type(error).__name__}", advice)
+        return DoctorCheck("gpu", False, f"nvidia-smi: {type(error).__name__}", advice)
     lines = [line.strip() for line in ended.stdout.splitlines() if line.strip()]
-    return Check("gpu", ended.returncode == 0 and bool(lines), "; ".join(lines) or ended.stderr.strip()[:200], advice)
+    return DoctorCheck(
+        "gpu", ended.returncode == 0 and bool(lines), "; ".join(lines) or ended.stderr.strip()[:200], advice
+    )
 
 
 def _has_method(file: Path, cls: str, method: str) -> bool:

@@ -14,15 +14,15 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
-from pytest_drive_robust.bench2drive.evaluator.wire import setting_as_json
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
 
-__all__ = ["Driven", "Job", "Places", "drive_route", "read_finished"]
+__all__ = ["DrivenRoute", "EvaluatorSetup", "RunFolder", "drive_route", "read_finished"]
 
 _INJECT = Path(__file__).with_name("inject.py")
 _REFUSED = 78
@@ -33,7 +33,7 @@ _PORTS = 150
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class EvaluatorSetup:
     """What is driven: `agent` is the agent's file, `config` what its `setup` gets; `seed` also seeds the traffic."""
 
     checkout: Checkout
@@ -63,7 +63,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class RunFolder:
     """Where the files of a route go, below `folder`. What is finished is in `results`, one file for each route."""
 
     folder: Path
@@ -91,57 +91,59 @@ class Places:
 
 
 @dataclass(frozen=True, slots=True)
-class Driven:
+class DrivenRoute:
     """`record` is None when every try was a harness error, which `troubles` tell, one for each failed try."""
 
     route: str
-    record: Record | None
+    record: OfficialRecord | None
     troubles: tuple[str, ...]
     injected: Mapping[str, object]
     wall_s: float
     resumed: bool = False
 
 
-def drive_route(job: Job, route: str, places: Places, *, slot: int = 0, stop: threading.Event | None = None) -> Driven:
-    """Drive a route until it has a score, at most `job.tries` times. A route that has one already is not driven.
+def drive_route(
+    setup: EvaluatorSetup, route: str, run_folder: RunFolder, *, slot: int = 0, stop: threading.Event | None = None
+) -> DrivenRoute:
+    """Drive a route until it has a score, at most `setup.tries` times. A route that has one already is not driven.
 
     Raises `UsageError` when the evaluator cannot be started like this at all.
     """
     if not route.isdecimal():
         raise UsageError(f"the route id {route!r} is no number, and the official evaluator takes no other.")
-    finished = read_finished(places, route)
+    finished = read_finished(run_folder, route)
     if finished is not None:
         return finished
     troubles: list[str] = []
     wall_s = 0.0
-    for number in range(1, job.tries + 1):
-        ended = _once(job, route, places, number, slot, stop)
+    for number in range(1, setup.tries + 1):
+        ended = _once(setup, route, run_folder, number, slot, stop)
         wall_s += ended.wall_s
         if ended.trouble == "stopped":
             break
-        log = places.log(route, number)
-        record, trouble = _reading(places.work(route) / "result.json", route, ended)
+        log = run_folder.log(route, number)
+        record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)
         if record is not None and _is_innocent(record, ended, log):
             trouble, record = f"{record.status}, after the CARLA server was lost", None
         if record is not None:
-            _keep(places, route)
-            shutil.rmtree(places.work(route), ignore_errors=True)
-            return Driven(route, record, tuple(troubles), _injected(places.injected(route)), wall_s)
+            _keep(run_folder, route)
+            shutil.rmtree(run_folder.work(route), ignore_errors=True)
+            return DrivenRoute(route, record, tuple(troubles), _injected(run_folder.injected(route)), wall_s)
         _refuse_hopeless(ended, log)
         troubles.append(f"{trouble} (see {log})")
-    shutil.rmtree(places.work(route), ignore_errors=True)
-    return Driven(route, None, tuple(troubles), {}, wall_s)
+    shutil.rmtree(run_folder.work(route), ignore_errors=True)
+    return DrivenRoute(route, None, tuple(troubles), {}, wall_s)
 
 
-def read_finished(places: Places, route: str) -> Driven | None:
+def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
     """What an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
-    path = places.result(route)
+    path = run_folder.result(route)
     if not path.is_file():
         return None
     record, trouble = _reading(path, route, Attempt(0, "", 0.0))
     if record is None:
         raise UsageError(f"{str(path)!r} is no finished result: {trouble}. Remove it to drive the route again.")
-    return Driven(route, record, (), _injected(places.injected(route)), record.wall_s, resumed=True)
+    return DrivenRoute(route, record, (), _injected(run_folder.injected(route)), record.wall_s, resumed=True)
 
 
 def _digest(path: Path) -> str:
@@ -157,55 +159,57 @@ def _stamp(path: Path) -> str:
     return f"{status.st_size} bytes of {status.st_mtime_ns}" if path.is_file() else ""
 
 
-def _once(job: Job, route: str, places: Places, number: int, slot: int, stop: threading.Event | None) -> Attempt:
-    work, log = places.work(route), places.log(route, number)
+def _once(
+    setup: EvaluatorSetup, route: str, run_folder: RunFolder, number: int, slot: int, stop: threading.Event | None
+) -> Attempt:
+    work, log = run_folder.work(route), run_folder.log(route, number)
     shutil.rmtree(work, ignore_errors=True)
-    for folder in (work, log.parent, places.results, places.injected(route).parent):
+    for folder in (work, log.parent, run_folder.results, run_folder.injected(route).parent):
         folder.mkdir(parents=True, exist_ok=True)
     log.unlink(missing_ok=True)
     return attempt(
-        _command(job, route, work, slot),
-        environment=_environment(job, work, places, route),
-        folder=job.checkout.root,  # the evaluator reads files by their place in the checkout
+        _command(setup, route, work, slot),
+        environment=_environment(setup, work, run_folder, route),
+        folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
         log=log,
-        patience=job.patience,
+        patience=setup.patience,
         stop=stop,
     )
 
 
-def _command(job: Job, route: str, work: Path, slot: int) -> list[str]:
+def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[str]:
     return [
-        job.checkout.python,
+        setup.checkout.python,
         str(_INJECT),
-        str(job.checkout.evaluator),
-        f"--routes={job.routes}",
+        str(setup.checkout.evaluator),
+        f"--routes={setup.routes}",
         f"--routes-subset={route}",
         "--repetitions=1",
         "--track=SENSORS",
         f"--checkpoint={work / 'result.json'}",
         f"--debug-checkpoint={work / 'live.txt'}",
-        f"--agent={job.agent}",
-        f"--agent-config={job.config}",
+        f"--agent={setup.agent}",
+        f"--agent-config={setup.config}",
         "--debug=0",
         "--record=",
-        f"--port={_free_port(job.port + slot * _PORTS)}",
-        f"--traffic-manager-port={_free_port(job.port + 6000 + slot * _PORTS)}",
-        f"--traffic-manager-seed={job.seed}",
-        f"--gpu-rank={job.gpu}",
+        f"--port={_free_port(setup.port + slot * _PORTS)}",
+        f"--traffic-manager-port={_free_port(setup.port + 6000 + slot * _PORTS)}",
+        f"--traffic-manager-seed={setup.seed}",
+        f"--gpu-rank={setup.gpu}",
     ]
 
 
-def _environment(job: Job, work: Path, places: Places, route: str) -> dict[str, str]:
+def _environment(setup: EvaluatorSetup, work: Path, run_folder: RunFolder, route: str) -> dict[str, str]:
     return {
-        **job.checkout.environment(os.environ),
-        "CUDA_VISIBLE_DEVICES": str(job.gpu),  # as the official script has it; CARLA gets --gpu-rank
-        "PDR_SETTING": setting_as_json(job.setting, seed=job.seed, log=str(work / "injected.jsonl")),
+        **setup.checkout.environment(os.environ),
+        "CUDA_VISIBLE_DEVICES": str(setup.gpu),  # as the official script has it; CARLA gets --gpu-rank
+        "PDR_SETTING": setting_as_json(setup.setting, seed=setup.seed, log=str(work / "injected.jsonl")),
         "PDR_LOG": "",
-        "ROUTES": str(job.routes),
-        "TEAM_AGENT": str(job.agent),
-        "TEAM_CONFIG": job.config,
+        "ROUTES": str(setup.routes),
+        "TEAM_AGENT": str(setup.agent),
+        "TEAM_CONFIG": setup.config,
         "CHECKPOINT_ENDPOINT": str(work / "result.json"),
-        "SAVE_PATH": str(places.results),
+        "SAVE_PATH": str(run_folder.results),
     }
 
 
@@ -222,7 +226,7 @@ def _free_port(first: int) -> int:
     raise UsageError(f"no three free ports in a row from {first} on. `drive-robust doctor` says who holds them.")
 
 
-def _reading(path: Path, route: str, ended: Attempt) -> tuple[Record | None, str]:
+def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
     """The record if it is about the agent, else why there is none."""
     told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
     if not path.is_file() or path.stat().st_size == 0:
@@ -239,19 +243,19 @@ def _reading(path: Path, route: str, ended: Attempt) -> tuple[Record | None, str
     return record, ""
 
 
-def _is_innocent(record: Record, ended: Attempt, log: Path) -> bool:
+def _is_innocent(record: OfficialRecord, ended: Attempt, log: Path) -> bool:
     """An agent that asks a dead server for something crashes too: that says nothing about the agent."""
     if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
         return False
     return bool(ended.trouble) or _SERVER_LOST in log.read_text(encoding="utf-8", errors="replace")
 
 
-def _keep(places: Places, route: str) -> None:
+def _keep(run_folder: RunFolder, route: str) -> None:
     """The result last: a route with a result is a finished one."""
-    log = places.work(route) / "injected.jsonl"
+    log = run_folder.work(route) / "injected.jsonl"
     if log.is_file():
-        os.replace(log, places.injected(route))
-    os.replace(places.work(route) / "result.json", places.result(route))
+        os.replace(log, run_folder.injected(route))
+    os.replace(run_folder.work(route) / "result.json", run_folder.result(route))
 
 
 def _injected(path: Path) -> Mapping[str, object]:

@@ -13,9 +13,9 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
-from pytest_drive_robust.bench2drive.evaluator.drive import Job, Places, drive_route
-from pytest_drive_robust.bench2drive.evaluator.results import episode_result
-from pytest_drive_robust.bench2drive.evaluator.wire import setting_as_json
+from pytest_drive_robust.bench2drive.evaluator.drive import EvaluatorSetup, RunFolder, drive_route
+from pytest_drive_robust.bench2drive.evaluator.episode_result import episode_result
+from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
@@ -68,7 +68,7 @@ class Bench2DriveExecutor:
         self._folder = folder.resolve()
         self._routes = (routes or checkout.routes).resolve()
         self._gpus = gpus
-        self._options = options  # port, tries, patience of a Job
+        self._options = options  # port, tries, patience of an EvaluatorSetup
         self._stop = threading.Event()
         self._free: SimpleQueue[int] = SimpleQueue()
         for slot in range(slots):
@@ -106,7 +106,7 @@ class Bench2DriveExecutor:
         agent, config = read_agent(request.episode.agent)
         slot = self._free.get()
         try:
-            job = Job(
+            setup = EvaluatorSetup(
                 checkout=self._checkout,
                 agent=agent,
                 config=config,
@@ -115,9 +115,9 @@ class Bench2DriveExecutor:
                 routes=self._routes,
                 gpu=self._gpus[slot % len(self._gpus)],
             )
-            job = replace(job, **self._options)  # type: ignore[arg-type]
-            places = Places(self._folder / _name_of(request, job))
-            driven = drive_route(job, request.route.id, places, slot=slot, stop=self._stop)
+            setup = replace(setup, **self._options)  # type: ignore[arg-type]
+            run_folder = RunFolder(self._folder / _name_of(request, setup))
+            driven = drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
@@ -126,7 +126,7 @@ class Bench2DriveExecutor:
             driven,
             request.episode,
             scenario=request.route.scenario.type,
-            saved=places.results,
+            saved=run_folder.results,
             versions=self._versions,
         )
 
@@ -154,8 +154,8 @@ class Bench2DriveExecutor:
             )
 
 
-def _name_of(request: EpisodeRequest, job: Job) -> str:
+def _name_of(request: EpisodeRequest, setup: EvaluatorSetup) -> str:
     """A folder for everything that decides the results: what is in it is of the same kind."""
-    parts = (*job.identity.values(), request.identity)
+    parts = (*setup.identity.values(), request.identity)
     digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
-    return f"{job.agent.stem}-seed{request.episode.seed}-{digest}"
+    return f"{setup.agent.stem}-seed{request.episode.seed}-{digest}"

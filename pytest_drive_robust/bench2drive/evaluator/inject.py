@@ -811,7 +811,7 @@ class PaperVariables:
 
 
 def _paper(variables: PaperVariables) -> tuple[list[tuple[str, dict[str, Any]]], int, float]:
-    """Stack, seed and seconds per tick of the released code's variables: `perturbations/environment.py`."""
+    """Stack, seed and seconds per tick of the released code's variables: `perturbations/paper_variables.py`."""
     rate_hz = variables.number("SIM_RATE", 20.0)
     if rate_hz <= 0.0:
         raise SettingRefusedError("SIM_RATE is 0, expected ticks per second")

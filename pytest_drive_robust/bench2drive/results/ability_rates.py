@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.averages import mean
 
@@ -34,7 +34,7 @@ class AbilityRate:
 
 
 def ability_rates(
-    records: Iterable[Record],
+    records: Iterable[OfficialRecord],
     scenarios: Mapping[str, str] | None,
     *,
     official: bool,
@@ -44,7 +44,7 @@ def ability_rates(
 
     `junctions`: the share of each route after which its first junction is passed, where it is known.
     """
-    by_route: dict[str, list[Record]] = {}
+    by_route: dict[str, list[OfficialRecord]] = {}
     for record in records:
         # The official tool cuts at every underscore.
         found = by_route.setdefault(record.route.partition("_")[0] if official else record.route, [])
@@ -59,7 +59,7 @@ def ability_rates(
     }
 
 
-def undecided_routes(records: Iterable[Record], scenarios: Mapping[str, str]) -> frozenset[str]:
+def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, str]) -> frozenset[str]:
     """The routes of Traffic_Signs whose part in it only a map can tell."""
     return frozenset(
         record.route
@@ -76,7 +76,7 @@ def mean_rate(rates: Mapping[str, AbilityRate]) -> AbilityRate:
     return AbilityRate(mean(lows) if lows else None, mean(highs) if highs else None, sum(rate.routes for rate in known))
 
 
-def _rate(routes: list[list[Record]], signs: bool, junctions: Mapping[str, float]) -> AbilityRate:
+def _rate(routes: list[list[OfficialRecord]], signs: bool, junctions: Mapping[str, float]) -> AbilityRate:
     if not routes:
         return AbilityRate(None, None, 0)
     bounds = [[_bounds(record, signs, junctions) for record in records] for records in routes]
@@ -84,7 +84,7 @@ def _rate(routes: list[list[Record]], signs: bool, junctions: Mapping[str, float
     return AbilityRate(low, mean([mean([one[1] for one in of_route]) for of_route in bounds]), len(routes))
 
 
-def _bounds(record: Record, signs: bool, junctions: Mapping[str, float]) -> tuple[float, float]:
+def _bounds(record: OfficialRecord, signs: bool, junctions: Mapping[str, float]) -> tuple[float, float]:
     if record.is_success:
         return 1.0, 1.0
     if not signs or not record.obeyed_signs or record.route_pct <= 0.0:

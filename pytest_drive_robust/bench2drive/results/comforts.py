@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.motion_log import find_log, motion_from, read_log
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, comfort_of
 
 if TYPE_CHECKING:
@@ -23,11 +23,11 @@ class Comforts:
         self._paths: dict[str, Path | None] = {}
         self._motions: dict[Path, tuple[Motion, Motion]] = {}
 
-    def value(self, record: Record, mode: str) -> float | None:
+    def value(self, record: OfficialRecord, mode: str) -> float | None:
         """Percent, None without a log or with too few samples. Raises `UsageError` for a damaged log."""
         return self.with_quirks(record, COMFORT_QUIRKS if mode == "bench2drive" else ())
 
-    def with_quirks(self, record: Record, quirks: tuple[str, ...]) -> float | None:
+    def with_quirks(self, record: OfficialRecord, quirks: tuple[str, ...]) -> float | None:
         """As `value`, with some of the quirks. With any of them the samples are taken as they come."""
         path = self.path(record)
         if path is None:
@@ -37,7 +37,7 @@ class Comforts:
             self._motions[path] = motion_from(log.as_written, log.dt_s), motion_from(log.in_order, log.dt_s)
         return comfort_of(self._motions[path][0 if quirks else 1], quirks)
 
-    def path(self, record: Record) -> Path | None:
+    def path(self, record: OfficialRecord) -> Path | None:
         """The log of a record."""
         name = record.save_name
         if name not in self._paths:
@@ -45,7 +45,7 @@ class Comforts:
             self._paths[name] = next((path for path in found if path is not None), None)
         return self._paths[name]
 
-    def is_renamed(self, record: Record) -> bool:
+    def is_renamed(self, record: OfficialRecord) -> bool:
         """True when the log is in a folder of another name, where the official tool does not look."""
         path = self.path(record)
         return path is not None and path.parent.name != record.save_name

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.ability_map import MAPS_FOLDER, TOWNS, map_text, routes_text
-from pytest_drive_robust.bench2drive.results.episodes import EPISODE_FILE
+from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_FILE
 from pytest_drive_robust.bench2drive.results.motion_log import FILE_NAME, log_text
 from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
 from pytest_drive_robust.bench2drive.results.safe_json import shown

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from pytest_drive_robust.bench2drive.results.comforts import Comforts
 from pytest_drive_robust.bench2drive.results.efficiencies import official_efficiency, official_ratios_pct
 from pytest_drive_robust.bench2drive.results.messages import LARGEST_PCT, official_speed_pct, speed_pct
-from pytest_drive_robust.bench2drive.results.record import SPEED_LIST
+from pytest_drive_robust.bench2drive.results.official_record import SPEED_LIST
+from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
-from pytest_drive_robust.bench2drive.results.scores import OFFICIAL_ROUTES, Score
 from pytest_drive_robust.bench2drive.results.scoring_rule import follows_from_infractions
 from pytest_drive_robust.metrics.averages import mean
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS
@@ -31,7 +31,7 @@ _COMFORT = {
 
 
 def notes_on(
-    score: Score, results: ResultSet, comforts: Comforts, *, scenarios: Mapping[str, str] | None = None
+    score: OfficialTotals, results: ResultSet, comforts: Comforts, *, scenarios: Mapping[str, str] | None = None
 ) -> tuple[str, ...]:
     """Sentences, each beginning with the name of the number that it is about."""
     official = score.mode == "bench2drive"
@@ -68,7 +68,7 @@ def _rules(results: ResultSet) -> Iterator[str]:
         )
 
 
-def _totals(score: Score, results: ResultSet) -> Iterator[str]:
+def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
     count = score.records
     assert score.ds is not None  # official sums always are
     assert score.sr is not None
@@ -92,7 +92,7 @@ def _totals(score: Score, results: ResultSet) -> Iterator[str]:
         )
 
 
-def _efficiency(score: Score, results: ResultSet) -> Iterator[str]:
+def _efficiency(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
     ratios = [official_ratios_pct(record) for record in results.records]
     dropped = sum(ratio > LARGEST_RATIO_PCT for values in ratios for ratio in values)
     if dropped:
@@ -120,7 +120,7 @@ def _efficiency(score: Score, results: ResultSet) -> Iterator[str]:
         yield f"efficiency: {misread} values with a sign or an exponent are read without it"
 
 
-def _comfort_quirks(score: Score, results: ResultSet, comforts: Comforts) -> Iterator[str]:
+def _comfort_quirks(score: OfficialTotals, results: ResultSet, comforts: Comforts) -> Iterator[str]:
     if score.comfort is None:
         return
     for quirk in COMFORT_QUIRKS:
@@ -132,7 +132,7 @@ def _comfort_quirks(score: Score, results: ResultSet, comforts: Comforts) -> Ite
             yield f"comfort: {_COMFORT[quirk]}; without that it is {shown}"
 
 
-def _abilities(score: Score, scenarios: Mapping[str, str] | None) -> Iterator[str]:
+def _abilities(score: OfficialTotals, scenarios: Mapping[str, str] | None) -> Iterator[str]:
     empty = [name for name, rate in score.abilities.items() if not rate.routes]
     if empty:
         yield (
@@ -143,7 +143,7 @@ def _abilities(score: Score, scenarios: Mapping[str, str] | None) -> Iterator[st
         yield f"abilities: {len(score.missing)} missing routes are left out, though DS and SR count them as 0"
 
 
-def _left_out(score: Score) -> Iterator[str]:
+def _left_out(score: OfficialTotals) -> Iterator[str]:
     if score.unscored:
         yield (
             f"all: {len(score.unscored)} routes ended by a fault of the harness (first: {score.unscored[0]!a}) and "
@@ -153,7 +153,7 @@ def _left_out(score: Score) -> Iterator[str]:
         yield f"all: {len(score.duplicates)} routes have several records of the same repetition, which were averaged"
 
 
-def _signs(score: Score) -> Iterator[str]:
+def _signs(score: OfficialTotals) -> Iterator[str]:
     rate = score.abilities["Traffic_Signs"]
     if rate.routes and rate.value is None:
         yield (
@@ -162,7 +162,7 @@ def _signs(score: Score) -> Iterator[str]:
         )
 
 
-def _logs(score: Score, results: ResultSet, comforts: Comforts) -> Iterator[str]:
+def _logs(score: OfficialTotals, results: ResultSet, comforts: Comforts) -> Iterator[str]:
     records = (
         results.records
         if score.mode == "bench2drive"

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.results.record import Record, read_record
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, read_record
 from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
 from pytest_drive_robust.errors import UsageError
 
@@ -33,7 +33,7 @@ class ResultSet:
     files are: folders of single routes are looked for from there. `skipped` are files that hold no records.
     """
 
-    records: tuple[Record, ...]
+    records: tuple[OfficialRecord, ...]
     folder: Path
     files: tuple[Path, ...]
     planned: int | None = None
@@ -54,7 +54,7 @@ def read_results(path: Path) -> ResultSet:
     """
     single = _is_file(path)
     files = [path] if single else _files_of(path)
-    records: list[Record] = []
+    records: list[OfficialRecord] = []
     planned: list[int | None] = []
     read: list[Path] = []
     skipped: list[Path] = []

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import prod
 
 from pytest_drive_robust.bench2drive.results.messages import outside_lanes_pct
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.metrics.score import PENALTIES
 
@@ -18,12 +18,12 @@ _SHARE_TOLERANCE_PCT = 0.0051
 _SCORE_TOLERANCE = 2e-6
 
 
-def follows_from_infractions(record: Record) -> bool:
+def follows_from_infractions(record: OfficialRecord) -> bool:
     """True when route completion times the penalties of the lists is the score, as far as rounding can tell."""
     return lane_shares_pct(record) is not None
 
 
-def lane_shares_pct(record: Record) -> tuple[float, ...] | None:
+def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
     """The exact share of each sentence about lanes: as the sentences say, the last one such that the score comes out.
 
     None when the score does not follow from the infractions.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.bench2drive.results.episodes import episode_of
-from pytest_drive_robust.bench2drive.results.record import Record
+from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet, read_results
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -73,14 +73,14 @@ class ResultsSource:
 
     setting: str
     path: Path
-    records: Mapping[tuple[str, int], tuple[Record, ...]]
+    records: Mapping[tuple[str, int], tuple[OfficialRecord, ...]]
     folders: tuple[Path, ...]
 
     @classmethod
     def read(cls, setting: str, path: Path) -> ResultsSource:
         """Read a file or folder of results. Raises `UsageError`."""
         results: ResultSet = read_results(path)
-        found: dict[tuple[str, int], list[Record]] = {}
+        found: dict[tuple[str, int], list[OfficialRecord]] = {}
         for record in results.records:
             found.setdefault((record.route, record.repetition), []).append(record)
         return cls(setting, path, {key: tuple(of_key) for key, of_key in found.items()}, (results.folder,))
@@ -88,7 +88,7 @@ class ResultsSource:
     @property
     def routes(self) -> tuple[Route, ...]:
         """A route for each id, without a road: what is judged needs none."""
-        first: dict[str, Record] = {}
+        first: dict[str, OfficialRecord] = {}
         for records in self.records.values():
             first.setdefault(records[0].route, records[0])
         return tuple(_route(record) for record in first.values())
@@ -192,6 +192,6 @@ class ResultsExecutor:
         return UnknownNameError.of("result set of the setting", setting, self._sources, hint=hint)
 
 
-def _route(record: Record) -> Route:
+def _route(record: OfficialRecord) -> Route:
     scenario = ScenarioSpec(record.scenario, record.scenario, TriggerPoint(0.0, 0.0, 0.0, 0.0))
     return Route(record.route, record.town, (), scenario)

@@ -9,7 +9,7 @@ from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
-from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent, tamed
+from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent, call_contained
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import seed_generators
@@ -161,7 +161,7 @@ class WatchedRow(WatchedAgent):
             self._told = False
             super().reset(route, seed)
         else:
-            tamed(self._agent.reset, route, seed)
+            call_contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
         """As one that drives alone: where the time of inference is measured."""
@@ -172,8 +172,8 @@ class WatchedRow(WatchedAgent):
     def act_batch(self, rows: Sequence[WatchedRow], observations: Sequence[Observation]) -> Sequence[Control]:
         """The agents' own answers."""
         agents: list[Any] = [row._agent for row in rows]
-        answers: Sequence[Control] = tamed(agents[0].act_batch, agents, observations)
-        self._check_channel()
+        answers: Sequence[Control] = call_contained(agents[0].act_batch, agents, observations)
+        self._check_connection()
         self._crew.answered(answers)
         return answers
 
@@ -193,8 +193,8 @@ class _TimedRow(WatchedRow):
         return answers
 
     def _timed(self, phase: Phase, call: Callable[..., Any], *arguments: object) -> Any:
-        self._board.enter(phase, 0)
+        self._state.enter(phase, 0)
         try:
             return call(*arguments)
         finally:
-            self._board.enter(Phase.SIM, 0)
+            self._state.enter(Phase.SIM, 0)

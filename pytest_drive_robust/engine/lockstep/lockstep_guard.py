@@ -9,13 +9,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.exchange import Answer, Interrupted
-from pytest_drive_robust.engine.fork_server import NoWorkerError, refusal
-from pytest_drive_robust.engine.frames import TOKEN_BYTES, Frame
-from pytest_drive_robust.engine.lockstep.stream import Stream
+from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.fork_server import NoWorkerError
+from pytest_drive_robust.engine.messages import ALONE, TOGETHER, TOKEN_BYTES, VET, Answer, Message, refusal
 from pytest_drive_robust.engine.pickled_request import PickledRequest
 from pytest_drive_robust.engine.supervisor import FailedAttempt, Stopped, Supervisor
-from pytest_drive_robust.engine.wire import ALONE, TOGETHER, VET
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.lockstep.vetting import Vetting
 
@@ -46,7 +44,7 @@ class LockstepGuard(Supervisor):
 
     def vet(self, task: EpisodeRequest) -> Vetting:
         """May the agent of `task` be driven in lockstep? Raises `UsageError` and `Stopped` as `drive` does."""
-        ended = self._attempt(VET, self._request_for(PickledRequest.of(task)), self._limits)
+        ended = self._attempt(VET, self._payload(PickledRequest.of(task)), self._limits)
         if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
             return Vetting(recorded=False)
         return Vetting(recorded=True, problem=ended.end_detail or None)
@@ -64,7 +62,7 @@ class LockstepGuard(Supervisor):
         waiting = [first]
         leaving = False
 
-        def next_frame() -> Frame | None:
+        def next_frame() -> Message | None:
             if len(under_way) >= self._width or leaving:
                 return None
             task = waiting.pop() if waiting else take()
@@ -72,12 +70,12 @@ class LockstepGuard(Supervisor):
                 return None
             token = os.urandom(TOKEN_BYTES)
             under_way[token] = task
-            return Frame(TOGETHER, token, self._request_for(PickledRequest.of(task)))
+            return Message(TOGETHER, token, self._payload(PickledRequest.of(task)))
 
         def hear(token: bytes, answer: Answer) -> None:
             nonlocal leaving
             task = under_way.pop(token)
-            self.output = stream.said
+            self.output = stream.printed
             leaving = leaving or bool(answer.leftovers) or self._grew(answer)
             if answer.result is None:
                 ended(task, refusal(answer.refused))
@@ -88,16 +86,16 @@ class LockstepGuard(Supervisor):
                 ended(task, self._judged(answer.result))
 
         try:
-            child = self._ready_child()
+            child = self._ready_worker()
         except NoWorkerError:
             return (first,)
-        stream = Stream(child, self._limits, self._wake_r, news_fd)
+        stream = Exchange(child, self._limits, self._wake_r, news_fd)
         try:
-            death = stream.run_together(next_frame, hear)
+            death = stream.run(next_frame, hear)
         except Interrupted:
             self._discard()
             raise Stopped from None
-        self.output = stream.said
+        self.output = stream.printed
         if self._stopped.is_set():  # what ended while we were stopping is no result
             self._discard()
             raise Stopped
@@ -107,7 +105,7 @@ class LockstepGuard(Supervisor):
             self._retire()
         return (*under_way.values(), *again)
 
-    def _request_for(self, order: PickledRequest) -> bytes:
+    def _payload(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order, self._width))
 
     def _grew(self, answer: Answer) -> bool:

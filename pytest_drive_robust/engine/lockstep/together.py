@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pickle
-import select
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Protocol
 
-from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame
+from pytest_drive_robust.engine.messages import REFUSED, RESULT, Message, receive, refusal_bytes
 from pytest_drive_robust.engine.shared_state import Phase
-from pytest_drive_robust.engine.wire import REFUSED, RESULT, refusal_bytes
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.record import encode_episode
 
@@ -24,14 +23,14 @@ class _Reply(Protocol):
     def __call__(self, token: bytes, kind: bytes, body: bytes, *, over: bool = True) -> None: ...
 
 
-def drive_together(crew: Crew, first: Frame, channel: int, reply: _Reply) -> None:
-    """Drive the first order and all that arrive on `channel` before none is under way any more.
+def drive_together(crew: Crew, first: Message, connection: Connection, reply: _Reply) -> None:
+    """Drive the first order and all that arrive on `connection` before none is under way any more.
 
     They are all of one agent. `reply` gets the token of the order; the last one is `over`. What an episode raises that
     is no fault of its agent (`SystemExit` of a simulator) ends the process: each is then tried in one of its own.
     """
     crew.board.clear()
-    inbox = _Inbox(crew, first, channel, reply)
+    inbox = _Inbox(crew, first, connection, reply)
     driving = crew.drive(inbox, agent=inbox.agent, width=inbox.width)
     for task, result in driving:
         token = inbox.tokens.pop(id(task))[0]
@@ -47,13 +46,11 @@ def drive_together(crew: Crew, first: Frame, channel: int, reply: _Reply) -> Non
 class _Inbox:
     """The tasks that have arrived. There may be none now and another one later."""
 
-    def __init__(self, crew: Crew, first: Frame, channel: int, reply: _Reply) -> None:
+    def __init__(self, crew: Crew, first: Message, connection: Connection, reply: _Reply) -> None:
         self._crew = crew
         self._reply = reply
-        self._channel = channel
-        self._first: Frame | None = first
-        self._poll = select.poll()
-        self._poll.register(channel, select.POLLIN)
+        self._connection = connection
+        self._first: Message | None = first
         order, self.width = pickle.loads(first.payload)
         self.agent: str = order.episode.agent
         self.tokens: dict[int, tuple[bytes, EpisodeRequest]] = {}
@@ -73,13 +70,8 @@ class _Inbox:
             return task
         raise StopIteration
 
-    def _next_frame(self) -> Frame | None:
+    def _next_frame(self) -> Message | None:
         if self._first is not None:
             frame, self._first = self._first, None
             return frame
-        if not self._poll.poll(0):
-            return None
-        arrived = read_frame(self._channel)
-        if arrived is None:
-            raise BrokenStreamError("nobody waits for an answer any more")
-        return arrived
+        return receive(self._connection) if self._connection.poll() else None

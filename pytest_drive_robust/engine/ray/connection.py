@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -12,12 +13,13 @@ import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.fork_server import refusal
-from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, Message, receive, refusal, send
 from pytest_drive_robust.engine.ray import driver as ray_driver
 from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.errors import UsageError
@@ -32,12 +34,12 @@ __all__ = ["LOCAL", "ClusterConnection"]
 
 LOCAL = "local"
 """The address of a cluster of our own on this machine, which ends with the run."""
-_GOODBYE_S = 15.0
+_SHUTDOWN_S = 15.0
 _SHOWN_BYTES = 2000
 
 
 class ClusterConnection:
-    """Our end of one `ray_driver` process.
+    """Our end of one process of `ray.driver`.
 
     `nodes` are cores and GPUs of every node. `is_lost` once the process ended unasked; nobody waits for it then.
     """
@@ -52,29 +54,28 @@ class ClusterConnection:
         self._closing = False
         self._refused: str | None = None
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process that writes it
+        self._connection, theirs = Pipe()
         self._process = subprocess.Popen(
             [
                 sys.executable,
                 "-c",
-                "from pytest_drive_robust.engine.ray import driver as ray_driver; ray_driver.main()",
+                "from pytest_drive_robust.engine.ray import driver; driver.main()",
             ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
+            stdin=theirs.fileno(),
+            stdout=self._log,
             stderr=self._log,
-            start_new_session=True,  # Ctrl-C is for us: we close the stream
+            start_new_session=True,  # Ctrl-C is for us: we close the connection
             env=_environment(),
         )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._stdin, self._stdout = self._process.stdin, self._process.stdout
-        self._write(Frame(ray_driver.OPEN, bytes(TOKEN_BYTES), json.dumps(wanted).encode()))
+        theirs.close()
+        self._write(Message(ray_driver.OPEN, bytes(TOKEN_BYTES), json.dumps(wanted).encode()))
         self._reader = threading.Thread(target=self._read_all, name="drive-robust-ray", daemon=True)
         self._reader.start()
 
     def send(
         self, request: EpisodeRequest, needs: tuple[float, float], cluster_request: bytes
     ) -> Future[EpisodeResult]:
-        """Begin an episode; `cluster_request` is a pickled `Errand`."""
+        """Begin an episode; `cluster_request` is a pickled `ClusterRequest`."""
         future: Future[EpisodeResult] = Future()
         with self._idle:
             if self.is_lost:
@@ -86,7 +87,7 @@ class ClusterConnection:
             self._sent += 1
             number = self._sent.to_bytes(TOKEN_BYTES, "big")
             self._pending[number] = request, future
-        self._write(Frame(ray_driver.DRIVE, number, ray_driver.NEEDS.pack(*needs) + cluster_request))
+        self._write(Message(ray_driver.DRIVE, number, ray_driver.NEEDS.pack(*needs) + cluster_request))
         return future
 
     def close(self, *, cancel: bool) -> None:
@@ -96,23 +97,23 @@ class ClusterConnection:
                 self._idle.wait_for(lambda: not self._pending)
             self._closing = True
         with suppress(OSError):
-            self._stdin.close()
+            _shut_down(self._connection)
         try:
-            self._process.wait(_GOODBYE_S)
+            self._process.wait(_SHUTDOWN_S)
         except subprocess.TimeoutExpired:
             _kill_group(self._process)
         self._reader.join()
-        self._stdout.close()
+        self._connection.close()
         self._log.close()
 
-    def _write(self, frame: Frame) -> None:
+    def _write(self, message: Message) -> None:
         with suppress(OSError):  # it ended: the reader says so to everybody who waits
-            write_frame(self._stdin.fileno(), frame)
+            send(self._connection, message)
 
     def _read_all(self) -> None:
-        with suppress(OSError, BrokenStreamError):
-            while (frame := read_frame(self._stdout.fileno())) is not None:
-                self._read(frame)
+        with suppress(OSError, EOFError, ValueError):
+            while True:
+                self._read(receive(self._connection))
         with self._idle:
             self.is_lost = self._refused is None
             pending, self._pending = self._pending, {}
@@ -123,30 +124,30 @@ class ClusterConnection:
             elif self._refused is not None:
                 future.set_exception(UsageError(self._refused))
             else:
-                future.set_result(_lost(request, f"the connection to the cluster ended. {self._last_words()}"))
+                future.set_result(_lost(request, f"the connection to the cluster ended. {self._last_output()}"))
 
-    def _read(self, frame: Frame) -> None:
-        if frame.kind == ray_driver.CLUSTER:
-            self.nodes = tuple((cores, gpus) for cores, gpus in json.loads(frame.payload))
+    def _read(self, message: Message) -> None:
+        if message.kind == ray_driver.CLUSTER:
+            self.nodes = tuple((cores, gpus) for cores, gpus in json.loads(message.payload))
             return
-        if frame.kind == ray_driver.REFUSED:
+        if message.kind == ray_driver.REFUSED:
             with self._idle:
-                self._refused = _refusal(str(self._address), frame.payload.decode())
+                self._refused = _refusal(str(self._address), message.payload.decode())
             return
         with self._idle:
-            found = self._pending.pop(frame.token, None)
+            found = self._pending.pop(message.token, None)
             self._idle.notify_all()
         if found is None:
             return
         request, future = found
-        if frame.kind == ray_driver.RECORD:
-            future.set_result(_read_record(request, frame.payload))
-        elif frame.kind == ray_driver.UNUSABLE:
-            future.set_exception(refusal(json.loads(frame.payload)))
+        if message.kind == ray_driver.RECORD:
+            future.set_result(_read_record(request, message.payload))
+        elif message.kind == ray_driver.UNUSABLE:
+            future.set_exception(refusal(json.loads(message.payload)))
         else:
-            future.set_result(_lost(request, frame.payload.decode()))
+            future.set_result(_lost(request, message.payload.decode()))
 
-    def _last_words(self) -> str:
+    def _last_output(self) -> str:
         size = self._log.seek(0, os.SEEK_END)
         self._log.seek(max(0, size - _SHOWN_BYTES))
         return " ".join(self._log.read().decode(errors="replace").split()[-60:])
@@ -165,8 +166,8 @@ def _refusal(address: str, problem: str) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """For the driver and what it starts: this package is found there as it is here, and Ray does not phone home."""
-    package = str(Path(__file__).parents[2])
+    """Return the environment of the driver: this package is found there as it is here, Ray reports no usage."""
+    package = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
     return {**os.environ, "PYTHONPATH": path, "RAY_USAGE_STATS_ENABLED": "0"}
 
@@ -186,7 +187,13 @@ def _lost(request: EpisodeRequest, why: str) -> EpisodeResult:
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    """The driver and what Ray started below it."""
+    """Kill the driver and what Ray started below it."""
     with suppress(OSError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+
+
+def _shut_down(connection: Connection) -> None:
+    """Tell the other side that nothing will come any more, while our reader still reads."""
+    with socket.socket(fileno=os.dup(connection.fileno())) as other:
+        other.shutdown(socket.SHUT_WR)

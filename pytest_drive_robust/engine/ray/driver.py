@@ -1,8 +1,8 @@
 """The process between pytest and a Ray cluster: the only one of ours that imports Ray next to Ray's own workers.
 
 Ray replaces signal handlers, writes to the terminal and ends the process that uses it when its cluster is lost. None of
-that may happen to pytest, so it happens here. The two speak in frames over this process's input and output; when the
-input ends, however that came about, every running episode is cancelled and a cluster of our own is taken down.
+that may happen to pytest, so it happens here. The two exchange messages over a connection, this process's standard
+input; when it ends, however that came about, every running episode is cancelled and a cluster of our own is taken down.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ import struct
 import sys
 import threading
 import time
+from contextlib import suppress
 from functools import partial
+from multiprocessing.connection import Connection
 from typing import Any
 from urllib.parse import urlsplit
 
-from pytest_drive_robust.engine.frames import TOKEN_BYTES, BrokenStreamError, Frame, read_frame, write_frame
-from pytest_drive_robust.engine.ray.worker import RECORD, UNUSABLE, drive_on_node, refused
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, Message, receive, refusal_bytes, send
+from pytest_drive_robust.engine.ray.worker import RECORD, UNUSABLE, drive_on_node
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["CLUSTER", "DRIVE", "LOST", "NEEDS", "OPEN", "RECORD", "REFUSED", "UNUSABLE", "main"]
 
 OPEN, DRIVE = b"o", b"d"
-"""To the driver: which cluster (JSON), and an episode (`NEEDS`, then a pickled `Errand`; the token is its number)."""
+"""To the driver: which cluster (JSON), and an episode (`NEEDS`, a pickled `ClusterRequest`; the token numbers it)."""
 CLUSTER, REFUSED, LOST = b"c", b"x", b"l"
 """From the driver: the nodes (JSON), why there is no cluster, why an episode has no result. Or a worker's reply."""
 NEEDS = struct.Struct("<dd")
@@ -36,11 +38,11 @@ NEEDS = struct.Struct("<dd")
 
 _NOBODY = bytes(TOKEN_BYTES)
 _LOOK_S = 1.0
-_KNOCK_S = 10.0
+_CONNECT_S = 10.0
 _PATIENCE_S = 60.0
 _LOST_NODES = 2
-_GOODBYE_S = 10.0
-_LAST_WORDS_S = 1.0
+_SHUTDOWN_S = 10.0
+_LAST_MESSAGES_S = 1.0
 _OBJECT_STORE_BYTES = 100 << 20
 _MOST_TEXT = 600
 _INSTALL = "Install the same versions of pytest-drive-robust and of what the agent needs on every node."
@@ -63,7 +65,7 @@ class _Cluster:
         nodes = [[node.get("CPU", 0.0), node.get("GPU", 0.0)] for node in alive]
         if nodes != self._nodes:
             self._nodes = nodes
-            self._reply(Frame(CLUSTER, _NOBODY, json.dumps(nodes).encode()))
+            self._reply(Message(CLUSTER, _NOBODY, json.dumps(nodes).encode()))
         for number, (ref, needs) in tuple(self._running.items()):
             if self._fits(needs):
                 self._hopeless_since_s.pop(number, None)
@@ -76,7 +78,7 @@ class _Cluster:
         if not self._fits(needs):
             nodes = "; ".join(_in_words((cores, gpus)) for cores, gpus in self._nodes) or "no node at all"
             text = f"an episode of this agent takes {_in_words(needs)}, and no node of the cluster has that: {nodes}."
-            self._reply(Frame(UNUSABLE, number, refused(UsageError(text))))
+            self._reply(Message(UNUSABLE, number, refusal_bytes(UsageError(text))))
             return
         cores, gpus = needs
         ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(cluster_request)
@@ -96,32 +98,33 @@ class _Cluster:
             self._end(number, content[:1], content[1:])
         elif _is_setup(error):
             text = f"the nodes of the cluster cannot run our code: {_last_line(error)}. {_INSTALL}"
-            self._end(number, UNUSABLE, refused(UsageError(text)))
+            self._end(number, UNUSABLE, refusal_bytes(UsageError(text)))
         else:
             self._end(number, LOST, f"{type(error).__name__}: {_brief(error)}")
         if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
-            _die_anyway(_LAST_WORDS_S)
+            _die_anyway(_LAST_MESSAGES_S)
 
     def _end(self, number: bytes, kind: bytes, content: bytes | str) -> None:
         if self._running.pop(number, None) is not None:  # otherwise it was cancelled or given up
-            self._reply(Frame(kind, number, content.encode() if isinstance(content, str) else content))
+            self._reply(Message(kind, number, content.encode() if isinstance(content, str) else content))
 
     def _fits(self, needs: tuple[float, float]) -> bool:
         return any(cores >= needs[0] and gpus >= needs[1] for cores, gpus in self._nodes)
 
 
 def main() -> None:
-    """Serve one controller until it closes the stream."""
-    requests, replies = os.dup(0), os.dup(1)
-    os.dup2(2, 1)  # what Ray prints never gets between our frames
-    inbox: queue.SimpleQueue[Frame | None] = queue.SimpleQueue()
-    threading.Thread(target=_read_all, args=(requests, inbox), daemon=True).start()
+    """Serve one controller until it closes the connection."""
+    connection = Connection(os.dup(0))
+    with open(os.devnull) as nothing:
+        os.dup2(nothing.fileno(), 0)  # nobody below us keeps the connection open
+    inbox: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+    threading.Thread(target=_read_all, args=(connection, inbox), daemon=True).start()
     writing = threading.Lock()
 
-    def reply(frame: Frame) -> None:
+    def reply(message: Message) -> None:
         with writing:
             try:
-                write_frame(replies, frame)
+                send(connection, message)
             except OSError:  # nobody listens: our input ends in this moment, too
                 inbox.put(None)
 
@@ -131,12 +134,12 @@ def main() -> None:
     try:
         cluster = _opened(json.loads(opening.payload), reply)
     except (Exception, SystemExit) as error:
-        reply(Frame(REFUSED, _NOBODY, _brief(error).encode()))
+        reply(Message(REFUSED, _NOBODY, _brief(error).encode()))
         return
     try:
         _serve(cluster, inbox)
     finally:
-        _die_anyway(_GOODBYE_S)
+        _die_anyway(_SHUTDOWN_S)
         cluster.cancel()
         sys.modules["ray"].shutdown()
 
@@ -148,21 +151,21 @@ def _die_anyway(after_s: float) -> None:
     timer.start()
 
 
-def _serve(cluster: _Cluster, inbox: queue.SimpleQueue[Frame | None]) -> None:
+def _serve(cluster: _Cluster, inbox: queue.SimpleQueue[Message | None]) -> None:
     while True:
         try:
-            frame = inbox.get(timeout=_LOOK_S)
+            message = inbox.get(timeout=_LOOK_S)
         except queue.Empty:
             cluster.look()
             continue
-        if frame is None:
+        if message is None:
             return
-        cluster.begin(frame.token, NEEDS.unpack_from(frame.payload), frame.payload[NEEDS.size :])
+        cluster.begin(message.token, NEEDS.unpack_from(message.payload), message.payload[NEEDS.size :])
 
 
 def _opened(wanted: dict[str, Any], reply: Any) -> _Cluster:
     address = wanted["address"]
-    _knock(address)
+    _require_listener(address)
     os.environ.update(RAY_USAGE_STATS_ENABLED="0")
     os.environ.setdefault("RAY_task_oom_retries", str(_LOST_NODES))  # without it an episode is tried for ever
     import ray
@@ -179,19 +182,17 @@ def _opened(wanted: dict[str, Any], reply: Any) -> _Cluster:
     return cluster
 
 
-def _knock(address: str) -> None:
+def _require_listener(address: str) -> None:
     """Raise `OSError` when nobody listens at `host:port`: Ray itself would try for minutes."""
     parts = urlsplit(address if "://" in address else f"//{address}")
     if parts.hostname and parts.port:
-        socket.create_connection((parts.hostname, parts.port), timeout=_KNOCK_S).close()
+        socket.create_connection((parts.hostname, parts.port), timeout=_CONNECT_S).close()
 
 
-def _read_all(requests: int, inbox: queue.SimpleQueue[Frame | None]) -> None:
-    try:
-        while (frame := read_frame(requests)) is not None:
-            inbox.put(frame)
-    except (OSError, BrokenStreamError):
-        pass
+def _read_all(connection: Connection, inbox: queue.SimpleQueue[Message | None]) -> None:
+    with suppress(OSError, EOFError, ValueError):
+        while True:
+            inbox.put(receive(connection))
     inbox.put(None)
 
 

@@ -49,7 +49,7 @@ class RayExecutor:
         registry: Registry | None = None,
     ) -> None:
         _require_ray()
-        self._make_recipe = worker_setup
+        self._make_setup = worker_setup
         self._limits = limits
         self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
         self._most = slots
@@ -101,7 +101,7 @@ class RayExecutor:
 
             self._registry = default_registry()
         if self._setup is None:
-            self._setup = self._make_recipe()
+            self._setup = self._make_setup()
         factory = self._registry.entry("agents", agent).load()
         needs = needs_of(factory, agent)
         if self._address != LOCAL:

@@ -6,7 +6,6 @@ itself notices is the loss of a node or of its own worker, and worth another att
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import sys
@@ -14,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.plan import EpisodeRequest
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.ray.packages import NodePackages
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
 
-__all__ = ["RECORD", "UNUSABLE", "ClusterRequest", "drive_on_node", "refused"]
+__all__ = ["RECORD", "UNUSABLE", "ClusterRequest", "drive_on_node"]
 
 RECORD, UNUSABLE = b"r", b"u"
 """The first byte of a reply: a record of the store follows, or a usage error as JSON."""
@@ -41,34 +41,30 @@ class ClusterRequest:
 
     worker_setup: WorkerSetup
     limits: Limits
-    order: PickledRequest
+    request: PickledRequest
     identity: str
     packages: NodePackages | None = None
 
 
-class _Post:
-    """The supervisor of this process, for one worker_setup and one set of devices."""
+class _NodeSupervisor:
+    """The supervisor of this process, for one setup and one set of devices."""
 
-    def __init__(self, cluster_request: ClusterRequest) -> None:
-        packages = cluster_request.packages
-        self._setup = (
-            cluster_request.worker_setup if packages is None else packages.unpacked(cluster_request.worker_setup)
-        )
+    def __init__(self, asked: ClusterRequest) -> None:
+        packages = asked.packages
+        self._setup = asked.worker_setup if packages is None else packages.unpacked(asked.worker_setup)
         before = tuple(sys.path)
         self._registry = self._setup.registry()
         sys.path += [path for path in before if path not in sys.path]  # Ray itself lives there
         self._checked: set[str] = set()
         self._fork_server = ForkServer(self._setup)
-        self._supervisor = Supervisor(self._fork_server, cluster_request.limits)
+        self._supervisor = Supervisor(self._fork_server, asked.limits)
 
-    def drive(self, cluster_request: ClusterRequest) -> bytes:
-        episode, route = cluster_request.order.episode, cluster_request.order.route
-        if cluster_request.packages is not None and episode.agent not in self._checked:
-            cluster_request.packages.check(self._setup, episode.agent)
+    def drive(self, asked: ClusterRequest) -> bytes:
+        episode, route = asked.request.episode, asked.request.route
+        if asked.packages is not None and episode.agent not in self._checked:
+            asked.packages.check(self._setup, episode.agent)
             self._checked.add(episode.agent)
-        request = EpisodeRequest(
-            episode, route, cluster_request.order.read_setting(self._registry), cluster_request.identity
-        )
+        request = EpisodeRequest(episode, route, asked.request.read_setting(self._registry), asked.identity)
         return encode_episode(self._supervisor.drive(request))
 
     def close(self) -> None:
@@ -76,23 +72,18 @@ class _Post:
         self._fork_server.close()
 
 
-_posts: dict[tuple[WorkerSetup, Limits, str | None], _Post] = {}
+_supervisors: dict[tuple[WorkerSetup, Limits, str | None], _NodeSupervisor] = {}
 
 
 def drive_on_node(content: bytes) -> bytes:
     """Drive a pickled `ClusterRequest`; return `RECORD` with the record, or `UNUSABLE` and why. A task of Ray's."""
-    cluster_request: ClusterRequest = pickle.loads(content)
-    place = cluster_request.worker_setup, cluster_request.limits, os.environ.get(_DEVICES)
+    asked: ClusterRequest = pickle.loads(content)
+    place = asked.worker_setup, asked.limits, os.environ.get(_DEVICES)
     try:
-        if place not in _posts:
-            while _posts:  # Ray gave this process other devices: children that saw the old ones are of no use
-                _posts.popitem()[1].close()
-            _posts[place] = _Post(cluster_request)
-        return RECORD + _posts[place].drive(cluster_request)
+        if place not in _supervisors:
+            while _supervisors:  # Ray gave this process other devices: children that saw the old ones are of no use
+                _supervisors.popitem()[1].close()
+            _supervisors[place] = _NodeSupervisor(asked)
+        return RECORD + _supervisors[place].drive(asked)
     except UsageError as error:
-        return UNUSABLE + refused(error)
-
-
-def refused(error: UsageError) -> bytes:
-    """A usage error on its way to the controller."""
-    return json.dumps({"type": type(error).__name__, "text": str(error)}).encode()
+        return UNUSABLE + refusal_bytes(error)

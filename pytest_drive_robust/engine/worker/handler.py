@@ -1,4 +1,4 @@
-"""What a child process does with an order: drive it, or find out the score of one that another process broke on."""
+"""What a worker does with a request: drive it, or find out the score of one that another process broke on."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.lockstep.crew import Crew
+from pytest_drive_robust.engine.messages import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
-from pytest_drive_robust.engine.wire import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
 from pytest_drive_robust.errors import UsageError
@@ -25,7 +25,7 @@ from pytest_drive_robust.store.record import encode_episode
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.frames import Frame
+    from pytest_drive_robust.engine.messages import Message
     from pytest_drive_robust.engine.pickled_request import PickledRequest
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
@@ -36,19 +36,19 @@ __all__ = ["RequestHandler"]
 
 @dataclass
 class RequestHandler:
-    """The world and the agents of this process."""
+    """The simulator and the agents of this process. `descriptor` is that of the connection to the other side."""
 
     worker_setup: WorkerSetup
     registry: Registry
-    board: SharedState
-    channel: int
+    state: SharedState
+    descriptor: int
     _simulator: Simulator | None = None
     _agents: dict[str, tuple[Agent, Mapping[str, Any]]] = field(default_factory=dict)
     _start: Mapping[str, Any] = field(default_factory=read_process_state)
     crew: Crew = field(init=False)
 
     def __post_init__(self) -> None:
-        self.crew = Crew(self.worker_setup, self.registry, self.board, self.channel)
+        self.crew = Crew(self.worker_setup, self.registry, self.state, self.descriptor)
         self._does: dict[bytes, Callable[..., EpisodeResult]] = {
             DRIVE: self._drive,
             SALVAGE: self._salvage,
@@ -56,20 +56,20 @@ class RequestHandler:
             ALONE: self.crew.drive_alone,
         }
 
-    def answer(self, request: Frame) -> tuple[bytes, bytes]:
-        """The kind of answer and its bytes."""
-        self.board.clear()
+    def answer(self, message: Message) -> tuple[bytes, bytes]:
+        """Return the kind of answer and its bytes."""
+        self.state.clear()
         try:
-            asked = pickle.loads(request.payload)
-            result = self._does[request.kind](*asked)
+            asked = pickle.loads(message.payload)
+            result = self._does[message.kind](*asked)
         except UsageError as error:
-            self.board.enter(Phase.IDLE, 0)
+            self.state.enter(Phase.IDLE, 0)
             return REFUSED, refusal_bytes(error)
-        self.board.enter(Phase.IDLE, result.ticks)
+        self.state.enter(Phase.IDLE, result.ticks)
         return RESULT, encode_episode(result)
 
     def put_back(self) -> tuple[str, ...]:
-        """Make the process as it was; the names of what cannot be."""
+        """Make the process as it was; return the names of what cannot be."""
         return restore_process_state(self._start)
 
     def close(self) -> None:
@@ -80,28 +80,28 @@ class RequestHandler:
             self._simulator.close()
             self._simulator = None
 
-    def _drive(self, order: PickledRequest) -> EpisodeResult:
-        episode = order.episode
-        simulator, setting = self._world(), order.read_setting(self.registry)
-        own = self._agent(episode.agent)
-        agent = WatchedAgent(own, self.board, self.channel)
+    def _drive(self, request: PickledRequest) -> EpisodeResult:
+        episode = request.episode
+        simulator, setting = self._opened_simulator(), request.read_setting(self.registry)
+        own = self._made_agent(episode.agent)
+        agent = WatchedAgent(own, self.state, self.descriptor)
         seed_for(episode)
-        self.board.enter(Phase.SIM, 0)
+        self.state.enter(Phase.SIM, 0)
         try:
             result = drive_episode(
                 simulator,
                 agent,
-                route=order.route,
+                route=request.route,
                 setting=setting,
                 seed=episode.seed,
                 agent_name=episode.agent,
                 on_tick=agent.ticked,
-                watch=self.board,
+                watch=self.state,
             )
         except BaseException as error:  # sys.exit() in a simulator, a perturbation that interrupts
             detail = blame("the simulation", error)
             result = bare_result(
-                order.route, episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail
+                request.route, episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail
             )
         if result.outcome is Outcome.AGENT_ERROR:
             self._agents.pop(episode.agent, None)  # it may be in any state
@@ -109,25 +109,25 @@ class RequestHandler:
             self.close()
         return with_machine(result, own)
 
-    def _salvage(self, order: PickledRequest, wreck: Wreck) -> EpisodeResult:
-        simulator, setting = self._world(), order.read_setting(self.registry)
-        self.board.enter(Phase.SIM, 0)
-        result = drive_again(simulator, wreck, route=order.route, setting=setting, episode=order.episode)
+    def _salvage(self, request: PickledRequest, wreck: Wreck) -> EpisodeResult:
+        simulator, setting = self._opened_simulator(), request.read_setting(self.registry)
+        self.state.enter(Phase.SIM, 0)
+        result = drive_again(simulator, wreck, route=request.route, setting=setting, episode=request.episode)
         return with_machine(result, None)
 
-    def _world(self) -> Simulator:
+    def _opened_simulator(self) -> Simulator:
         if self._simulator is None:
-            self.board.enter(Phase.SIM, 0)
+            self.state.enter(Phase.SIM, 0)
             self._simulator = self.registry.simulator(self.worker_setup.simulator, self.worker_setup.options)
         return self._simulator
 
-    def _agent(self, name: str) -> Agent:
-        """The agent of that name, in the surroundings that it was made in."""
+    def _made_agent(self, name: str) -> Agent:
+        """Return the agent of that name, with the process as it was when the agent was made."""
         if name in self._agents:
-            agent, surroundings = self._agents[name]
-            restore_process_state(surroundings)
+            agent, process_state = self._agents[name]
+            restore_process_state(process_state)
             return agent
-        self.board.enter(Phase.MAKE, 0)
+        self.state.enter(Phase.MAKE, 0)
         agent = make_agent(self.registry, name)
         self.worker_setup.limit_threads()
         self._agents[name] = agent, read_process_state()

@@ -1,20 +1,17 @@
-"""In a child process: wait for an episode, drive it, answer, put everything back."""
+"""In a worker process: wait for an episode, drive it, answer, put everything back."""
 
 from __future__ import annotations
 
 import faulthandler
-import json
 import os
 import signal
-import struct
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.frames import BrokenStreamError, Frame, read_frame, write_frame
 from pytest_drive_robust.engine.lockstep.together import drive_together
+from pytest_drive_robust.engine.messages import TOGETHER, Message, answer_bytes, receive, send
 from pytest_drive_robust.engine.shared_state import SharedState
-from pytest_drive_robust.engine.wire import TOGETHER
 from pytest_drive_robust.engine.worker.handler import RequestHandler
 from pytest_drive_robust.engine.worker.leftovers import Leftovers, resident_bytes
 from pytest_drive_robust.engine.worker.system import limit_memory
@@ -23,83 +20,55 @@ from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
+    from pytest_drive_robust.engine.worker_process import Descriptors
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["Descriptors", "serve", "split_answer"]
+__all__ = ["serve"]
 
-_LENGTH = struct.Struct("<I")
 _FATAL = (signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL)
 _PRIVATE_FROM = 600
 """Our descriptors get numbers from here on, out of the way of code that closes the low ones."""
 
 
-class Descriptors(NamedTuple):
-    """The descriptors that a child gets: for messages, for what is printed, for faulthandler, of the board."""
-
-    messages: int
-    output: int
-    faults: int
-    board: int
-
-
-def serve(channels: Descriptors, worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
-    """Drive what is asked for until the other side closes the channel."""
-    messages, faults = _private(channels.messages), _private(channels.faults)
-    _redirect(channels.output)
-    board = SharedState(channels.board)
-    os.close(channels.board)
+def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
+    """Drive what is asked for until the other side closes the connection."""
+    connection, faults = Connection(_private(descriptors.messages)), _private(descriptors.faults)
+    _redirect(descriptors.output)
+    state = SharedState(descriptors.state)
+    os.close(descriptors.state)
     limit_memory(limits.memory_bytes)
-    driver = RequestHandler(worker_setup, registry, board, messages)
-    leftovers = Leftovers((0, 1, 2, messages, faults))
+    handler = RequestHandler(worker_setup, registry, state, connection.fileno())
+    leftovers = Leftovers((0, 1, 2, connection.fileno(), faults))
     machine_facts()  # before an agent can change what numpy does
     own = os.getpid()
 
     def answer(token: bytes, kind: bytes, body: bytes, *, over: bool = True) -> None:
         if os.getpid() != own:  # the agent forked, and this is the copy: one answer is enough
             os._exit(0)
-        notes = {
-            "rss": resident_bytes(),
-            "leftovers": [*(driver.put_back() if over else ()), *leftovers.found()],
-        }
+        left = [*(handler.put_back() if over else ()), *leftovers.found()]
         try:
-            write_frame(messages, Frame(kind, token, _joined(notes, body)))
+            send(connection, Message(kind, token, answer_bytes(body, rss=resident_bytes(), leftovers=left)))
         except OSError:
             os._exit(CUT_OFF)
 
     while True:
         try:
-            request = read_frame(messages)
-        except (BrokenStreamError, OSError):
+            request = receive(connection)
+        except EOFError:
+            handler.close()
             return
-        if request is None:
-            driver.close()
+        except (OSError, ValueError):
             return
         _tell_faults(faults)
         if request.kind == TOGETHER:
-            drive_together(driver.crew, request, messages, answer)
+            drive_together(handler.crew, request, connection, answer)
         else:
-            answer(request.token, *driver.answer(request))
-
-
-def split_answer(payload: bytes) -> tuple[Mapping[str, Any], bytes]:
-    """The notes of an answer, and what was answered. Raises `ValueError` for anything else."""
-    try:
-        (length,) = _LENGTH.unpack_from(payload)
-        notes = json.loads(payload[_LENGTH.size : _LENGTH.size + length])
-        int(notes["rss"]), list(notes["leftovers"])
-    except (struct.error, KeyError, TypeError) as error:
-        raise ValueError(f"no answer: {error}") from error
-    return notes, payload[_LENGTH.size + length :]
-
-
-def _joined(notes: Mapping[str, Any], answer: bytes) -> bytes:
-    text = json.dumps(notes).encode()
-    return _LENGTH.pack(len(text)) + text + answer
+            answer(request.token, *handler.answer(request))
 
 
 def _tell_faults(fd: int) -> None:
-    """Have the place of a fatal error written to `fd`, and nobody else's handler after ours: pygame installs some."""
+    """Have the place of a fatal error written to `fd`, and undo other handlers for it: pygame installs some."""
     faulthandler.disable()
     for number in _FATAL:
         signal.signal(number, signal.SIG_DFL)
@@ -107,7 +76,7 @@ def _tell_faults(fd: int) -> None:
 
 
 def _private(number: int) -> int:
-    """The same file under a high number that is closed on exec."""
+    """Move a descriptor to a high number that is closed on exec; return that."""
     import fcntl
 
     try:

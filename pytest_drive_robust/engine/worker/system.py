@@ -1,23 +1,29 @@
-"""What we ask of the operating system that Python has no word for; each does nothing where it cannot be done."""
+"""What we ask of the operating system that Python has no function for; each does nothing where it cannot be done."""
 
 from __future__ import annotations
 
+import _thread
 import ctypes
 import os
 import signal
 import sys
+import time
 
 __all__ = ["adopt_orphans", "die_with_parent", "limit_memory", "no_core_files"]
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
+_POLL_S = 0.5
 
 
 def die_with_parent(parent: int) -> None:
-    """Get SIGKILL when `parent`, our parent process, ends. Leaves at once when it already has."""
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(0)
+    """End this process when `parent`, our parent process, ends; at once when it already has."""
+    if sys.platform == "linux":
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(0)
+    else:
+        _thread.start_new_thread(_leave_after, (parent,))  # a raw one: no list of threads shows it
 
 
 def adopt_orphans() -> None:
@@ -41,6 +47,12 @@ def no_core_files() -> None:
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
+
+
+def _leave_after(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_POLL_S)
+    os._exit(0)
 
 
 def _prctl(option: int, value: int) -> None:

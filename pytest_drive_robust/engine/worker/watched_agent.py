@@ -1,4 +1,4 @@
-"""The agent as a child process drives it: every control is remembered, nothing that it raises gets past the loop."""
+"""The agent as a worker drives it: every control is kept, nothing that it raises gets past the episode loop."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.runner.episode.rescore import Rig
 
-__all__ = ["CUT_OFF", "WatchedAgent", "tamed"]
+__all__ = ["CUT_OFF", "WatchedAgent", "call_contained"]
 
 CUT_OFF = 71
-"""The exit code of a child that can no longer answer, because its agent closed the channel."""
+"""The exit code of a worker that can no longer answer, because its agent closed the connection."""
 T = TypeVar("T")
 
 
 class WatchedAgent:
-    """Passes every call on to `agent` and writes to the board what salvaging its episode would take.
+    """Passes every call on to `agent` and writes to the shared state what salvaging its episode would take.
 
-    A KeyboardInterrupt that comes out of it is the agent's own doing (no terminal reaches a child), and so is what
+    A KeyboardInterrupt that comes out of it is the agent's own doing (no terminal reaches a worker), and so is what
     pytest raises: both become ordinary exceptions of the same name, which the loop blames on the agent.
     """
 
-    def __init__(self, agent: Agent, board: SharedState, channel: int) -> None:
+    def __init__(self, agent: Agent, state: SharedState, descriptor: int) -> None:
         self._agent = agent
-        self._board = board
-        self._channel = channel
-        self._inode = os.fstat(channel).st_ino
+        self._state = state
+        self._descriptor = descriptor
+        self._inode = os.fstat(descriptor).st_ino
         self._cameras: tuple[CameraSpec, ...] = ()
         self._asked: Control | None = None
 
@@ -43,46 +43,46 @@ class WatchedAgent:
 
     def sensors(self) -> Sequence[CameraSpec]:
         """The agent's cameras."""
-        cameras: Any = tamed(self._agent.sensors)
+        cameras: Any = call_contained(self._agent.sensors)
         self._cameras = cameras
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """The loop has checked the rig by now: keep it, then wake the agent."""
+        """Keep the rig, which the loop has checked by now, and reset the agent."""
         consumes = tuple(sorted(consumed_signals(self._agent)))
-        self._board.equip(Rig(tuple(self._cameras), consumes, is_privileged(self._agent)))
-        tamed(self._agent.reset, route, seed)
+        self._state.equip(Rig(tuple(self._cameras), consumes, is_privileged(self._agent)))
+        call_contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
         """The agent's control, remembered."""
-        try:  # spelled out, not `tamed`: this is called in every tick
+        try:  # spelled out, not `call_contained`: this is called in every tick
             self._asked = control = self._agent.act(observation)
         except (Exception, SystemExit) as error:
             _print(error)
             raise
         except BaseException as error:
             _print(error)
-            raise _twin(error).with_traceback(error.__traceback__) from None
-        self._check_channel()
+            raise _as_exception(error).with_traceback(error.__traceback__) from None
+        self._check_connection()
         return control
 
-    def ticked(self, tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
+    def ticked(self, tick: int, world: WorldState, observation: Observation, applied: Control) -> None:
         """A tick was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
-        self._board.add(tick, self._asked, applied, frame.ego)
+        self._state.add(tick, self._asked, applied, world.ego)
         self._asked = None
 
-    def _check_channel(self) -> None:
-        """End at once when nobody would hear the end of the episode, so that it always ends in the same tick."""
+    def _check_connection(self) -> None:
+        """End the process when the connection is closed, at once, so that it always ends in the same tick."""
         try:
-            lost = os.fstat(self._channel).st_ino != self._inode
+            lost = os.fstat(self._descriptor).st_ino != self._inode
         except OSError:
             lost = True
         if lost:
             os._exit(CUT_OFF)
 
 
-def tamed(function: Callable[..., T], *arguments: object) -> T:
-    """What the function returns; whatever it raises is an `Exception` or a `SystemExit`."""
+def call_contained(function: Callable[..., T], *arguments: object) -> T:
+    """Return what the function returns; whatever it raises is an `Exception` or a `SystemExit`."""
     try:
         return function(*arguments)
     except (Exception, SystemExit) as error:
@@ -90,7 +90,7 @@ def tamed(function: Callable[..., T], *arguments: object) -> T:
         raise
     except BaseException as error:
         _print(error)
-        raise _twin(error).with_traceback(error.__traceback__) from None
+        raise _as_exception(error).with_traceback(error.__traceback__) from None
 
 
 def _print(error: BaseException) -> None:
@@ -99,8 +99,8 @@ def _print(error: BaseException) -> None:
         traceback.print_exception(error)
 
 
-def _twin(error: BaseException) -> Exception:
-    """An `Exception` that looks like `error` in a message."""
+def _as_exception(error: BaseException) -> Exception:
+    """Return an `Exception` that looks like `error` in a message."""
     kind = type(error)
     twin: type[Exception] = type(kind.__name__, (Exception,), {"__module__": kind.__module__})
     return twin(str(error))

@@ -26,7 +26,7 @@ __all__ = [
     "PERTURBED",
     "WIDTH",
     "WRONG",
-    "Box",
+    "Rectangle",
     "bar",
     "fill",
     "text",
@@ -51,7 +51,7 @@ _SMALLEST = 0.8
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class Rectangle:
     """A rectangle of the picture in pixels: left, top, width, height."""
 
     x: int
@@ -74,7 +74,7 @@ class Box:
         return picture[self.y : self.bottom, self.x : self.right]
 
 
-def fill(picture: Pixels, box: Box, colour: Colour) -> None:
+def fill(picture: Pixels, box: Rectangle, colour: Colour) -> None:
     """Paint a box."""
     if box.width > 0 and box.height > 0:
         cv2.rectangle(picture, (box.x, box.y), (box.right - 1, box.bottom - 1), colour, -1)
@@ -127,7 +127,7 @@ def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool 
     return found
 
 
-def bar(picture: Pixels, box: Box, share: float, colour: Colour) -> None:
+def bar(picture: Pixels, box: Rectangle, share: float, colour: Colour) -> None:
     """A bar filled from the left by `share` (0..1)."""
     fill(picture, box, BACKGROUND)
-    fill(picture, Box(box.x, box.y, round(box.width * min(max(share, 0.0), 1.0)), box.height), colour)
+    fill(picture, Rectangle(box.x, box.y, round(box.width * min(max(share, 0.0), 1.0)), box.height), colour)

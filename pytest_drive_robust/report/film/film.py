@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from pytest_drive_robust.report.film.above import PATH, ROUTE, SPEED_POINT, TARGET_POINT, Ground, is_misplaced
 from pytest_drive_robust.report.film.canvas import (
     BACKGROUND,
     CLEAN,
@@ -17,13 +16,14 @@ from pytest_drive_robust.report.film.canvas import (
     MARK,
     PERTURBED,
     WIDTH,
-    Box,
+    Rectangle,
     fill,
     text,
 )
-from pytest_drive_robust.report.film.scene import Scene
+from pytest_drive_robust.report.film.episode_pane import EpisodePane
 from pytest_drive_robust.report.film.story import story_of
 from pytest_drive_robust.report.film.strips import Strips
+from pytest_drive_robust.report.film.top_view import PATH, ROUTE, SPEED_POINT, TARGET_POINT, GroundPicture, is_misplaced
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,12 +46,12 @@ class Film:
 
     def __init__(self, clean: Tape, perturbed: Tape | None = None) -> None:
         tapes = (clean,) if perturbed is None else (clean, perturbed)
-        ground = Ground(clean.lane_map, clean.route)
+        ground = GroundPicture(clean.lane_map, clean.route)
         self.story = story_of(tapes)
         self.dt_s = clean.result.dt_s
         places = (0, 640) if perturbed is not None else (320,)
-        self._scenes = tuple(
-            Scene(tape, tape.result.episode.setting, colour, ground, events, left)
+        self._panes = tuple(
+            EpisodePane(tape, tape.result.episode.setting, colour, ground, events, left)
             for tape, colour, events, left in zip(tapes, (CLEAN, PERTURBED), self.story.events, places, strict=False)
         )
         self._strips = Strips([tape.result for tape in tapes], self.story)
@@ -78,8 +78,8 @@ class Film:
     def picture(self, position: int) -> Pixels:
         """The world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
         picture: Pixels = self._empty.copy()
-        for scene in self._scenes:
-            scene.draw(picture, position, twin=self._twin(scene, position))
+        for pane in self._panes:
+            pane.draw(picture, position, twin=self._twin(pane, position))
         self._strips.draw(picture, position)
         self._banner(picture, position)
         return picture
@@ -92,10 +92,10 @@ class Film:
         rows = [np.concatenate(pictures[i : i + 2], axis=1) for i in range(0, len(pictures), 2)]
         return np.asarray(np.concatenate(rows), np.uint8)
 
-    def _twin(self, scene: Scene, position: int) -> EgoState | None:
-        """The clean ego of this moment, for the perturbed scene."""
-        clean = self._scenes[0]
-        if scene is clean:
+    def _twin(self, pane: EpisodePane, position: int) -> EgoState | None:
+        """The clean ego of this moment, for the perturbed pane."""
+        clean = self._panes[0]
+        if pane is clean:
             return None
         moments = clean.tape.moments
         return moments[min(position, len(moments) - 1)].frame.ego
@@ -108,7 +108,7 @@ class Film:
         if not at <= position <= at + _BANNER_S / self.dt_s:
             return
         words = f"FIRST DIVERGENCE at {at * self.dt_s:.2f} s: {apart}"
-        fill(picture, Box(0, 0, WIDTH, 34), MARK)
+        fill(picture, Rectangle(0, 0, WIDTH, 34), MARK)
         text(picture, words, (WIDTH // 2, 25), size=0.75, bold=True, colour=BACKGROUND, within=1240, align="centre")
         cv2.rectangle(picture, (1, 34), (WIDTH - 2, 463), MARK, 3)
 

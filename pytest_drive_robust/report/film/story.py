@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
-from pytest_drive_robust.verdict.divergence import first_divergence_s
+from pytest_drive_robust.verdict.explain import first_divergence_s
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.replay.tape import Tape
 
-__all__ = ["Event", "Span", "Story", "story_of"]
+__all__ = ["Span", "Story", "StoryEvent", "story_of"]
 
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
@@ -25,7 +25,7 @@ _SUMS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class StoryEvent:
     """One thing that went wrong: the tick, a sentence, and where in metres (None when it has no place)."""
 
     tick: int
@@ -53,7 +53,7 @@ class Story:
 
     length: int
     divergence: tuple[int, str] | None
-    events: tuple[tuple[Event, ...], ...]
+    events: tuple[tuple[StoryEvent, ...], ...]
     spans: tuple[tuple[Span, ...], ...]
     skimmed: frozenset[int] = frozenset()
 
@@ -136,13 +136,13 @@ def _apart(clean: EpisodeResult, perturbed: EpisodeResult, row: int) -> str:
     return ", ".join(parts)
 
 
-def _events(result: EpisodeResult) -> tuple[Event, ...]:
+def _events(result: EpisodeResult) -> tuple[StoryEvent, ...]:
     events = [
-        Event(item.tick, item.detail, None if item.kind in _SUMS else (item.x_m, item.y_m))
+        StoryEvent(item.tick, item.detail, None if item.kind in _SUMS else (item.x_m, item.y_m))
         for item in result.infractions
     ]
     if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-        events.append(Event(result.ticks, result.end_detail, None))
+        events.append(StoryEvent(result.ticks, result.end_detail, None))
     return tuple(sorted(events, key=lambda event: event.tick))
 
 

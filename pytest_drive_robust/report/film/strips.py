@@ -17,7 +17,7 @@ from pytest_drive_robust.report.film.canvas import (
     PANEL,
     PERTURBED,
     WRONG,
-    Box,
+    Rectangle,
     fill,
     text,
     text_width,
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 __all__ = ["AREA", "Strips"]
 
-AREA = Box(0, 466, 1280, 254)
+AREA = Rectangle(0, 466, 1280, 254)
 _LEFT, _RIGHT = 118, 1264
-_FAILURE = Box(_LEFT, 486, _RIGHT - _LEFT, 8)
+_FAILURE = Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)
 _AXIS_Y = 714
 _COLOURS = (CLEAN, PERTURBED)
 _MARK_SIZE = 0.45
@@ -49,7 +49,7 @@ _STEPS_S = (1, 2, 5, 10, 20, 50, 100)
 class _Strip:
     name: str
     unit: str
-    box: Box
+    box: Rectangle
     low: float
     high: float
 
@@ -62,9 +62,9 @@ class Strips:
         self._dt_s = results[0].dt_s
         fastest = max(float(result.trace.column("speed_mps").max(initial=0.0)) * 3.6 for result in results)
         self._strips = (
-            _Strip("speed", "km/h", Box(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
-            _Strip("gas", "brake", Box(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
-            _Strip("steer", "", Box(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
+            _Strip("speed", "km/h", Rectangle(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
+            _Strip("gas", "brake", Rectangle(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
+            _Strip("steer", "", Rectangle(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
         )
         self._picture = self._painted(results)
 
@@ -143,7 +143,7 @@ class Strips:
         text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
         for span in self._story.spans[-1]:
             left, right = self._column(span.first), self._column(span.last + 1)
-            fill(picture, Box(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
+            fill(picture, Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
         """Lines through all strips at the first divergence and at every infraction, with words where there is room."""

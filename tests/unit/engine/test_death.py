@@ -24,7 +24,7 @@ Current thread 0x00007f (most recent call first):
 
 
 @pytest.mark.parametrize(
-    ("moment", "status", "blame", "detail"),
+    ("reading", "status", "blame", "detail"),
     [
         (ACT, int(signal.SIGSEGV), Blame.AGENT, "SIGSEGV in act at tick 12"),
         (ACT, 3 << 8, Blame.AGENT, "left the process with exit code 3 in act at tick 12"),
@@ -42,15 +42,15 @@ Current thread 0x00007f (most recent call first):
         (StateReading(Phase.MAKE, 0, 0.0, 0.0), 1 << 8, Blame.AGENT, "exit code 1 in its constructor at tick 0"),
     ],
 )
-def test_who_died_where_says_whose_fault_it_was(moment: StateReading, status: int, blame: Blame, detail: str) -> None:
-    finding = explain(Death(Cause.DIED, moment, status=status))
+def test_who_died_where_says_whose_fault_it_was(reading: StateReading, status: int, blame: Blame, detail: str) -> None:
+    finding = explain(Death(Cause.DIED, reading, status=status))
     assert finding.blame is blame
     assert finding.detail.endswith(detail)
     assert finding.end is (End.SIMULATION_CRASHED if blame is Blame.OURS else End.AGENT_CRASHED_HARD)
 
 
 @pytest.mark.parametrize(
-    ("moment", "lasted_s", "blame"),
+    ("reading", "lasted_s", "blame"),
     [
         (StateReading(Phase.SIM, 9, 0.0, 6.0), 0.1, Blame.AGENT),
         (StateReading(Phase.SIM, 9, 0.0, 4.0), 0.1, Blame.OURS),
@@ -60,14 +60,14 @@ def test_who_died_where_says_whose_fault_it_was(moment: StateReading, status: in
     ],
 )
 def test_the_time_of_an_episode_is_charged_to_who_used_more_of_it(
-    moment: StateReading, lasted_s: float, blame: Blame
+    reading: StateReading, lasted_s: float, blame: Blame
 ) -> None:
-    death = Death(Cause.EPISODE_DEADLINE, moment, limit_s=10.0, lasted_s=lasted_s, elapsed_s=10.0)
+    death = Death(Cause.EPISODE_DEADLINE, reading, limit_s=10.0, lasted_s=lasted_s, elapsed_s=10.0)
     assert explain(death).blame is blame
 
 
 def test_the_last_line_on_the_screen_is_told_but_not_all_of_it() -> None:
-    death = Death(Cause.DIED, ACT, status=int(signal.SIGABRT), said="first\n" + "x" * 1000 + "\n\n")
+    death = Death(Cause.DIED, ACT, status=int(signal.SIGABRT), printed="first\n" + "x" * 1000 + "\n\n")
     assert explain(death).detail == "SIGABRT in act at tick 12; it last printed '" + "x" * 200 + "'"
 
 
@@ -76,8 +76,8 @@ def test_the_place_of_a_fault_is_the_agents_own_line() -> None:
 
 
 def test_a_handler_of_the_agents_own_is_believed() -> None:
-    said = f"{FAULTS}\nExtension modules: numpy.core (total: 1)\n"
-    detail = explain(Death(Cause.DIED, ACT, status=int(signal.SIGSEGV), said=said)).detail
+    printed = f"{FAULTS}\nExtension modules: numpy.core (total: 1)\n"
+    detail = explain(Death(Cause.DIED, ACT, status=int(signal.SIGSEGV), printed=printed)).detail
     assert detail.startswith("SIGSEGV in act at tick 12 (/home/me/agent.py:17 in act)")
     assert "Extension modules" not in detail
 

@@ -67,14 +67,14 @@ def test_the_agents_time_is_what_passed_in_its_calls(boards: tuple[SharedState, 
     ours, theirs = boards
     theirs.clear()
     theirs.phase("act", 0)
-    begun = ours.look()
+    begun = ours.read()
     assert begun.phase is Phase.ACT
     assert begun.since_s <= time.monotonic()
     time.sleep(0.02)
     theirs.phase("sim", 0)
     time.sleep(0.02)
     theirs.phase("act", 1)
-    now = ours.look()
+    now = ours.read()
     assert (now.phase, now.tick) == (Phase.ACT, 1)
     assert 0.02 <= now.agent_s <= now.since_s - begun.since_s - 0.02
 
@@ -83,5 +83,5 @@ def test_nonsense_on_the_board_is_no_phase(boards: tuple[SharedState, SharedStat
     ours, theirs = boards
     theirs._memory[:64] = b"\xff" * 64
     theirs._memory[8:32] = bytes(24)
-    assert ours.look().phase is Phase.IDLE
+    assert ours.read().phase is Phase.IDLE
     assert ours.ticks == 4

@@ -6,8 +6,8 @@ import pytest
 
 from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS, VerdictRule
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.run import RunOptions, check_seeds, parse_seeds
-from pytest_drive_robust.options.table import OPTIONS
+from pytest_drive_robust.options.option import options_of
+from pytest_drive_robust.options.run import RunOptions
 
 
 class FakeConfig:
@@ -39,13 +39,13 @@ def test_the_command_line_wins_over_the_ini_file():
 def test_every_option_is_read(tmp_path):
     files = tmp_path / "run.json", tmp_path / "run.csv"
     values = (
-        *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept"),
-        *map(str, files),
+        *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept", "on"),
+        *(*map(str, files), "on", "on"),
     )
-    config = FakeConfig(**{option.ini: value for option, value in zip(OPTIONS, values, strict=True)})
+    config = FakeConfig(**{option.name: value for option, value in zip(options_of(RunOptions), values, strict=True)})
     verdict_rule = VerdictRule("list", 0.2, 0.01)
     assert RunOptions.from_pytest_config(config) == RunOptions(
-        "a", "r.xml", (3, 1), "s", "fixed", 12.5, files[0], verdict_rule, "skip", files[1], "holm", "kept"
+        *("a", "r.xml", (3, 1), "s", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True, *files, True, True)
     )
 
 
@@ -55,18 +55,6 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
         RunOptions.from_pytest_config(FakeConfig(drive_store=str(tmp_path / "kept")))
     with pytest.raises(UsageError, match="--drive-store is 'kept'"):
         RunOptions.from_pytest_config(FakeConfig(drive_store="kept", rootpath=tmp_path))
-
-
-@pytest.mark.parametrize("text", ["", "x", "1,", "-1", "1.5", "0,0", "²"])
-def test_seeds_that_are_no_distinct_whole_numbers_are_refused(text):
-    with pytest.raises(UsageError, match="--drive-seeds"):
-        parse_seeds(text, source="--drive-seeds")
-
-
-@pytest.mark.parametrize("seeds", [[], [True], ["0"], [0.0], [1, 1], [-1]])
-def test_seeds_of_a_marker_are_checked_too(seeds):
-    with pytest.raises(UsageError, match="the marker"):
-        check_seeds(seeds, source="the marker")
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "0", "-1", "soon"])
@@ -83,5 +71,5 @@ def test_a_missing_folder_is_refused_with_the_nearest_one(tmp_path):
 
 
 def test_the_help_of_the_verdict_option_names_every_rule():
-    option = next(option for option in OPTIONS if option.ini == "drive_verdict")
+    option = options_of(RunOptions, "verdict_rule")[0]
     assert all(kind in option.help for kind in VERDICT_KINDS)

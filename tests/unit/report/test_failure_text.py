@@ -10,15 +10,15 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
 from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.verdict.evaluate import judge
-from pytest_drive_robust.verdict.model import requirement
+from pytest_drive_robust.verdict.evaluate import evaluate
+from pytest_drive_robust.verdict.requirement import requirement
 
 LATENCY = Setting.of(InferenceLatency(ms=200))
 
 
-def text_of(wanted, clean, perturbed, *, settings=None, routes_spec="dev10", privileged=False):
-    verdict = judge(wanted, agent="driver", clean=clean, perturbed=perturbed)
-    return failure_text(verdict, settings or RunOptions(), routes_spec=routes_spec, privileged=privileged)
+def text_of(wanted, clean, perturbed, *, options=None, routes_spec="dev10", privileged=False):
+    verdict = evaluate(wanted, agent="driver", clean=clean, perturbed=perturbed)
+    return failure_text(verdict, options or RunOptions(), routes_spec=routes_spec, privileged=privileged)
 
 
 def hit(route_id, *, scenario="HardBreakRoute", setting=str(LATENCY)):
@@ -82,9 +82,9 @@ def test_nothing_but_the_replay_command_is_wider_than_a_hundred_columns(seeds):
 
 
 def test_the_replay_command_survives_a_shell():
-    settings = RunOptions(simulator="my sim")
+    options = RunOptions(simulator="my sim")
     wanted = requirement("RD", LATENCY) <= 0.10
-    last = text_of(wanted, CLEAN, PERTURBED, settings=settings, routes_spec='a "b" $c.xml').splitlines()[-1]
+    last = text_of(wanted, CLEAN, PERTURBED, options=options, routes_spec='a "b" $c.xml').splitlines()[-1]
     words = shlex.split(last.removeprefix("  replay:"))
     assert words[words.index("--setting") + 1] == "200 ms latency"
     assert words[words.index("--routes") + 1] == 'a "b" $c.xml'

@@ -15,9 +15,9 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.report.film.above import PATH, SPEED_POINT, TARGET_POINT
-from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Box, text, text_width, wrapped
+from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Rectangle, text, text_width, wrapped
 from pytest_drive_robust.report.film.film import Film
+from pytest_drive_robust.report.film.top_view import PATH, SPEED_POINT, TARGET_POINT
 from pytest_drive_robust.runner.replay.recording import record_episode
 from pytest_drive_robust.runner.replay.tape import Tape
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -25,8 +25,8 @@ from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 Pixels = NDArray[np.uint8]
 HIT = Infraction(InfractionKind.COLLISION_VEHICLE, 60, "hit van at 4.2 m/s", x_m=10.0, y_m=0.0)
-LEFT_VIEW, RIGHT_VIEW = Box(408, 66, 224, 394), Box(1048, 66, 224, 394)
-RIGHT_CAMERA = Box(648, 90, 392, 221)
+LEFT_VIEW, RIGHT_VIEW = Rectangle(408, 66, 224, 394), Rectangle(1048, 66, 224, 394)
+RIGHT_CAMERA = Rectangle(648, 90, 392, 221)
 
 
 class Planner(ScriptedAgent):
@@ -63,7 +63,7 @@ def film(tapes: tuple[Tape, Tape]) -> Film:
     return Film(*tapes)
 
 
-def count(picture: Pixels, box: Box, colour: tuple[int, int, int], *, tolerance: int = 12) -> int:
+def count(picture: Pixels, box: Rectangle, colour: tuple[int, int, int], *, tolerance: int = 12) -> int:
     """How many pixels of the box have about that colour."""
     return int((abs(box.of(picture).astype(int) - colour).max(axis=2) <= tolerance).sum())
 
@@ -113,9 +113,9 @@ def test_a_stale_picture_is_framed_in_red_and_what_is_there_stands_beside_it(fil
     picture = film.picture(stale)
     assert tuple(picture[RIGHT_CAMERA.y + 3, RIGHT_CAMERA.x + 3]) == WRONG
     assert tuple(picture[RIGHT_CAMERA.bottom - 4, RIGHT_CAMERA.right - 4]) == WRONG
-    inset = Box(RIGHT_CAMERA.right - 153, RIGHT_CAMERA.bottom + 62, 153, 86)
+    inset = Rectangle(RIGHT_CAMERA.right - 153, RIGHT_CAMERA.bottom + 62, 153, 86)
     assert tuple(picture[inset.y, inset.x + 120]) == (240, 240, 240)
-    fresh = Box(8, 90, 392, 221)
+    fresh = Rectangle(8, 90, 392, 221)
     assert count(picture, fresh, WRONG, tolerance=2) == 0
 
 
@@ -125,13 +125,13 @@ def test_the_first_divergence_is_flagged_when_it_comes_and_marked_for_ever(film:
     assert tuple(film.picture(at - 1)[5, 5]) != MARK
     assert tuple(film.picture(at)[5, 5]) == MARK
     assert tuple(film.picture(film.story.length)[5, 5]) != MARK
-    strips = Box(0, 466, 1280, 254)
+    strips = Rectangle(0, 466, 1280, 254)
     for position in (0, film.story.length):
         assert count(film.picture(position), strips, MARK) > 100
 
 
 def test_an_infraction_is_told_from_its_tick_on(film: Film) -> None:
-    captions = Box(648, 373, 230, 86)
+    captions = Rectangle(648, 373, 230, 86)
     assert count(film.picture(59), captions, WRONG) == 0
     assert count(film.picture(60), captions, WRONG) > 3000
     later = film.picture(95)  # then it is only a line
@@ -146,16 +146,16 @@ def test_an_infraction_is_ringed_from_its_tick_on(film: Film) -> None:
 
 def test_the_shorter_episode_waits_at_its_end_with_its_reason(film: Film) -> None:
     first, last = film.picture(80), film.picture(100)
-    half = Box(0, 66, 636, 394)
+    half = Rectangle(0, 66, 636, 394)
     assert (half.of(first) == half.of(last)).all()
-    assert (Box(640, 66, 636, 394).of(first) != Box(640, 66, 636, 394).of(last)).any()
-    captions = Box(8, 373, 392, 86)
+    assert (Rectangle(640, 66, 636, 394).of(first) != Rectangle(640, 66, 636, 394).of(last)).any()
+    captions = Rectangle(8, 373, 392, 86)
     assert count(film.picture(79), captions, WRONG) == 0
     assert count(first, captions, WRONG) > 3000
 
 
 def test_the_strips_dim_what_is_still_to_come(film: Film) -> None:
-    strips = Box(600, 500, 600, 196)
+    strips = Rectangle(600, 500, 600, 196)
     assert count(film.picture(0), strips, PERTURBED) == 0
     assert count(film.picture(100), strips, PERTURBED) > 200
 
@@ -192,7 +192,7 @@ def test_a_wrong_gps_is_crossed_where_the_agent_believes_to_be() -> None:
     try:
         moments = [replace(m, gps=(m.frame.ego.x_m + 10.0, 5.0)) for m in tape.moments]
         told, right = Film(replace(tape, moments=tuple(moments))).picture(10), Film(tape).picture(10)
-        view = Box(728, 66, 224, 394)
+        view = Rectangle(728, 66, 224, 394)
         place = np.argwhere((view.of(told) != view.of(right)).any(axis=2)).mean(axis=0)
         assert place == pytest.approx((394 * 0.76 - 80, 112 + 40), abs=4.0)
     finally:

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.evidence import degradation_forms, fail_p_value, mean_forms
 from pytest_drive_robust.stats.judges import EvidenceJudge
-from pytest_drive_robust.stats.rules import degradation_rule, mean_rule
-from pytest_drive_robust.stats.several import any_wrong, fail_p_value, holm, late_fails
+from pytest_drive_robust.stats.several import any_wrong, holm, late_fails
 
 p_lists = st.lists(st.floats(0.0, 1.0), max_size=12)
 
@@ -59,23 +59,23 @@ def test_the_p_value_is_alpha_or_less_exactly_when_the_gate_fails(
     verdict = gate(clean, perturbed, 0.30, alpha=alpha)
     read = slice(verdict.pairs)
     ended = verdict.pairs == count
-    p_value = fail_p_value(degradation_rule(0.30), perturbed[read], clean[read], ended=ended)
+    p_value = fail_p_value(degradation_forms(0.30), perturbed[read], clean[read], ended=ended)
 
     assert 0.0 <= p_value <= 1.0
     assert (p_value <= alpha) == (verdict.verdict == "fail") or verdict.verdict == "pass"
 
 
 def test_the_p_value_of_a_mean_and_of_nothing_to_compare_with() -> None:
-    rule = mean_rule(0.6, ">=", low=0.0, high=1.0, margin=0.1)
+    rule = mean_forms(0.6, ">=", low=0.0, high=1.0, margin=0.1)
 
     assert fail_p_value(rule, [0.0] * 40) < 1e-6
     assert fail_p_value(rule, [1.0] * 40) == 1.0
     assert fail_p_value(rule, []) == 1.0
-    assert fail_p_value(degradation_rule(0.3), [0.0] * 40, [0.0] * 40) == 1.0
+    assert fail_p_value(degradation_forms(0.3), [0.0] * 40, [0.0] * 40) == 1.0
 
 
 def test_p_values_are_small_as_rarely_as_they_say() -> None:
-    rule, draw = mean_rule(0.6, ">=", low=0.0, high=1.0, margin=0.1), random.Random(5)
+    rule, draw = mean_forms(0.6, ">=", low=0.0, high=1.0, margin=0.1), random.Random(5)
     p_values = [fail_p_value(rule, [float(draw.random() < 0.6) for _ in range(60)]) for _ in range(600)]
 
     for alpha in (0.05, 0.2):
@@ -104,7 +104,7 @@ def test_a_pass_is_never_taken_back() -> None:
 def test_among_several_a_fail_needs_a_p_value_of_its_share_and_is_never_a_pass_instead(
     seed: int, count: int, keeps: float, family: int
 ) -> None:
-    draw, rule = random.Random(seed), degradation_rule(0.30)
+    draw, rule = random.Random(seed), degradation_forms(0.30)
     pairs = [(before, before * draw.choice([1.0, keeps, draw.random()])) for before in [100.0, 60.0, 20.0] * count]
     alone, among = EvidenceJudge(rule), EvidenceJudge(rule, fail_alpha=0.05 / family)
     for before, after in pairs:

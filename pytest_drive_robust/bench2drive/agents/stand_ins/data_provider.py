@@ -8,7 +8,7 @@ __all__ = ["CarlaDataProvider"]
 
 
 class CarlaDataProvider:
-    """The world of the episode, as the adapter sets it: see `pytest_drive_robust.bench2drive.agents.world`."""
+    """The world of the episode, as the adapter sets it: see `pytest_drive_robust.bench2drive.agents.carla_world`."""
 
     _world: ClassVar[Any] = None
     _map: ClassVar[Any] = None

@@ -10,8 +10,8 @@ import pytest
 from leaderboard_files import AGENT, CAR_AHEAD, observation, truth_with
 
 from pytest_drive_robust.bench2drive.agents.commands import control_of
+from pytest_drive_robust.bench2drive.agents.official_rig import read_rig
 from pytest_drive_robust.bench2drive.agents.payloads import Payloads
-from pytest_drive_robust.bench2drive.agents.rig import read_rig
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.geodesy import to_geodetic, to_metric
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption

@@ -9,8 +9,8 @@ import pytest
 from leaderboard_files import CAR_AHEAD, truth_with
 
 from pytest_drive_robust.bench2drive.agents.lidar import sweep
+from pytest_drive_robust.bench2drive.agents.official_rig import LIDAR, RADAR, Sensor
 from pytest_drive_robust.bench2drive.agents.radar import detections
-from pytest_drive_robust.bench2drive.agents.rig import LIDAR, RADAR, Sensor
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.perturbations.draws import Draws
 

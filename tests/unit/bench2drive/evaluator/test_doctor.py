@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from fake_bench2drive import make
 
-from pytest_drive_robust.bench2drive.evaluator.doctor import Check, examine
+from pytest_drive_robust.bench2drive.evaluator.doctor import DoctorCheck, examine
 from pytest_drive_robust.cli.main import main
 
 
-def named(checks: tuple[Check, ...]) -> dict[str, Check]:
+def named(checks: tuple[DoctorCheck, ...]) -> dict[str, DoctorCheck]:
     return {check.name: check for check in checks}
 
 

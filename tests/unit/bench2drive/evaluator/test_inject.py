@@ -26,7 +26,7 @@ from official_stream import (
 )
 
 from pytest_drive_robust.bench2drive.evaluator import inject
-from pytest_drive_robust.bench2drive.evaluator.wire import setting_as_json
+from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import (
     BUILTIN,

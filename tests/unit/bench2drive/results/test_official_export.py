@@ -68,7 +68,7 @@ def exported(tmp_path: Path, results: Sequence[EpisodeResult], *, stored: bool =
 
 
 def run_of(episodes: dict[str, EpisodeResult]) -> RunResult:
-    return RunResult(settings=RunOptions(), rows=(), judged=(), episodes=episodes)
+    return RunResult(options=RunOptions(), rows=(), judged=(), episodes=episodes)
 
 
 def imported(folder: Path, result: EpisodeResult) -> EpisodeResult:

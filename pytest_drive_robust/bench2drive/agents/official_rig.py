@@ -1,0 +1,143 @@
+"""The list that an agent's `sensors()` gives, understood: cameras for the world to draw, everything else for us."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+__all__ = ["CAMERA", "GNSS", "IMU", "LIDAR", "MAP", "RADAR", "SPEEDOMETER", "OfficialRig", "Sensor", "read_rig"]
+
+CAMERA = "sensor.camera.rgb"
+GNSS = "sensor.other.gnss"
+IMU = "sensor.other.imu"
+LIDAR = "sensor.lidar.ray_cast"
+MAP = "sensor.opendrive_map"
+RADAR = "sensor.other.radar"
+SPEEDOMETER = "sensor.speedometer"
+_SIGNALS: Mapping[str, tuple[str, ...]] = {
+    CAMERA: ("cameras",),
+    GNSS: ("gps",),
+    IMU: ("compass", "imu"),
+    LIDAR: (),
+    MAP: (),
+    RADAR: (),
+    SPEEDOMETER: ("speed",),
+}
+"""Every type that the leaderboard allows, and which of our signals it is."""
+_PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
+_CAMERA_NUMBERS = ("width", "height", "fov")
+_RADAR_NUMBERS = ("horizontal_fov", "vertical_fov")
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """One sensor: metres forward, right and up of the vehicle's centre on the ground, degrees as in CARLA."""
+
+    type: str
+    id: str
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    horizontal_fov_deg: float = 30.0
+    vertical_fov_deg: float = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class OfficialRig:
+    """`sensors` in the agent's order, and `cameras` for the simulator; a camera has the same name in both."""
+
+    sensors: tuple[Sensor, ...]
+    cameras: tuple[CameraSpec, ...]
+
+    @property
+    def consumes(self) -> frozenset[str]:
+        """Which of our signals reach the agent."""
+        return frozenset(signal for sensor in self.sensors for signal in _SIGNALS[sensor.type])
+
+    @property
+    def needs_truth(self) -> bool:
+        """Whether a sensor is computed from the state of the world, because our worlds have no such sensor."""
+        return any(sensor.type in (LIDAR, RADAR, MAP) for sensor in self.sensors)
+
+
+def read_rig(specs: object, *, agent: str) -> OfficialRig:
+    """Understand what `sensors()` of `agent` returned. Raises `UsageError` that names the sensor.
+
+    The leaderboard fires every sensor in every tick, whatever `sensor_tick` and `reading_frequency` say; so do we.
+    """
+    if not isinstance(specs, Sequence) or isinstance(specs, str):
+        raise UsageError(f"sensors() of {agent} returned {specs!r}, expected a list of dictionaries.")
+    sensors: list[Sensor] = []
+    cameras: list[CameraSpec] = []
+    for spec in specs:
+        numbers = _numbers_of(spec, agent)
+        name, kind = str(spec["id"]), str(spec["type"])
+        if any(sensor.id == name for sensor in sensors):
+            raise UsageError(f"sensors() of {agent} returned two sensors with the id {name!r}, expected distinct ids.")
+        sensors.append(_sensor(kind, name, numbers))
+        if kind == CAMERA:
+            cameras.append(_camera(name, numbers))
+    return OfficialRig(tuple(sensors), tuple(cameras))
+
+
+def _sensor(kind: str, name: str, numbers: Mapping[str, float]) -> Sensor:
+    return Sensor(
+        kind,
+        name,
+        x_m=numbers["x"],
+        y_m=numbers["y"],
+        z_m=numbers["z"],
+        pitch_deg=numbers["pitch"],
+        yaw_deg=numbers["yaw"],
+        horizontal_fov_deg=numbers.get("horizontal_fov", 30.0),
+        vertical_fov_deg=numbers.get("vertical_fov", 30.0),
+    )
+
+
+def _camera(name: str, numbers: Mapping[str, float]) -> CameraSpec:
+    return CameraSpec(
+        name,
+        x_m=numbers["x"],
+        y_m=numbers["y"],
+        z_m=numbers["z"],
+        yaw_deg=numbers["yaw"],
+        pitch_deg=numbers["pitch"],
+        fov_deg=numbers["fov"],
+        width_px=int(numbers["width"]),
+        height_px=int(numbers["height"]),
+    )
+
+
+def _numbers_of(spec: object, agent: str) -> dict[str, float]:
+    """Every number of one specification, with 0 for what a place does not say. Raises `UsageError`."""
+    if not isinstance(spec, Mapping) or "type" not in spec or "id" not in spec:
+        raise UsageError(f"sensors() of {agent} returned {spec!r}, expected a dictionary with 'type' and 'id'.")
+    kind, what = spec["type"], f"the sensor {spec['id']!r} of {agent}"
+    if kind not in _SIGNALS:
+        error = UnknownNameError.of("sensor type", str(kind), _SIGNALS, hint=f"It is asked for as {spec['id']!r}")
+        raise UnknownNameError(f"{error} by {agent}.")
+    needed = {CAMERA: _CAMERA_NUMBERS, RADAR: _RADAR_NUMBERS}.get(kind, ())
+    numbers = {field: _number(spec.get(field, 0.0), field, what) for field in _PLACE}
+    numbers.update({field: _number(spec.get(field), field, what) for field in needed})
+    tilted = ("roll", "pitch") if kind == IMU else ("roll",)
+    for field in tilted:
+        if numbers[field] != 0.0 and kind in (CAMERA, IMU, LIDAR, RADAR):
+            raise UsageError(f"{what} has a {field} of {numbers[field]:g} degrees, expected 0: ours stand upright.")
+    return numbers
+
+
+def _number(given: object, field: str, what: str) -> float:
+    read: Callable[..., float] = float
+    try:
+        number = read(given)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise UsageError(f"{what} has {field!r}: {given!r}, expected a number.")
+    return number

@@ -1,0 +1,142 @@
+"""From official records to episodes, so that everything that reads episodes reads results from elsewhere too."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.bench2drive.results.efficiencies import ratios_pct
+from pytest_drive_robust.bench2drive.results.messages import place_of
+from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, read_log, trace_from
+from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, OfficialRecord
+from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
+from pytest_drive_robust.bench2drive.results.scoring_rule import lane_shares_pct
+from pytest_drive_robust.bench2drive.results.statuses import STATUSES
+from pytest_drive_robust.bench2drive.results.writing import record_of
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
+from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["EPISODE_FILE", "episode_of"]
+
+EPISODE_FILE = "drive_robust.episode"
+"""Beside the log of a route: the whole episode of our exports, every tick of it."""
+_VERSIONS = {"bench2drive": "results"}
+"""Official records do not say what they were driven with; two sets of them compare."""
+
+
+def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
+    """The episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
+
+    Of records of others ticks of events are 0, controls and progress in the trace are 0 (without a log it is empty),
+    and `junction_passed` is False. Of our exports nothing is lost; `agent` and `setting` must be those of the export.
+    Raises `UsageError` for a record whose score does not follow from its infractions, or that was edited.
+    """
+    if record.own is not None:
+        return _own(record, record.own, agent=agent, setting=setting, folders=folders)
+    outcome, end = STATUSES[record.status]
+    return EpisodeResult(
+        episode=Episode(agent, record.route, setting, record.repetition),
+        scenario=record.scenario,
+        outcome=outcome,
+        end=end,
+        end_detail=record.status,
+        route_completion_pct=record.route_pct,
+        route_length_m=record.length_m,
+        infractions=_infractions(record),
+        speed_ratios_pct=tuple(ratios_pct(record)),
+        ticks=round(min(record.game_s, 1e9) / TICK_S),
+        dt_s=TICK_S,
+        wall_s=record.wall_s,
+        trace=_logged(record, folders),
+        versions=_VERSIONS,
+    )
+
+
+def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
+    """Lists that we do not know make a route a failure officially, so a record with something in one is refused."""
+    unknown = [name for name, messages in record.infractions.items() if messages and name not in LISTS]
+    if unknown:
+        raise UsageError(f"{record.where} has infractions of a kind that is not known: {unknown[0]!a}.")
+    shares = lane_shares_pct(record)
+    if shares is None and not record.is_harness_error:
+        raise UsageError(
+            f"{record.where}: the score {record.score:g} does not follow from the route completion "
+            f"{record.route_pct:g} and the infractions. Expected the rules of Bench2Drive 0.0.3 or later; "
+            "`drive-robust score` prints the totals of such a file."
+        )
+    found = []
+    for kind in InfractionKind:
+        if kind.value == SPEED_LIST:
+            continue
+        for number, message in enumerate(record.infractions[kind.value]):
+            share = shares[number] if shares and kind is InfractionKind.OUTSIDE_LANES else 0.0
+            found.append(Infraction(kind, 0, message, *place_of(message), share))
+    return tuple(found)
+
+
+def _own(
+    record: OfficialRecord, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
+) -> EpisodeResult:
+    """What the export kept, when the official part still says the same."""
+    where = f"{record.where}: what the export kept"
+    told = episode_from_fields(fields, _empty(), where=where)
+    for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
+        if given != wanted:
+            raise UsageError(f"{record.where} was driven with the {name} {given!a}, but is given for {wanted!a}.")
+    _require_same(record, told)
+    stored = _stored(record, folders)
+    if stored is not None and stored.episode == told.episode and stored.trace.digest == fields.get("trace_digest"):
+        _require_same(record, stored)
+        return stored
+    return episode_from_fields(fields, _logged(record, folders), where=where)
+
+
+def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
+    """Raises `UsageError` when the official part was changed after the export: which of the two is true?"""
+    written = record_of(result, index=0, town="", stamp="")
+    scores = record.route_pct, record.penalty, record.score
+    same = (
+        written["route_id"] == record.route_id
+        and result.scenario == record.scenario
+        and written["status"] == record.status
+        and {name: tuple(messages) for name, messages in written["infractions"].items()} == dict(record.infractions)
+        and all(
+            abs(written["scores"][name] - score) <= 1e-9
+            for name, score in zip(("score_route", "score_penalty", "score_composed"), scores, strict=True)
+        )
+    )
+    if not same:
+        raise UsageError(f"{record.where} was edited after its export: its scores and what it kept disagree.")
+
+
+def _stored(record: OfficialRecord, folders: Sequence[Path]) -> EpisodeResult | None:
+    from pytest_drive_robust.store.record_files import read_episode
+
+    for folder in folders:
+        log = find_log(folder, record.save_name)
+        path = None if log is None else log.with_name(EPISODE_FILE)
+        if path is not None and path.is_file():
+            try:
+                return read_episode(path)
+            except (OSError, ValueError) as error:
+                raise UsageError(f"{str(path)!a} is damaged: {error}. Export the run again, or remove it.") from None
+    return None
+
+
+def _logged(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
+    log = next((path for folder in folders if (path := find_log(folder, record.save_name)) is not None), None)
+    if log is None:
+        return _empty()
+    return trace_from(read_log(log))
+
+
+def _empty() -> Trace:
+    import numpy as np
+
+    return Trace(np.zeros((0, len(Trace.COLUMNS))))

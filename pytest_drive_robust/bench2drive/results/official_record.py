@@ -1,0 +1,147 @@
+"""One route of an official result file, checked: what is not as the schema says is refused, never guessed.
+
+Schema: Bench2Drive `leaderboard/utils/statistics_manager.py`, `RouteRecord`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pytest_drive_robust.bench2drive.results.safe_json import finite, shown
+from pytest_drive_robust.bench2drive.results.statuses import STATUSES, SUCCESSES, is_harness_error
+from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+__all__ = ["EXTENSION", "LISTS", "OfficialRecord", "read_record"]
+
+LISTS = tuple(kind.value for kind in InfractionKind)
+"""The twelve lists of messages that every record has."""
+EXTENSION = "drive_robust"
+"""The key under which our exports keep what the official schema has no place for."""
+SPEED_LIST = InfractionKind.MIN_SPEED.value
+_ROUTE_ID = re.compile(r"RouteScenario_(.{1,200})_rep([0-9]{1,9})", re.DOTALL)
+_NUMBERED = re.compile(r"_[0-9]+\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class OfficialRecord:
+    """`route` and `repetition` are the two parts of `route_id`; `route_pct` and `score` are 0..100, `penalty` 0..1.
+
+    `scenario` is the type: the record's scenario name without its number. `game_s` and `wall_s` are at least 0.
+    `own` is what our export added, None for records of others. `where` says which record of which file, for messages.
+    """
+
+    where: str
+    route_id: str
+    route: str
+    repetition: int
+    scenario: str
+    town: str
+    save_name: str
+    status: str
+    infractions: Mapping[str, tuple[str, ...]]
+    route_pct: float
+    penalty: float
+    score: float
+    length_m: float
+    game_s: float
+    wall_s: float
+    own: Mapping[str, Any] | None = field(default=None, repr=False)
+
+    @property
+    def is_success(self) -> bool:
+        """The official rule: completed, and no message but those about the speed, in whatever list."""
+        clear = all(not messages for name, messages in self.infractions.items() if name != SPEED_LIST)
+        return self.status in SUCCESSES and clear
+
+    @property
+    def is_harness_error(self) -> bool:
+        """True when the record says nothing about the agent."""
+        return is_harness_error(self.status)
+
+    @property
+    def obeyed_signs(self) -> bool:
+        """No red light and no stop sign was run."""
+        return not any(self.infractions[kind.value] for kind in (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN))
+
+
+def read_record(given: object, where: str) -> OfficialRecord:
+    """The record in a JSON value. Raises `UsageError` that names `where` and what was expected."""
+    fields = _mapping(given, where)
+    route_id = _text(fields, "route_id", where)
+    parts = _ROUTE_ID.fullmatch(route_id)
+    if parts is None:
+        raise UsageError(f"{where}: route_id is {shown(route_id)}, expected 'RouteScenario_<id>_rep<number>'.")
+    where = f"{where} ({shown(route_id, quotes=False)})"
+    status = _text(fields, "status", where)
+    if status not in STATUSES:
+        raise UsageError(f"{where}: {UnknownNameError.of('status', shown(status, quotes=False), STATUSES)}")
+    scores, meta = _mapping(fields.get("scores"), f"{where}, scores"), _mapping(fields.get("meta"), f"{where}, meta")
+    own = fields.get(EXTENSION)
+    return OfficialRecord(
+        where=where,
+        route_id=route_id,
+        route=parts.group(1),
+        repetition=int(parts.group(2)),
+        scenario=_NUMBERED.sub("", _optional_text(fields, "scenario_name", where)),
+        town=_optional_text(fields, "town_name", where),
+        save_name=_optional_text(fields, "save_name", where),
+        status=status,
+        infractions=_infractions(fields.get("infractions"), where),
+        route_pct=_number(scores, "score_route", where, high=100.0),
+        penalty=_number(scores, "score_penalty", where, high=1.0),
+        score=_number(scores, "score_composed", where, high=100.0),
+        length_m=_number(meta, "route_length", where),
+        game_s=_duration_s(meta, "duration_game", where),
+        wall_s=_duration_s(meta, "duration_system", where),
+        own=None if own is None else _mapping(own, f"{where}, {EXTENSION}"),
+    )
+
+
+def _infractions(given: object, where: str) -> dict[str, tuple[str, ...]]:
+    lists = _mapping(given, f"{where}, infractions")
+    for name in LISTS:
+        if name not in lists:
+            raise UsageError(
+                f"{where}: the infractions have no list {name!r}. Expected the twelve: {', '.join(LISTS)}."
+            )
+    found = {}
+    for name, messages in lists.items():
+        if not isinstance(messages, list) or not all(isinstance(message, str) for message in messages):
+            raise UsageError(f"{where}: the infractions {shown(name)} are no list of sentences.")
+        found[name] = tuple(messages)
+    return found
+
+
+def _mapping(given: object, where: str) -> Mapping[str, Any]:
+    if not isinstance(given, dict):
+        raise UsageError(f"{where} is {shown(given)}, expected an object with names and values.")
+    return given
+
+
+def _text(fields: Mapping[str, Any], name: str, where: str) -> str:
+    value = fields.get(name)
+    if not isinstance(value, str):
+        raise UsageError(f"{where}: {name} is {shown(value)}, expected text.")
+    return value
+
+
+def _optional_text(fields: Mapping[str, Any], name: str, where: str) -> str:
+    """A route that never began has null there."""
+    return "" if fields.get(name) is None else _text(fields, name, where)
+
+
+def _number(fields: Mapping[str, Any], name: str, where: str, *, high: float | None = None) -> float:
+    value = finite(fields.get(name))
+    if value is None or value < 0.0 or (high is not None and value > high):
+        bounds = "of 0 or more" if high is None else f"in 0..{high:g}"
+        raise UsageError(f"{where}: {name} is {shown(fields.get(name))}, expected a number {bounds}.")
+    return value
+
+
+def _duration_s(fields: Mapping[str, Any], name: str, where: str) -> float:
+    """The evaluator writes -1 for a time that it does not know."""
+    return 0.0 if finite(fields.get(name)) == -1.0 else _number(fields, name, where)

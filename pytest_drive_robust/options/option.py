@@ -1,0 +1,120 @@
+"""One option, stated once: as a field of the dataclass that holds its value.
+
+The field says flag, metavar, default, help and parser; `--help`, the ini key and reading are derived from it::
+
+    @dataclass(frozen=True, slots=True)
+    class RunOptions:
+        agent: str = option("--drive-agent", "NAME", "classical", "the agent under test")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import field, fields
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+__all__ = ["Given", "Option", "OptionSource", "combined", "option", "options_of", "read_fields", "switch", "was_given"]
+
+_OPTIONS, _PARSE = "options", "parse"
+
+
+class OptionSource(Protocol):
+    """The part of `pytest.Config` that options are read from."""
+
+    @property
+    def rootpath(self) -> Path:
+        """The folder that a relative `--drive-store` starts from."""
+        ...
+
+    def getoption(self, name: str) -> Any:
+        """Return the value of a command line option."""
+        ...
+
+    def getini(self, name: str) -> Any:
+        """Return the value of an ini key."""
+        ...
+
+
+class Option(NamedTuple):
+    """One command line option with the ini key of the same meaning. The command line wins.
+
+    `bare` is what the flag means without a value; empty where it needs one. A switch has neither value nor ini key.
+    """
+
+    flag: str
+    metavar: str
+    default: str
+    help: str
+    bare: str = ""
+    is_switch: bool = False
+
+    @property
+    def name(self) -> str:
+        """The ini key, and what pytest calls the value: `"drive_agent"`."""
+        return self.flag.lstrip("-").replace("-", "_")
+
+
+class Given(NamedTuple):
+    """The text that an option was given, or its default. `source` is None where defaults are read."""
+
+    flag: str
+    text: str
+    source: OptionSource | None = None
+
+
+def _as_text(given: Given) -> str:
+    return given.text
+
+
+def option(
+    flag: str, metavar: str, default: str, help: str, *, bare: str = "", parse: Callable[[Given], Any] = _as_text
+) -> Any:
+    """Return a dataclass field that is one option; `parse` makes its value and raises `UsageError`."""
+    return combined(Option(flag, metavar, default, help, bare), parse=parse)
+
+
+def switch(flag: str, help: str) -> Any:
+    """Return a dataclass field that is True where the flag was given."""
+    return combined(Option(flag, "", "", help, is_switch=True), parse=lambda given: bool(given.text))
+
+
+def combined(*options: Option, parse: Callable[..., Any]) -> Any:
+    """Return a dataclass field whose value `parse` makes of several options, in their order."""
+    return field(
+        default_factory=lambda: parse(*(Given(option.flag, option.default) for option in options)),
+        metadata={_OPTIONS: options, _PARSE: parse},
+    )
+
+
+def options_of(cls: Any, name: str = "") -> tuple[Option, ...]:
+    """Return the options of a dataclass, or of its field `name`, in the order of the fields."""
+    return tuple(
+        option for item in fields(cls) if name in ("", item.name) for option in item.metadata.get(_OPTIONS, ())
+    )
+
+
+def read_fields(cls: Any, source: OptionSource) -> dict[str, Any]:
+    """Return the values of all fields that are options. Raises `UsageError` for values that cannot be used."""
+    return {
+        item.name: item.metadata[_PARSE](*(_given(option, source) for option in item.metadata[_OPTIONS]))
+        for item in fields(cls)
+        if _OPTIONS in item.metadata
+    }
+
+
+def was_given(option: Option, source: OptionSource) -> bool:
+    """Return True when the command line or the ini file says something about an option."""
+    return bool(_text(option, source))
+
+
+def _given(option: Option, source: OptionSource) -> Given:
+    return Given(option.flag, _text(option, source) or option.default, source)
+
+
+def _text(option: Option, source: OptionSource) -> str:
+    """The command line's value, else the ini file's, else nothing."""
+    value = source.getoption(option.name)
+    if option.is_switch:
+        return "on" if value else ""
+    return str(source.getini(option.name) if value is None else value).strip()

@@ -1,0 +1,141 @@
+"""From the text of an option to its value. Every parser raises `UsageError`, which names the flag."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+from pytest_drive_robust.options.option import Given
+
+__all__ = [
+    "check_seeds",
+    "gigabytes",
+    "one_of",
+    "seconds",
+    "seed_list",
+    "share",
+    "store_folder",
+    "time_limit_s",
+    "writable_file",
+]
+
+_DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?"
+_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+
+def one_of(names: tuple[str, ...], what: str) -> Callable[[Given], str]:
+    """Return a parser of one of the names; `what` is what people call them: `"metric mode"`."""
+
+    def parse(given: Given) -> str:
+        if given.text not in names:
+            raise UnknownNameError.of(what, given.text, names, hint=f"Set it with {given.flag}.")
+        return given.text
+
+    return parse
+
+
+def seed_list(given: Given) -> tuple[int, ...]:
+    """Return `"0,1"` as distinct whole numbers >= 0."""
+    words = [word.strip() for word in given.text.split(",")]
+    if not all(word.isdecimal() for word in words):
+        raise UsageError(
+            f"{given.flag} is {given.text!r}, expected whole numbers >= 0 with commas between them, as in 0,1."
+        )
+    return check_seeds((int(word) for word in words), source=given.flag)
+
+
+def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
+    """Return the seeds when they are distinct whole numbers >= 0 and at least one; an error names `source`."""
+    numbers: list[int] = []
+    for seed in seeds:
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise UsageError(f"{source} holds {seed!r}, expected whole numbers >= 0.")
+        if seed in numbers:
+            raise UsageError(f"{source} holds seed {seed} twice: the same episode would count double.")
+        numbers.append(seed)
+    if not numbers:
+        raise UsageError(f"{source} is empty, expected at least one seed.")
+    return tuple(numbers)
+
+
+def share(given: Given) -> float:
+    """Return a number that shall lie between 0 and 1; whoever uses it checks the bounds."""
+    try:
+        return float(given.text)
+    except ValueError:
+        raise UsageError(
+            f"{given.flag} is {given.text!r}, expected a number between 0 and 1, as in {given.flag} 0.10."
+        ) from None
+
+
+def seconds(given: Given) -> float | None:
+    """Return a number of seconds > 0, None for nothing."""
+    if not given.text:
+        return None
+    value = _number(given.text)
+    if not (math.isfinite(value) and value > 0):
+        raise UsageError(f"{given.flag} is {given.text!r}, expected seconds > 0, as in {given.flag} 60.")
+    return value
+
+
+def time_limit_s(given: Given) -> float | None:
+    """Return `"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds > 0, None for nothing and for `"none"`."""
+    if given.text in ("", "none"):
+        return None
+    match = re.fullmatch(_DURATION, given.text)
+    value = float(match["number"]) * _SECONDS[(match["unit"] or "s").lower()] if match else math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise UsageError(f"{given.flag} is {given.text!r}, expected a time such as 90s, 20m or 1.5h.")
+    return value
+
+
+def gigabytes(given: Given) -> int | None:
+    """Return gigabytes > 0, as in `"4"`, in bytes, None for nothing."""
+    if not given.text:
+        return None
+    value = _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
+    if not (math.isfinite(value) and value > 0):
+        raise UsageError(f"{given.flag} is {given.text!r}, expected gigabytes > 0, as in {given.flag} 4.")
+    return int(value * 1e9)
+
+
+def writable_file(given: Given) -> Path | None:
+    """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
+    if not given.text:
+        return None
+    flag, path = given.flag, Path(given.text).absolute()
+    if path.is_dir():
+        example = f"{given.text}/run{flag.replace('--drive-', '.')}"
+        raise UsageError(f"{flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
+    if not path.parent.is_dir():
+        missing = str(path.parent)
+        raise UsageError(f"{flag} is {given.text!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
+    if not os.access(path.parent, os.W_OK):
+        raise UsageError(f"{flag} is {given.text!r}, but {str(path.parent)!r} cannot be written to.")
+    return path
+
+
+def store_folder(given: Given) -> str:
+    """Return the folder of the store, or `"off"`."""
+    if given.source is not None and (given.source.rootpath / given.text).is_file():
+        raise UsageError(f"{given.flag} is {given.text!r}, which is a file; expected a folder, or off.")
+    return given.text
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _similar(folder: Path) -> str:
+    """A nearby folder that does exist, as a sentence of its own."""
+    if not folder.parent.is_dir():
+        return ""
+    close = nearest(folder.name, [entry.name for entry in folder.parent.iterdir() if entry.is_dir()])
+    return f" Did you mean {str(folder.parent / close)!r}?" if close else ""

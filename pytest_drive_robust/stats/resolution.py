@@ -1,0 +1,103 @@
+"""What so many routes can show, before anything is driven: one formula, SE(RD) = noise / sqrt(routes).
+
+`noise` is k = sd(D) / mean(clean): 0.25 to 0.35 for an agent that drives well, 0.35 to 0.5 for others. For a plain mean
+(DS, SR) the same formulas hold with the standard deviation of the metric over routes as noise and its unit as margin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T
+
+__all__ = ["USUAL_NOISE", "Advice", "advise", "resolution", "routes_needed"]
+
+USUAL_NOISE = 0.45
+"""The noise of RD for an agent that we know nothing about."""
+
+_POWER = 0.90
+_RANGE_PER_MEAN = 2.0
+"""The top score as a multiple of the mean clean score: 2 for an agent at half of it."""
+_COARSE = 0.30
+_WANTED = 100
+_ACCEPTED = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """Whether so many routes can carry a margin: `"fine"`, `"warn"`, `"refuse"`; `text` is empty when fine."""
+
+    level: Literal["fine", "warn", "refuse"]
+    text: str
+    resolution: float
+
+
+def resolution(
+    routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
+) -> float:
+    """The smallest violation that a gate on `routes` pairs catches with probability `power`.
+
+    Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
+    they own in so few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1
+    for RD and SR, 100 for DS). The answer may lie beyond it: then no violation is ever caught.
+
+    >>> round(resolution(50), 2)
+    0.19
+    """
+    if routes < 1:
+        raise ValueError(f"{routes} routes can show nothing. Expected 1 or more.")
+    sampling = _standard_errors(alpha, power) * noise / math.sqrt(routes)
+    if routes >= FEWEST_FOR_T:
+        return sampling
+    growth = math.pow(len(BETS) / (EARLY_SHARE * alpha), 1.0 / routes)
+    return max(sampling, scale * _RANGE_PER_MEAN * (growth - 1.0) / max(BETS))
+
+
+def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER) -> int:
+    """How many routes catch a violation of `margin` with probability `power`; 20 at least.
+
+    >>> routes_needed(0.10)
+    187
+    """
+    if not margin > 0.0:
+        raise ValueError(f"the margin is {margin!r}, expected a number above 0.")
+    wanted = _standard_errors(alpha, power) * noise / margin
+    return max(FEWEST_FOR_T, math.ceil(wanted**2))
+
+
+def advise(
+    routes: int, margin: float, noise: float = USUAL_NOISE, *, what: str = "RD", scale: float = 1.0, alpha: float = 0.05
+) -> Advice:
+    """The words for the collection of a gate on `routes` routes with this margin.
+
+    Refused: fewer than 20 routes, unless the margin is 0.30 of the `scale` (the metric's range: 1 for RD and SR, 100
+    for DS) or more. Warned: a margin finer than the resolution, fewer than 50 routes.
+    """
+    finest = resolution(routes, noise, alpha=alpha, scale=scale)
+    needed = routes_needed(margin, noise, alpha=alpha)
+    shown = f"{routes} {'route' if routes == 1 else 'routes'}"
+    wish = f"asked margin {margin:.2f} needs about {math.ceil(needed / 10) * 10} routes"
+    if routes < FEWEST_FOR_T and margin < _COARSE * scale:
+        least = f"Give {FEWEST_FOR_T} routes or more, or a margin of {_COARSE * scale:g} or more"
+        return Advice("refuse", f"{shown} cannot carry a verdict on {what}; {wish}. {least}.", finest)
+    if finest > margin:
+        catches = f"only catch violations larger than {finest:+.2f} {what} ({_POWER:.0%})"
+        text = f"{shown} can {catches if finest < scale else 'catch no violation at all'}; {wish}"
+        return Advice("warn", text, finest)
+    if routes < _ACCEPTED:
+        text = (
+            f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"
+        )
+        return Advice("warn", text, finest)
+    return Advice("fine", "", finest)
+
+
+def _standard_errors(alpha: float, power: float) -> float:
+    """How many standard errors away a truth must be, so that the last look finds it with this power."""
+    from scipy.special import ndtri
+
+    normal: Callable[[float], float] = ndtri
+    return float(normal(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal(power))

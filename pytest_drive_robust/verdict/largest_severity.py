@@ -1,0 +1,214 @@
+"""The largest severity at which a requirement still holds: bisection over a ladder, and the bracket that it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import total_ordering
+from itertools import pairwise
+from typing import Literal
+
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.metrics.table import Metric
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.ladder import Ladder
+from pytest_drive_robust.verdict.evaluate import Decide, Verdict
+from pytest_drive_robust.verdict.requirement import Requirement, known_metric
+
+__all__ = ["ALPHA", "Answer", "Bracket", "SearchRule", "SeverityProbe", "bisect", "contradictions", "largest"]
+
+Answer = Literal["holds", "breaks", "undecided"]
+SearchRule = Literal["evidence", "point"]
+ALPHA = 0.1
+"""Per severity and side. A bisection asks some five severities, and only those at the crossing are in doubt."""
+
+_NO_MARGIN = 1e-9
+"""None at all: the crossing itself is searched. A rule needs a number above 0."""
+
+_FEWEST_FOR_EVIDENCE = 20
+_ANSWERS: dict[str, Answer] = {"pass": "holds", "fail": "breaks"}
+
+_NOTABLE = 0.05
+"""A milder severity that is worse by more than this share of the metric's range contradicts "the more, the worse"."""
+
+
+@dataclass(frozen=True, slots=True)
+class SeverityProbe:
+    """One severity that was tried. `value` is the metric over the `routes` that were read.
+
+    `answer` is `"undecided"` when neither side could be shown; whether the value `meets` the limit then says where the
+    search goes on.
+    """
+
+    level: float
+    answer: Answer
+    value: float
+    meets: bool
+    routes: int
+
+    @property
+    def goes_up(self) -> bool:
+        """True when the search goes on above this level."""
+        return self.answer == "holds" or (self.answer == "undecided" and self.meets)
+
+
+@total_ordering
+@dataclass(frozen=True, eq=False)
+class Bracket:
+    """Between which severities `metric comparison limit` stops to hold.
+
+    `holds` is the largest severity that was shown to hold with nothing broken below it, None when the mildest one did
+    not; `breaks` the smallest that was shown to break, None when the most severe one did not. `rule` says what "shown"
+    means: `"evidence"` (`stats.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all routes
+    compared with the limit: too few routes for more). `warnings` are sentences.
+
+    Compares by severity with a perturbation or a number: `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
+    What compares is `holds`: the severity that was shown, not the one that was hoped for.
+    """
+
+    ladder: Ladder
+    metric: Metric
+    comparison: str
+    limit: float
+    rule: SearchRule
+    alpha: float
+    probes: tuple[SeverityProbe, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def breaks(self) -> float | None:
+        """The smallest severity that breaks."""
+        return next((probe.level for probe in self._mild_first() if probe.answer == "breaks"), None)
+
+    @property
+    def holds(self) -> float | None:
+        """The largest severity that holds, below everything that breaks."""
+        best = None
+        for probe in self._mild_first():
+            if probe.answer == "breaks":
+                break
+            best = probe.level if probe.answer == "holds" else best
+        return best
+
+    @property
+    def undecided(self) -> tuple[float, ...]:
+        """The severities that were tried without an answer, mildest first."""
+        return tuple(probe.level for probe in self._mild_first() if probe.answer == "undecided")
+
+    @property
+    def sentence(self) -> str:
+        """`"holds at 140 ms, breaks at 160 ms"`."""
+        label = self.ladder.label
+        mildest, worst = self.ladder.levels[0], self.ladder.levels[-1]
+        parts = [f"holds at {label(self.holds)}"] if self.holds is not None else []
+        if self.breaks is not None:
+            already = " already" if self.breaks == mildest else ""
+            parts.append(f"breaks{already} at {label(self.breaks)}")
+        elif self.holds == worst:
+            parts[-1] += ", the most severe one tried"
+        if self.undecided:
+            parts.append(f"undecided at {', '.join(map(label, self.undecided))}")
+        return ", ".join(parts)
+
+    @property
+    def basis(self) -> str:
+        """What the bracket rests on, in words."""
+        read = [probe.routes for probe in self.probes]
+        if self.rule == "point":
+            return f"point rule on {max(read)} routes, too few to show more"
+        routes = f"{min(read)} to {max(read)}" if min(read) < max(read) else f"{max(read)}"
+        return f"evidence at {self.alpha:g} a side, margin 0, {routes} routes a severity"
+
+    def __str__(self) -> str:
+        limit = self.metric.format_limit(self.limit)
+        head = f"{self.metric} {self.comparison} {limit} under {self.ladder.word}: {self.sentence} ({self.basis})"
+        return "\n  ".join([head, *self.warnings])
+
+    __repr__ = __str__
+
+    def __eq__(self, other: object) -> bool:
+        severity = self._severity_of(other)
+        return NotImplemented if severity is None else self._reach() == severity
+
+    def __lt__(self, other: object) -> bool:
+        severity = self._severity_of(other)
+        return NotImplemented if severity is None else self._reach() < severity
+
+    __hash__ = object.__hash__
+
+    def _reach(self) -> float:
+        return float("-inf") if self.holds is None else self.ladder.severity(self.holds)
+
+    def _severity_of(self, other: object) -> float | None:
+        if isinstance(other, Bracket):
+            return other._reach()
+        if isinstance(other, Perturbation):
+            other = self.ladder.level_of(other)
+        return self.ladder.severity(other) if isinstance(other, (int, float)) else None
+
+    def _mild_first(self) -> list[SeverityProbe]:
+        return sorted(self.probes, key=lambda probe: self.ladder.severity(probe.level))
+
+
+def largest(
+    ladder: Ladder, decide: Decide, *, routes: int, metric: Metric | str, limit: float, comparison: str | None = None
+) -> Bracket:
+    """Return the bracket within which `metric comparison limit` stops to hold as the severity grows.
+
+    With 20 `routes` or more, each severity is judged from evidence with margin 0, which stops as soon as it is decided;
+    a severity that stays undecided sends the search to the side on which its value lies. With fewer, the value over all
+    routes is compared with the limit. The severities that are tried depend on the answers alone, not on what else the
+    run has driven; episodes that it has are not driven again.
+
+    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `RequirementError` for a metric or a
+    limit that no requirement can have, and `ComparisonError` where a severity cannot be judged.
+    """
+    known = known_metric(metric) if isinstance(metric, str) else metric
+    compares = comparison or (">=" if known.higher_is_better else "<=")
+    rule: SearchRule = "evidence" if routes >= _FEWEST_FOR_EVIDENCE and known.function is None else "point"
+    verdict_rule = VerdictRule(rule, margin=_NO_MARGIN, alpha=ALPHA)
+
+    def requirement(level: float) -> Requirement:
+        return Requirement(known, Setting.of(ladder.at(level)), compares, limit)
+
+    def ask(level: float) -> SeverityProbe:
+        return _probe(level, decide(requirement(level), verdict_rule))
+
+    probes = bisect(ladder, ask)
+    warnings = contradictions(ladder, known, probes)
+    return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
+
+
+def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[SeverityProbe, ...]:
+    """Try levels until two neighbours lie on different sides, in the order of trying.
+
+    It finds a crossing and supposes that there is only one (see `contradictions`).
+    """
+    below, above = -1, len(ladder.levels)
+    probes = []
+    while above - below > 1:
+        middle = (below + above) // 2
+        probes.append(ask(ladder.levels[middle]))
+        below, above = (middle, above) if probes[-1].goes_up else (below, middle)
+    return tuple(probes)
+
+
+def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProbe]) -> tuple[str, ...]:
+    """Where a milder severity is clearly worse than a more severe one: then "the largest" is only one crossing."""
+    ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
+    span = metric.high - metric.low
+    notable = _NOTABLE * (span if 0.0 < span < float("inf") else 1.0 if metric.needs_clean else 100.0)
+    sign = 1.0 if metric.higher_is_better else -1.0
+    for mild, severe in pairwise(ordered):
+        if sign * (severe.value - mild.value) > notable:
+            return (
+                f"not monotonic: {metric} {metric.format(mild.value)} at {ladder.label(mild.level)} but "
+                f"{metric.format(severe.value)} at {ladder.label(severe.level)}: there may be more than one crossing.",
+            )
+    return ()
+
+
+def _probe(level: float, verdict: Verdict) -> SeverityProbe:
+    answer = _ANSWERS.get(verdict.decision, "undecided")
+    meets = verdict.requirement.is_met_by(verdict.value)
+    return SeverityProbe(level, answer, verdict.value, meets, verdict.routes)

@@ -1,0 +1,231 @@
+"""A requirement: metric, setting, comparison, limit. `"RD under 200 ms latency <= 0.30"` is one.
+
+It knows what `stats` reads of it under a rule: two linear forms of one route's scores, and the margin in its own unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import RequirementError, nearest
+from pytest_drive_robust.metrics.table import METRICS, Metric
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.ladder import ladder_of
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
+from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
+
+__all__ = ["MarginRequirement", "Requirement", "Unjudged", "by_evidence", "known_metric", "metric_names", "requirement"]
+
+ANY_TICK_S = 0.05
+"""Any will do where a ladder is built for its field and unit, not for its steps."""
+
+_SCORE_RANGE = 100.0
+_COMPARISONS = ("<=", ">=")
+
+
+def known_metric(name: str) -> Metric:
+    """The metric of that name. Raises `RequirementError` with the nearest name, or what a broken plugin raises."""
+    if name in METRICS:
+        return METRICS[name]
+    names = metric_names()
+    if name not in names:
+        close = nearest(name, names)
+        hint = f" Did you mean {close!r}?" if close else ""
+        raise RequirementError(f"there is no metric named {name!r}.{hint} Expected one of {', '.join(names)}.")
+    return Metric.from_function(name, default_registry().metric(name))
+
+
+def metric_names() -> list[str]:
+    """Every name that `known_metric` knows, the built-in ones first."""
+    return [*METRICS, *(name for name, _ in default_registry().names("metrics") if name not in METRICS)]
+
+
+@dataclass(frozen=True, init=False)
+class Requirement:
+    """What must hold for an agent; judged by `evaluate.evaluate`.
+
+    `metric` is RD, DS (0..100), SR (0..1), efficiency or comfort (percent) or a registered one and may be given by its
+    name, `comparison` is `"<="` or `">="`, a value equal to the limit passes. `str()` is the sentence that
+    `parse_requirement` reads.
+
+    Raises `RequirementError` for an unknown metric, a limit outside the metric's range, and for requirements that
+    cannot fail: RD under clean, DS >= 0, SR <= 1.
+    """
+
+    metric: Metric
+    setting: Setting
+    comparison: str
+    limit: float
+
+    def __init__(self, metric: Metric | str, setting: Setting, comparison: str, limit: float) -> None:
+        metric = known_metric(metric) if isinstance(metric, str) else metric
+        if comparison not in _COMPARISONS:
+            raise RequirementError(f"{comparison!r} compares nothing. Expected '<=' or '>='.")
+        limit = _checked_limit(metric, comparison, limit)
+        if metric.needs_clean and setting == setting.baseline:
+            raise RequirementError(
+                f"{metric} under {setting} is always 0, because it compares with {setting.baseline}. "
+                f"Name a perturbation ('{metric} under 200 ms latency {comparison} 0.30') or ask for a "
+                "driving score ('DS under clean >= 60')."
+            )
+        for name, value in (("metric", metric), ("setting", setting), ("comparison", comparison), ("limit", limit)):
+            object.__setattr__(self, name, value)
+
+    def __hash__(self) -> int:
+        return hash(str(self))  # perturbations are mutable, so the fields have no hash
+
+    def __str__(self) -> str:
+        return f"{self.metric} under {self.setting} {self.comparison} {self.metric.format_limit(self.limit)}"
+
+    def __bool__(self) -> NoReturn:
+        raise RequirementError(
+            f"'{self}' is a requirement, not yet a verdict. Judge it with drive.check(...) instead of asserting it."
+        )
+
+    @property
+    def id(self) -> str:
+        """A test id of `A-Z a-z 0-9 _ . -`: `"rd-200ms-latency-le-0.30"`, different for different requirements."""
+        comparison = "le" if self.comparison == "<=" else "ge"
+        limit = self.metric.format_limit(self.limit)
+        return f"{_slug(self.metric.name)}-{_slug(str(self.setting))}-{comparison}-{_slug(limit)}"
+
+    @property
+    def needs_clean(self) -> bool:
+        """True when the clean episodes must be driven to judge it."""
+        return self.metric.needs_clean
+
+    def is_met_by(self, value: float) -> bool:
+        """True when `value` is on the right side of the limit or equal to it."""
+        return value <= self.limit if self.comparison == "<=" else value >= self.limit
+
+    def reads_routes(self, verdict_rule: VerdictRule) -> bool:
+        """True when the verdict is read route by route; a user's function over all episodes cannot be."""
+        return verdict_rule.kind != "point" and self.metric.function is None
+
+    def margin(self, verdict_rule: VerdictRule) -> float:
+        """Return the margin of `verdict_rule` in the unit of the metric."""
+        return verdict_rule.margin * self._range
+
+    def linear_forms(self, verdict_rule: VerdictRule) -> LinearForms:
+        """Return what the judges of `stats` read of one route's scores."""
+        margin, metric = self.margin(verdict_rule), self.metric
+        if metric.needs_clean:
+            return degradation_forms(self.limit, margin, comparison=self.comparison)
+        return mean_forms(self.limit, self.comparison, margin=margin, low=metric.low, high=metric.high)
+
+    def advice(self, verdict_rule: VerdictRule, routes: int) -> Advice:
+        """Return what so many routes can show of it, by the usual noise; `"fine"` where no evidence is asked for."""
+        if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
+            return Advice("fine", "", 0.0)
+        noise, margin = USUAL_NOISE * self._range, self.margin(verdict_rule)
+        return advise(routes, margin, noise, what=self.metric.name, scale=self._range, alpha=verdict_rule.alpha)
+
+    @property
+    def _range(self) -> float:
+        span = 1.0 if self.needs_clean else self.metric.high - self.metric.low
+        return span if math.isfinite(span) else _SCORE_RANGE
+
+
+class MarginRequirement(Requirement):
+    """How much of one failure must be survived: `latency margin >= 150 ms (RD <= 0.30)`.
+
+    It is the requirement at that severity, `RD under 150 ms latency <= 0.30`, said from the other side: judged by the
+    same rule, and when it is not met the message says how far the agent does get (`drive.largest`). The other
+    severities of the failure have their defaults; for others use `drive.largest` on an object.
+    """
+
+    @property
+    def perturbation(self) -> Perturbation:
+        """The failure at the severity that must be survived."""
+        return self.setting.perturbations[0]
+
+    @property
+    def id(self) -> str:
+        """A test id: `"latency-margin-ge-150ms-rd-le-0.30"`."""
+        return _slug(str(self).replace(">=", "ge").replace("<=", "le"))
+
+    def __str__(self) -> str:
+        ladder = ladder_of(self.perturbation, dt_s=ANY_TICK_S)
+        level = ladder.label(ladder.level_of(self.perturbation))
+        limit = self.metric.format_limit(self.limit)
+        return f"{ladder.word} margin >= {level} ({self.metric} {self.comparison} {limit})"
+
+
+@dataclass(frozen=True)
+class Unjudged:
+    """A metric under a setting that waits for its limit: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`."""
+
+    metric: Metric
+    setting: Setting
+
+    def __le__(self, limit: float) -> Requirement:
+        return Requirement(self.metric, self.setting, "<=", limit)
+
+    def __ge__(self, limit: float) -> Requirement:
+        return Requirement(self.metric, self.setting, ">=", limit)
+
+    def __bool__(self) -> NoReturn:
+        raise RequirementError(f"'{self.metric} under {self.setting}' has no limit yet. Add '<= limit' or '>= limit'.")
+
+
+def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) -> Unjudged:
+    """The object form of a sentence: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`.
+
+    Raises `RequirementError` for an unknown metric; the limit is checked when it is compared with.
+    """
+    known = known_metric(metric)
+    if isinstance(setting, Perturbation):
+        return Unjudged(known, Setting.of(setting))
+    if not isinstance(setting, Setting):
+        raise RequirementError(
+            f"{setting!r} is no setting. Expected a perturbation such as InferenceLatency(ms=200), a stack of them "
+            "('+'), or a sentence parsed by Setting.parse."
+        )
+    return Unjudged(known, setting)
+
+
+def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) -> int:
+    """Return how many verdicts from evidence a test with `requirements` gives; 1 when they are not known."""
+    if verdict_rule.kind != "evidence":
+        return 0
+    return sum(item.reads_routes(verdict_rule) for item in requirements) if requirements else 1
+
+
+def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
+    """The limit as a float that the metric can reach and can miss."""
+    try:
+        number = float(limit)
+    except (TypeError, ValueError):
+        raise RequirementError(f"the limit of {metric.name} is {limit!r}, expected a number.") from None
+    # RD has no lower end, but a perturbed score of twice the clean one is a mistake in the sentence, not a wish.
+    low, high = (-1.0, 1.0) if metric.needs_clean else (metric.low, metric.high)
+    if not math.isfinite(number) or not low <= number <= high:
+        raise RequirementError(f"the limit of {metric.name} is {number:g}, expected {_range(low, high)}.")
+    if metric.needs_clean and number == low:
+        raise RequirementError(f"the limit of {metric.name} is {number:g}, expected a number above {low:g}.")
+    always = metric.high if comparison == "<=" else metric.low
+    if number == always:
+        raise RequirementError(
+            f"{metric.name} {comparison} {number:g} holds for every agent, so it can never fail. "
+            f"Expected a limit {'below' if comparison == '<=' else 'above'} {number:g}."
+        )
+    return number + 0.0  # -0.0 would print as "-0"
+
+
+def _range(low: float, high: float) -> str:
+    if math.isinf(low) and math.isinf(high):
+        return "a finite number"
+    return f"{low:g} or more" if math.isinf(high) else f"a number in {low:g}..{high:g}"
+
+
+def _slug(text: str) -> str:
+    """A part of a test id: `"GPS noise 5 m"` to `"gps-noise-5m"`."""
+    text = re.sub(r"(?<=\d) (?=(?:ms|m|s)\b)", "", text.lower())
+    text = re.sub(r"(?<![a-z0-9.])-(?=\d)", "minus ", text)
+    return re.sub(r"[^a-z0-9_.]+", "-", text.replace("e+", "e")).strip("-")

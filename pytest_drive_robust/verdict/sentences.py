@@ -1,0 +1,166 @@
+"""Sentences to requirements: `METRIC under SETTING <= LIMIT` or `FAILURE margin >= SEVERITY`, one a line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from textwrap import indent
+
+from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.verdict.nearest import nearest_sentence
+from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, known_metric
+
+__all__ = ["DEFAULT_LIMIT", "parse_requirement", "requirements"]
+
+Known = Mapping[str, type[Perturbation]]
+
+_FORM = "METRIC under SETTING <= LIMIT"
+_EXAMPLE = "RD under 200 ms latency <= 0.30"
+_COMPARISONS = {"<=": "<=", ">=": ">=", "≤": "<=", "≥": ">="}
+_COMPARISON = re.compile("<=|>=|≤|≥")
+# What people write instead; the "=" of a parameter such as "(mode=hold)" has no space before it.
+_NO_COMPARISON = re.compile(r"==|!=|=<|=>|<|>|(?<=\s)=|\b(?:is|below|above|at most|at least|less than|more than)\b")
+_DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = re.compile(_DIGITS)
+_MARGIN = re.compile(
+    rf"(?P<words>.+?)\s+margin\s*(?:>=|≥)\s*(?P<level>{_DIGITS})\s*(?P<unit>[a-z]*)"
+    rf"(?:\s*\((?P<metric>\w+)\s*(?P<comparison><=|>=|≤|≥)\s*(?P<limit>{_DIGITS})\))?",
+    re.IGNORECASE,
+)
+
+DEFAULT_LIMIT = 0.30
+"""The RD that a margin allows when its sentence does not say."""
+
+
+def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
+    """The requirements of a text, one a line, in order; blank lines and `#` comments are skipped.
+
+    `known` are the perturbations that sentences may use, every registered one by default. Raises one
+    `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
+    expected and the nearest valid sentence; lines that say the same twice; a text without any requirement.
+    """
+    known = default_registry().perturbations() if known is None else known
+    found: dict[str, tuple[int, Requirement]] = {}
+    problems: list[str] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        sentence = line.partition("#")[0].strip()
+        if not sentence:
+            continue
+        try:
+            parsed = parse_requirement(sentence, known=known)
+        except UsageError as error:
+            problems.append(f"line {number}: {sentence}\n{indent(str(error), '    ')}")
+            continue
+        first, _ = found.setdefault(str(parsed), (number, parsed))
+        if first != number:
+            problems.append(f"line {number}: {sentence}\n    says the same as line {first}. Remove one of them.")
+    if problems:
+        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+        raise RequirementError("\n  ".join([f"{count} in the requirements:", *problems]))
+    if not found:
+        raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
+    return [parsed for _, parsed in found.values()]
+
+
+def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
+    """The requirement that one sentence states; the inverse of `str()`.
+
+    Raises `RequirementError` with what was expected and the nearest valid sentence.
+    """
+    known = default_registry().perturbations() if known is None else known
+    sentence = " ".join(line.split())
+    try:
+        return _parse(sentence, known)
+    except UsageError as error:
+        suggestion = nearest_sentence(sentence, known, _canonical)
+        hint = f"\nNearest valid sentence: {suggestion}" if suggestion else ""
+        raise RequirementError(f"{error}{hint}") from None
+
+
+def _canonical(sentence: str, known: Known) -> str | None:
+    try:
+        return str(_parse(sentence, known))
+    except UsageError:
+        return None
+
+
+def _parse(sentence: str, known: Known) -> Requirement:
+    margin = _parse_margin(sentence, known)
+    if margin is not None:
+        return margin
+    comparison = _COMPARISON.search(sentence)
+    if comparison is None:
+        wrong = _NO_COMPARISON.search(sentence)
+        given = f"{wrong.group()!r} is no comparison here" if wrong else "there is no comparison"
+        raise RequirementError(f"{given}. Expected '<=' or '>=' before the limit: '{_FORM}'.")
+    metric, under, setting = _left_side(sentence[: comparison.start()].strip())
+    if not under:
+        raise RequirementError(f"the word 'under' is missing after the metric. Expected '{_FORM}'.")
+    known_metric(metric)  # an unknown metric is named before a setting that is missing
+    if not setting:
+        raise RequirementError(f"the setting after 'under' is missing. Expected 'clean' or a perturbation: '{_FORM}'.")
+    limit = _limit(metric, sentence[comparison.end() :].strip())
+    return Requirement(metric, Setting.parse(setting, known), _COMPARISONS[comparison.group()], limit)
+
+
+def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
+    """The requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
+
+    Raises `RequirementError` for a failure that nobody knows and for the wrong unit, `PerturbationError` for a severity
+    that the failure cannot have.
+    """
+    found = _MARGIN.fullmatch(sentence)
+    if found is None:
+        return None
+    ladder = _ladder(found["words"], known)
+    unit = found["unit"].lower()
+    if unit != ladder.unit:
+        given = f"has the unit {unit!r}" if unit else "has no unit"
+        raise RequirementError(
+            f"the severity {found['level']} {given}. Expected {ladder.unit or 'none'}: "
+            f"'{ladder.word} margin >= {found['level']} {ladder.unit}'.".replace(" '.", "'.")
+        )
+    metric = known_metric(found["metric"] or "RD")
+    comparison = _COMPARISONS[found["comparison"] or "<="]
+    limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
+    return MarginRequirement(metric, Setting.of(ladder.at(float(found["level"]))), comparison, limit)
+
+
+def _ladder(words: str, known: Known) -> Ladder:
+    by_word = {failure_word(cls).lower(): cls for cls in known.values()}
+    cls = by_word.get(" ".join(words.lower().split()))
+    if cls is None:
+        close = nearest(words, by_word)
+        hint = f" Did you mean {close!r}?" if close else ""
+        raise RequirementError(
+            f"there is no failure called {words!r}.{hint} Expected one of {', '.join(sorted(by_word))}."
+        )
+    try:
+        return ladder_of(cls, dt_s=ANY_TICK_S)
+    except PerturbationError as error:
+        raise RequirementError(str(error)) from None
+
+
+def _left_side(text: str) -> tuple[str, str, str]:
+    """Metric, the word "under" (or nothing) and setting of what stands before the comparison."""
+    words = text.split(" ", 2)
+    if len(words) < 2 or words[1] != "under":
+        return words[0], "", ""
+    return words[0], words[1], words[2] if len(words) == 3 else ""
+
+
+def _limit(metric: str, text: str) -> float:
+    if _NUMBER.fullmatch(text):
+        return float(text)
+    number = _NUMBER.match(text)
+    if number and text[number.end() :].strip() in ("%", "percent", "pct"):
+        value = float(number.group())
+        plain = value / 100.0 if metric in ("RD", "SR") else value
+        raise RequirementError(
+            f"the limit {text!r} has a unit. Expected a plain number: {known_metric(metric).format_limit(plain)}."
+        )
+    given = f"the limit is {text!r}" if text else "the limit is missing"
+    raise RequirementError(f"{given}. Expected a plain number such as 0.30 for RD and SR or 40 for DS.")

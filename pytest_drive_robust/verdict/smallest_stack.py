@@ -1,0 +1,185 @@
+"""From a stack of failures that breaks something to a small one that still does.
+
+Verdicts on driving are noisy, and a shrinker that believes every one of them ends at something that does not fail. So
+nothing is left out, and nothing made milder, unless the rest was judged `"fail"`; an open verdict keeps it. That is why
+hypothesis, whose shrinker takes one answer for the truth, does not do this.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import ComparisonError, PerturbationError
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
+from pytest_drive_robust.verdict.evaluate import Decide
+from pytest_drive_robust.verdict.requirement import Requirement
+
+__all__ = ["Fails", "MinimalFailure", "minimal_failing", "minimal_failure"]
+
+Fails = Callable[[Setting], "bool | str"]
+"""Does the agent fail under this setting? True or `"fail"` says so; anything else, `"inconclusive"` too, does not."""
+
+_TICK_S = 0.05
+
+
+@dataclass(frozen=True)
+class MinimalFailure:
+    """A setting that fails, of which nothing could be shown to be superfluous.
+
+    `given` is what it came from, `asked` every setting that was judged on the way with its answer. `confirmed` is what
+    the last look with fresh episodes said, None when nobody looked. `str()` is a test case to keep.
+    """
+
+    setting: Setting
+    given: Setting
+    asked: tuple[tuple[str, str], ...]
+    confirmed: bool | None = None
+    sentence: str = "RD under {setting} <= 0.30"
+
+    def __str__(self) -> str:
+        return f"{self.summary}\n\n{self.case}"
+
+    @property
+    def summary(self) -> str:
+        """How it came about, in one line."""
+        again = {True: ", confirmed on fresh episodes", False: ", NOT confirmed on fresh episodes", None: ""}
+        return f"smallest setting that fails: {self.setting} (from {self.given}, {len(self.asked)} verdicts" + (
+            f"{again[self.confirmed]})"
+        )
+
+    @property
+    def case(self) -> str:
+        """A pytest case that checks the setting again."""
+        sentence = self.sentence.format(setting=self.setting)
+        name = re.sub(r"[^a-z0-9]+", "_", str(self.setting).lower()).strip("_")
+        return f'def test_{name}(drive):\n    drive.check(requirements("{_escaped(sentence)}")[0])\n'
+
+
+def minimal_failure(
+    requirement: Requirement, decide: Decide, *, verdict_rule: VerdictRule, dt_s: float
+) -> MinimalFailure | None:
+    """Return the smallest setting under which `requirement` fails, or None when it does not fail in the first place.
+
+    Evidence is asked for more strictly than for one verdict: alpha is shared by the calls that shrinking may take,
+    about two for each failure in the stack.
+    """
+    setting = requirement.setting
+    if decide(requirement, verdict_rule).decision != "fail" or setting.is_clean:
+        return None
+    strict = replace(verdict_rule, alpha=verdict_rule.alpha / (2.0 * len(setting.perturbations)))
+
+    def fails(candidate: Setting) -> str:
+        asked = Requirement(requirement.metric, candidate, requirement.comparison, requirement.limit)
+        return decide(asked, verdict_rule if candidate == setting else strict).decision
+
+    limit = requirement.metric.format_limit(requirement.limit)
+    sentence = f"{requirement.metric} under {{setting}} {requirement.comparison} {limit}"
+    return minimal_failing(setting, fails, dt_s=dt_s, sentence=sentence)
+
+
+def minimal_failing(
+    setting: Setting | Perturbation,
+    fails: Fails,
+    *,
+    dt_s: float = _TICK_S,
+    confirm: Fails | None = None,
+    sentence: str = "RD under {setting} <= 0.30",
+) -> MinimalFailure:
+    """Leave out failures one at a time, mildest first, then makes the rest milder along their ladders.
+
+    `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
+    result once more, on fresh seeds as a rule. `sentence` is the requirement behind `fails`, for the test case.
+
+    Raises `ComparisonError` when `setting` itself does not fail.
+    """
+    given = Setting.of(setting) if isinstance(setting, Perturbation) else setting
+    answers = _Answers(fails)
+    if not answers.finds_failing(given):
+        raise ComparisonError(f"{given} does not fail (it is {answers.asked[-1][1]!r}), so there is nothing to shrink.")
+    smallest = _soften(_drop(given, answers, dt_s), answers, dt_s)
+    confirmed = None if confirm is None else _is_failure(confirm(smallest))
+    return MinimalFailure(smallest, given, tuple(answers.asked), confirmed, sentence)
+
+
+class _Answers:
+    """Judges each setting once and keeps the answers."""
+
+    def __init__(self, fails: Fails) -> None:
+        self._fails = fails
+        self._known: dict[str, bool] = {}
+        self.asked: list[tuple[str, str]] = []
+
+    def finds_failing(self, setting: Setting) -> bool:
+        key = str(setting)
+        if key not in self._known:
+            answer = self._fails(setting)
+            self._known[key] = _is_failure(answer)
+            self.asked.append((key, answer if isinstance(answer, str) else "fail" if answer else "pass"))
+        return self._known[key]
+
+
+def _drop(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+    """Leave out failures until nothing can be: the mildest is the least likely culprit, so it is tried first."""
+    while len(setting.perturbations) > 1:
+        order = sorted(setting.perturbations, key=lambda item: _height(item, dt_s))
+        smaller = (Setting(tuple(other for other in setting.perturbations if other is not item)) for item in order)
+        found = next((candidate for candidate in smaller if answers.finds_failing(candidate)), None)
+        if found is None:
+            break
+        setting = found
+    return setting
+
+
+def _soften(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+    """Return the setting with the mildest severity of each that still fails, found by bisection."""
+    for place, item in enumerate(setting.perturbations):
+        ladder = _ladder(item, dt_s)
+        if ladder is None:
+            continue
+        own = ladder.severity(ladder.level_of(item))
+        milder = [level for level in ladder.levels if ladder.severity(level) < own]
+        below, above = -1, len(milder)
+        while above - below > 1:
+            middle = (below + above) // 2
+            candidate = _with(setting, place, ladder.at(milder[middle]))
+            if answers.finds_failing(candidate):
+                above = middle
+            else:
+                below = middle
+        if above < len(milder):
+            setting = _with(setting, place, ladder.at(milder[above]))
+    return setting
+
+
+def _with(setting: Setting, place: int, item: Perturbation) -> Setting:
+    return Setting((*setting.perturbations[:place], item, *setting.perturbations[place + 1 :]))
+
+
+def _height(item: Perturbation, dt_s: float) -> float:
+    """The share of its ladder that a failure has climbed; those without a ladder are tried last."""
+    ladder = _ladder(item, dt_s)
+    if ladder is None:
+        return 2.0
+    own = ladder.severity(ladder.level_of(item))
+    return sum(ladder.severity(level) <= own for level in ladder.levels) / len(ladder.levels)
+
+
+def _ladder(item: Perturbation, dt_s: float) -> Ladder | None:
+    try:
+        ladder = ladder_of(item, dt_s=dt_s)
+        ladder.level_of(item)
+    except PerturbationError:  # no ladder, or no severity at all: measured latency
+        return None
+    return ladder
+
+
+def _is_failure(answer: bool | str) -> bool:
+    return answer is True or answer == "fail"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')

@@ -1,0 +1,109 @@
+"""Messages over a connection arrive whole, and nothing else passes for one."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.engine.messages import (
+    RESULT,
+    TOKEN_BYTES,
+    Answer,
+    Message,
+    answer_bytes,
+    receive,
+    refusal,
+    refusal_bytes,
+    send,
+)
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+
+TOKEN = b"t" * TOKEN_BYTES
+MESSAGE = Message(b"R", TOKEN, b"what was driven")
+MESSAGES = st.builds(
+    Message, st.binary(min_size=1, max_size=1), st.binary(min_size=16, max_size=16), st.binary(max_size=300)
+)
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Connection, Connection]]:
+    ours, theirs = Pipe()
+    with ours, theirs:
+        yield ours, theirs
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(messages=st.lists(MESSAGES, max_size=4))
+def test_messages_arrive_whole_and_in_order(ends: tuple[Connection, Connection], messages: list[Message]) -> None:
+    ours, theirs = ends
+    for message in messages:
+        send(ours, message)
+    assert [receive(theirs) for _ in messages] == messages
+
+
+def test_a_connection_that_ends_between_messages_is_at_its_end(ends: tuple[Connection, Connection]) -> None:
+    ours, theirs = ends
+    send(ours, MESSAGE)
+    ours.close()
+    assert receive(theirs) == MESSAGE
+    with pytest.raises(EOFError):
+        receive(theirs)
+
+
+def test_a_connection_that_ends_within_a_message_is_broken(ends: tuple[Connection, Connection]) -> None:
+    ours, theirs = ends
+    os.write(ours.fileno(), struct.pack("!i", 100) + b"too little")
+    ours.close()
+    with pytest.raises(OSError, match="end of file"):
+        receive(theirs)
+
+
+def test_a_message_that_does_not_go_on_is_no_message() -> None:
+    one, other = socket.socketpair()
+    other.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, 10_000))
+    with Connection(one.detach()) as ours, Connection(other.detach()) as theirs:
+        os.write(ours.fileno(), struct.pack("!i", 100) + b"too little")
+        with pytest.raises(OSError, match="unavailable"):
+            receive(theirs)
+
+
+@given(noise=st.text(st.characters(codec="ascii", min_codepoint=32), min_size=4, max_size=100))
+def test_text_is_no_message(noise: str) -> None:
+    ours, theirs = Pipe()
+    with ours, theirs:
+        os.write(ours.fileno(), noise.encode())
+        with pytest.raises(OSError, match="bad message length"):
+            receive(theirs)
+
+
+@given(noise=st.binary(max_size=TOKEN_BYTES))
+def test_a_message_without_content_is_refused(noise: bytes) -> None:
+    ours, theirs = Pipe()
+    with ours, theirs:
+        ours.send_bytes(noise)
+        with pytest.raises(ValueError, match="a message of"):
+            receive(theirs)
+
+
+def test_what_is_no_answer_is_refused() -> None:
+    for payload in (b"", b"1234", b"\x02\0\0\0{}", answer_bytes(b"no record", rss=1, leftovers=())):
+        with pytest.raises(ValueError, match=r"."):
+            Answer.of(Message(RESULT, TOKEN, payload))
+
+
+def test_a_usage_error_keeps_its_class_and_its_text() -> None:
+    answer = Answer.of(
+        Message(b"U", TOKEN, answer_bytes(refusal_bytes(UnknownNameError("no such")), rss=7, leftovers=["a"]))
+    )
+    assert (answer.result, answer.rss, answer.leftovers) == (None, 7, ("a",))
+    error = refusal(answer.refused)
+    assert (type(error), str(error)) == (UnknownNameError, "no such")
+    assert type(refusal({"type": "OSError", "text": ""})) is UsageError

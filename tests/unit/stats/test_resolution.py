@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.resolution import (
+    advise,
+    resolution,
+    routes_needed,
+)
+
+
+def test_the_formula_by_hand() -> None:
+    # z(0.96) + z(0.90) = 1.7507 + 1.2816 standard errors
+    assert resolution(220, 0.45) == pytest.approx(3.0322 * 0.45 / math.sqrt(220), rel=1e-4)
+    assert routes_needed(0.10, 0.45) == math.ceil((3.0322 * 4.5) ** 2)
+
+
+@given(st.floats(0.03, 0.3), st.floats(0.1, 1.0), st.sampled_from([0.01, 0.05]))
+def test_as_many_routes_as_needed_resolve_the_margin_and_one_less_does_not(
+    margin: float, noise: float, alpha: float
+) -> None:
+    needed = routes_needed(margin, noise, alpha=alpha)
+
+    assert needed >= 20
+    assert resolution(needed, noise, alpha=alpha) <= margin + 1e-9
+    if needed > 21:
+        assert resolution(needed - 1, noise, alpha=alpha) > margin - 1e-9
+
+
+@given(st.integers(1, 400))
+def test_more_routes_resolve_more(routes: int) -> None:
+    assert resolution(routes + 1) < resolution(routes)
+
+
+def test_fewer_than_20_routes_catch_next_to_nothing() -> None:
+    # Betting alone: 19 pairs that all lose the same must multiply 1 by 300 with a stake of 0.9
+    assert resolution(19) == pytest.approx(2.0 * (300.0 ** (1.0 / 19.0) - 1.0) / 0.9)
+    assert resolution(20) < 0.31 < 0.75 < resolution(19)
+    assert resolution(10, 30.0, scale=100.0) > 100.0
+    assert advise(10, 0.30).text == "10 routes can catch no violation at all; asked margin 0.30 needs about 30 routes"
+
+
+def test_three_pairs_that_lose_everything_are_below_the_resolution_and_not_failed() -> None:
+    assert resolution(3) > 1.0
+    assert gate([100.0] * 3, [0.0] * 3, 0.30).verdict == "inconclusive"
+    assert gate([50.0] * 19, [15.0] * 19, 0.30).verdict == "inconclusive"
+    assert gate([50.0] * 20, [15.0] * 20, 0.30).verdict == "fail"
+
+
+def test_no_routes_and_no_margin_are_refused() -> None:
+    with pytest.raises(ValueError, match="1 or more"):
+        resolution(0)
+    with pytest.raises(ValueError, match="above 0"):
+        routes_needed(0.0)
+
+
+def test_a_margin_finer_than_the_resolution_is_warned_about_in_words() -> None:
+    advice = advise(50, 0.10)
+
+    assert advice.level == "warn"
+    assert advice.text == (
+        "50 routes can only catch violations larger than +0.19 RD (90%); asked margin 0.10 needs about 190 routes"
+    )
+
+
+def test_many_routes_are_fine_few_are_warned_about_and_very_few_are_refused() -> None:
+    assert advise(220, 0.10).level == "fine"
+    assert advise(220, 0.10).text == ""
+    assert advise(120, 0.10, noise=0.33).level == "fine"
+    assert advise(44, 0.25).level == "warn"
+    assert "50 are better" in advise(44, 0.25).text
+    assert advise(19, 0.10).level == "refuse"
+    assert "Give 20 routes or more, or a margin of 0.3 or more" in advise(19, 0.10).text
+    assert advise(19, 0.30).level == "warn"
+    assert advise(10, 10.0, 30.0, what="DS", scale=100.0).level == "refuse"
+    assert "margin of 30 or more" in advise(10, 10.0, 30.0, what="DS", scale=100.0).text

@@ -1,0 +1,259 @@
+"""Verdicts from episodes: what is judged, what is refused, and what says nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import pytest
+from result_factory import crashed_simulation, make_result, scored, trace_of
+
+from pytest_drive_robust.domain.reception import Reception, Touch
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.table import Metric
+from pytest_drive_robust.perturbations import (
+    BurstFrameDrop,
+    FrameBlend,
+    GpsNoise,
+    InferenceLatency,
+    PartialObservation,
+    Perturbation,
+    SensorDelay,
+    Setting,
+    SpeedNoise,
+)
+from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
+from pytest_drive_robust.verdict.evaluate import evaluate, immunity, measure, require_touched
+from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.sentences import parse_requirement
+
+LATE = "200 ms latency"
+RD = "RD under 200 ms latency <= 0.30"
+
+
+def drives(scores: Sequence[float], *, setting: str = "clean", seed: int = 0) -> list[EpisodeResult]:
+    return [scored(str(route), score, setting=setting, seed=seed) for route, score in enumerate(scores)]
+
+
+def test_rd_within_the_limit_passes_with_value_interval_and_both_summaries() -> None:
+    clean, late = drives([100.0, 80.0, 60.0, 80.0]), drives([90.0, 60.0, 60.0, 30.0], setting=LATE)
+    verdict = evaluate(parse_requirement(RD), agent="driver", clean=clean, perturbed=late)
+
+    assert verdict.passed
+    assert verdict.value == 0.25
+    assert (verdict.low, verdict.high) == ratio_interval([100.0, 80.0, 60.0, 80.0], [90.0, 60.0, 60.0, 30.0])
+    assert verdict.clean is not None
+    assert (verdict.clean.ds, verdict.perturbed.ds) == (80.0, 60.0)
+    assert (verdict.routes, verdict.seeds) == (4, 1)
+    assert [route.route_id for route in verdict.worst] == ["3", "1", "0"]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "passed"),
+    [
+        ("RD under 200 ms latency <= 0.25", True),
+        ("RD under 200 ms latency <= 0.24", False),
+        ("RD under 200 ms latency >= 0.25", True),
+        ("RD under 200 ms latency >= 0.26", False),
+        ("DS under 200 ms latency >= 60", True),
+        ("DS under 200 ms latency >= 60.5", False),
+        ("SR under 200 ms latency >= 0.01", False),
+        ("SR under 200 ms latency <= 0", True),
+        ("comfort under 200 ms latency >= 90", True),
+        ("efficiency under 200 ms latency >= 100.1", False),
+    ],
+)
+def test_a_value_passes_on_its_side_of_the_limit_or_on_it(sentence: str, passed: bool) -> None:
+    clean, late = drives([80.0, 80.0]), drives([90.0, 30.0], setting=LATE)
+
+    assert evaluate(parse_requirement(sentence), agent="driver", clean=clean, perturbed=late).passed is passed
+
+
+def test_an_absolute_requirement_needs_no_clean_episode() -> None:
+    verdict = evaluate(
+        parse_requirement("SR under clean >= 0.5"), agent="driver", clean=[], perturbed=drives([100.0, 100.0, 10.0])
+    )
+
+    assert verdict.passed
+    assert verdict.clean is None
+    assert (verdict.low, verdict.high) == share_interval([1.0, 1.0, 0.0])
+    assert [route.route_id for route in verdict.worst] == ["2"]
+    assert verdict.worst[0].clean_outcome == "not driven"
+
+
+def test_several_seeds_are_counted_and_do_not_multiply_the_routes() -> None:
+    once = drives([100.0, 40.0])
+    verdict = evaluate(
+        parse_requirement("DS under clean >= 60"),
+        agent="driver",
+        clean=[],
+        perturbed=[*once, *drives([100.0, 40.0], seed=1)],
+    )
+    single = evaluate(parse_requirement("DS under clean >= 60"), agent="driver", clean=[], perturbed=once)
+
+    assert (verdict.routes, verdict.seeds) == (2, 2)
+    assert (verdict.low, verdict.high) == (single.low, single.high)
+
+
+def test_one_route_has_the_whole_range_as_its_interval() -> None:
+    late = drives([50.0], setting=LATE)
+    rd = evaluate(parse_requirement(RD), agent="driver", clean=drives([100.0]), perturbed=late)
+    ds = evaluate(parse_requirement("DS under 200 ms latency >= 40"), agent="driver", clean=[], perturbed=late)
+
+    assert (rd.low, rd.high) == (-math.inf, 1.0)
+    assert (ds.low, ds.high) == (0.0, 100.0)
+
+
+def test_no_data_for_a_metric_is_an_error_and_never_passes() -> None:
+    silent = [make_result(speed_ratios_pct=[], trace=trace_of(1))]
+
+    for metric in ("efficiency", "comfort"):
+        with pytest.raises(ComparisonError, match=f"hold no data for {metric}"):
+            evaluate(parse_requirement(f"{metric} under clean <= 50"), agent="driver", clean=[], perturbed=silent)
+
+
+def test_the_mode_decides_what_counts() -> None:
+    stuck = [make_result("1", speed_ratios_pct=[]), make_result("2", speed_ratios_pct=[100.0])]
+    sentence = parse_requirement("efficiency under clean >= 80")
+
+    assert evaluate(sentence, agent="driver", clean=[], perturbed=stuck).passed
+    assert not evaluate(sentence, agent="driver", clean=[], perturbed=stuck, mode="fixed").passed
+
+
+def test_episodes_that_do_not_belong_are_refused() -> None:
+    clean, late = drives([100.0, 50.0]), drives([100.0, 50.0], setting=LATE)
+    sentence = parse_requirement(RD)
+    cases = [
+        ("so there is nothing to judge", {"agent": "driver", "clean": clean, "perturbed": []}),
+        ("clean set holds no episode", {"agent": "driver", "clean": [], "perturbed": late}),
+        ("under '200 ms latency', but got", {"agent": "driver", "clean": clean, "perturbed": clean}),
+        ("under 'clean', but got", {"agent": "driver", "clean": late, "perturbed": late}),
+        ("agent 'other'", {"agent": "other", "clean": clean, "perturbed": late}),
+        ("differ in their", {"agent": "driver", "clean": clean[:1], "perturbed": late}),
+        ("infra_error", {"agent": "driver", "clean": [*clean, crashed_simulation("9")], "perturbed": late}),
+        ("is 0 on all 2 routes", {"agent": "driver", "clean": drives([0.0, 0.0]), "perturbed": late}),
+    ]
+
+    for message, given in cases:
+        with pytest.raises(ComparisonError, match=message):
+            evaluate(sentence, **given)  # type: ignore[arg-type]
+
+
+def test_a_users_metric_is_measured_with_a_jackknife_interval() -> None:
+    metric = Metric.from_function("ticks", lambda results: sum(result.ticks for result in results) / len(results))
+    results = [make_result(str(ticks), trace=trace_of(ticks)) for ticks in (10, 20, 60)]
+    value, (low, high) = measure(metric, clean=[], perturbed=results)
+
+    assert value == 30.0
+    # mean 30, sd 26.4575, t(2; 0.975) = 4.302653
+    assert (low, high) == pytest.approx((30 - 65.72, 30 + 65.72), abs=0.01)
+
+
+@pytest.mark.parametrize("nothing", [None, math.nan, math.inf])
+def test_a_users_metric_without_a_finite_value_is_an_error(nothing: float | None) -> None:
+    metric = Metric.from_function("nothing", lambda results: nothing)
+
+    with pytest.raises(ComparisonError, match="nothing"):
+        measure(metric, clean=[], perturbed=[make_result()])
+
+
+def test_a_value_that_nobody_read_route_by_route_promises_nothing():
+    clean = [scored("1", 100.0), scored("2", 100.0)]
+    wanted = parse_requirement("DS under clean >= 60")
+    verdict = evaluate(wanted, agent="driver", clean=[], perturbed=clean, verdict_rule=VerdictRule())
+    assert (verdict.verdict_rule.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
+
+
+def episodes(
+    setting: Setting, *touched: str, count: int = 3, cameras: tuple[str, ...] = (), consumes: tuple[str, ...] = ("gps",)
+) -> list[EpisodeResult]:
+    """Only the first episode shows a touch."""
+    reception = Reception(cameras, consumes, 40)
+    results = [replace(make_result(str(number), setting=str(setting)), reception=reception) for number in range(count)]
+    touches = tuple(Touch(signal, 5, 2) for signal in touched)
+    return [replace(results[0], reception=replace(reception, touched=touches)), *results[1:]]
+
+
+@pytest.mark.parametrize(
+    ("perturbation", "cameras", "reason"),
+    [
+        (PartialObservation(ratio=0.5), (), "occlusion 0.5: the agent has no camera"),
+        (PartialObservation(ratio=0.0), ("front",), "a rectangle of 0 covers nothing .* in the camera front"),
+        (BurstFrameDrop(length_s=3), (), "3 s burst frame drop: the agent has no camera"),
+        (BurstFrameDrop(probability=0.0), ("front",), r"no burst began \(probability 0 per camera and tick\)"),
+        (FrameBlend(frames=1), ("a", "b"), "the mean of 1 frames is the newest one in the cameras a, b"),
+        (FrameBlend(), (), "the agent has no camera"),
+        (InferenceLatency(ms=20), (), "latency 20 ms is 0 ticks at 20 Hz"),
+        (InferenceLatency(ms=100), (), "the agent never gave another command than 2 ticks before"),
+        (InferenceLatency(mode="measured"), (), "every inference took less than one tick of 50 ms"),
+        (SensorDelay(camera_ms=100, ego_ms=0), (), "the agent has no camera"),
+        (SensorDelay(camera_ms=0), (), "a delay of 0 ms is 0 ticks at 20 Hz"),
+        (GpsNoise(std_m=0), (), "noise of 0 m moves no position"),
+        (SpeedNoise(mean=1, std=0), (), "a factor of 1 changes no speed"),
+        (SpeedNoise(), (), "the vehicle never moved"),
+        (Perturbation(), (), "leaves every signal and every command as it is"),
+    ],
+    ids=str,
+)
+def test_a_setting_that_changed_nothing_is_refused_with_the_reason(
+    perturbation: Perturbation, cameras: tuple[str, ...], reason: str
+) -> None:
+    setting = Setting.of(perturbation)
+    with pytest.raises(ComparisonError, match=reason) as error:
+        require_touched(setting, episodes(setting, cameras=cameras))
+    assert str(error.value).startswith(f"{setting} changed nothing in all 3 episodes of agent 'driver'")
+    assert "of its sensors it declares to use gps." in str(error.value)
+
+
+def test_every_member_of_the_stack_gets_its_reason() -> None:
+    setting = PartialObservation(ratio=0.5) + GpsNoise(std_m=0)
+    with pytest.raises(ComparisonError, match=r"occlusion 0\.5: the agent has no camera\n  GPS noise 0 m: noise of 0"):
+        require_touched(setting, episodes(setting))
+
+
+def test_one_unlucky_episode_is_no_error() -> None:
+    setting = Setting.of(BurstFrameDrop())
+    require_touched(setting, episodes(setting, "front", cameras=("front",)))
+
+
+def test_what_nobody_recorded_is_taken_on_trust() -> None:
+    setting = Setting.of(GpsNoise(std_m=0))
+    require_touched(setting, [make_result(setting=str(setting))])
+
+
+def test_an_episode_that_never_got_under_way_shows_nothing_either_way() -> None:
+    setting = Setting.of(GpsNoise(std_m=0))
+    require_touched(setting, [replace(result, ticks=0) for result in episodes(setting)])
+
+
+def test_baselines_have_nothing_to_show() -> None:
+    for setting in (Setting.CLEAN, Setting.of(InferenceLatency(ms=0, warmup_ticks=20))):
+        require_touched(setting, episodes(setting))
+
+
+def test_judging_refuses_such_a_setting() -> None:
+    setting = Setting.of(PartialObservation(ratio=0.5))
+    clean = [replace(result, reception=None) for result in episodes(Setting.CLEAN)]
+    with pytest.raises(ComparisonError, match="the agent has no camera"):
+        evaluate(requirement("RD", setting) <= 0.3, agent="driver", clean=clean, perturbed=episodes(setting))
+
+
+def test_an_agent_that_uses_none_of_the_changed_signals_is_called_immune() -> None:
+    setting = GpsNoise(std_m=5) + SpeedNoise()
+    sentence = immunity(episodes(setting, "gps", "speed", cameras=("front",), consumes=("cameras",)))
+    assert sentence == (
+        "GPS noise 5 m and speed noise 0.5 changed gps, speed, which driver does not use: "
+        "the agent has cameras front; of its sensors it declares to use cameras."
+    )
+
+
+@pytest.mark.parametrize(
+    ("touched", "consumes"), [("gps", ("gps",)), ("front", ("cameras",)), ("control", ()), ("", ("gps",))]
+)
+def test_an_agent_that_uses_what_was_changed_is_not(touched: str, consumes: tuple[str, ...]) -> None:
+    setting = Setting.of(GpsNoise())
+    given = (touched,) if touched else ()
+    assert immunity(episodes(setting, *given, cameras=("front",), consumes=consumes)) == ""

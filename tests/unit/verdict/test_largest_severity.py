@@ -1,0 +1,200 @@
+"""Bisection over severities, and the bracket that it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import PerturbationError, RequirementError
+from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, SpeedNoise
+from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
+from pytest_drive_robust.stats.judges import judge_by
+from pytest_drive_robust.verdict.largest_severity import (
+    ALPHA,
+    Answer,
+    Bracket,
+    SeverityProbe,
+    bisect,
+    contradictions,
+    largest,
+)
+from pytest_drive_robust.verdict.requirement import Requirement
+
+LATENCY = ladder_of(InferenceLatency, dt_s=0.02)
+
+
+def bracket(*answers: tuple[float, Answer], ladder: Ladder = LATENCY, rule: str = "evidence") -> Bracket:
+    probes = tuple(SeverityProbe(level, answer, 0.3, False, 24) for level, answer in answers)
+    return Bracket(ladder, METRICS["RD"], "<=", 0.30, rule, 0.1, probes)  # type: ignore[arg-type]
+
+
+@given(st.integers(0, 50))
+def test_bisection_finds_the_crossing_in_six_questions_of_fifty(crossing: int) -> None:
+    """The first `crossing` levels hold."""
+    asked: list[float] = []
+
+    def ask(level: float) -> SeverityProbe:
+        asked.append(level)
+        holds = LATENCY.levels.index(level) < crossing
+        return SeverityProbe(level, "holds" if holds else "breaks", 0.0 if holds else 1.0, holds, 30)
+
+    found = Bracket(LATENCY, METRICS["RD"], "<=", 0.30, "evidence", 0.1, bisect(LATENCY, ask))
+    assert found.holds == (LATENCY.levels[crossing - 1] if crossing else None)
+    assert found.breaks == (LATENCY.levels[crossing] if crossing < 50 else None)
+    assert len(asked) == len(set(asked)) <= 6
+
+
+def test_an_undecided_severity_sends_the_search_to_the_side_of_its_value() -> None:
+    def ask(level: float) -> SeverityProbe:
+        answer: Answer = "undecided" if 140 <= level <= 200 else "holds" if level < 140 else "breaks"
+        return SeverityProbe(level, answer, level / 500.0, level / 500.0 <= 0.30, 30)
+
+    found = Bracket(LATENCY, METRICS["RD"], "<=", 0.30, "evidence", 0.1, bisect(LATENCY, ask))
+    assert {140.0, 160.0} & set(found.undecided)
+    assert found.holds is not None
+    assert found.holds < 140.0
+    assert found.breaks is not None
+    assert found.breaks > 200.0
+    assert "undecided at" in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("answers", "sentence"),
+    [
+        ([(140, "holds"), (160, "breaks")], "holds at 140 ms, breaks at 160 ms"),
+        (
+            [(140, "holds"), (180, "breaks"), (160, "undecided")],
+            "holds at 140 ms, breaks at 180 ms, undecided at 160 ms",
+        ),
+        ([(20, "breaks")], "breaks already at 20 ms"),
+        ([(1000, "holds")], "holds at 1000 ms, the most severe one tried"),
+        ([(100, "holds"), (60, "breaks"), (40, "holds")], "holds at 40 ms, breaks at 60 ms"),
+        ([(20, "undecided")], "undecided at 20 ms"),
+    ],
+)
+def test_the_bracket_is_a_sentence(answers: list[tuple[float, Answer]], sentence: str) -> None:
+    assert bracket(*answers).sentence == sentence
+
+
+def test_the_bracket_says_by_which_rule_it_was_found() -> None:
+    found = bracket((140, "holds"), (160, "breaks"))
+    assert str(found) == (
+        "RD <= 0.30 under latency: holds at 140 ms, breaks at 160 ms "
+        "(evidence at 0.1 a side, margin 0, 24 routes a severity)"
+    )
+    assert "(point rule on 24 routes, too few to show more)" in str(bracket((140, "holds"), rule="point"))
+
+
+def test_a_bracket_compares_by_what_was_shown_to_hold() -> None:
+    found = bracket((140, "holds"), (180, "breaks"), (160, "undecided"))
+    assert found >= InferenceLatency(ms=140)
+    assert found >= InferenceLatency(ms=150)  # 150 ms are 7 ticks of 20 ms, as 140 are
+    assert not found >= InferenceLatency(ms=160)
+    assert found < InferenceLatency(ms=160)
+    assert found == InferenceLatency(ms=140)
+    assert found > 100
+    assert found >= bracket((100, "holds"))
+
+
+def test_nothing_is_as_small_as_a_bracket_that_never_held() -> None:
+    assert bracket((20, "breaks")) < InferenceLatency(ms=20)
+    assert not bracket((20, "breaks")) >= 0
+
+
+def test_a_falling_factor_is_a_rising_severity() -> None:
+    found = bracket((0.5, "holds"), (0.4, "breaks"), ladder=ladder_of(SpeedNoise, dt_s=0.05))
+    assert found >= SpeedNoise(mean=0.7)
+    assert found < SpeedNoise(mean=0.3)
+    assert found.sentence == "holds at 0.5, breaks at 0.4"
+
+
+def test_another_failure_or_other_severities_beside_it_do_not_compare() -> None:
+    for other in (GpsNoise(), InferenceLatency(ms=100, mode="hold")):
+        with pytest.raises(PerturbationError, match="is not on the ladder"):
+            assert bracket((140, "holds")) >= other
+    with pytest.raises(TypeError):
+        assert bracket((140, "holds")) >= "140 ms"  # type: ignore[operator]
+
+
+def probes(*values: tuple[float, float]) -> list[SeverityProbe]:
+    return [SeverityProbe(level, "holds", value, True, 24) for level, value in values]
+
+
+def test_a_milder_severity_that_is_clearly_worse_is_a_warning() -> None:
+    (warning,) = contradictions(LATENCY, METRICS["RD"], probes((200, 0.20), (100, 0.28)))
+    assert warning.startswith("not monotonic: RD 0.28 at 100 ms but 0.20 at 200 ms")
+    (warning,) = contradictions(LATENCY, METRICS["DS"], probes((100, 40.0), (200, 60.0)))
+    assert "DS 40.00 at 100 ms but 60.00 at 200 ms" in warning
+
+
+def test_noise_is_no_contradiction() -> None:
+    assert contradictions(LATENCY, METRICS["RD"], probes((100, 0.22), (200, 0.20), (300, 0.50))) == ()
+    assert contradictions(LATENCY, METRICS["DS"], probes((100, 60.0), (200, 64.0), (300, 20.0))) == ()
+
+
+@dataclass
+class Scores:
+    """A campaign whose agent loses 0.2 % of its score a millisecond, give or take; RD 0.30 is at 150 ms."""
+
+    routes: int = 8
+    noise: float = 15.0
+
+    def __post_init__(self) -> None:
+        self.rules: list[VerdictRule] = []
+        self.levels: list[float] = []
+
+    def decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> SimpleNamespace:
+        self.rules.append(verdict_rule)
+        ms = float(requirement.setting.perturbations[0].parameters()["ms"])  # type: ignore[arg-type]
+        self.levels.append(ms)
+        draws = np.random.Generator(np.random.Philox(key=int(ms)))
+        judge = judge_by(
+            verdict_rule.kind, requirement.linear_forms(verdict_rule), planned=self.routes, alpha=verdict_rule.alpha
+        )  # type: ignore[arg-type]
+        scores = []
+        for _ in range(self.routes):
+            scores.append(float(np.clip(80.0 * (1.0 - ms / 500.0) + draws.normal(0.0, self.noise), 0.0, 100.0)))
+            if judge.read(scores[-1], 80.0) is not None:
+                break
+        value = 1.0 - sum(scores) / (80.0 * len(scores))
+        return SimpleNamespace(requirement=requirement, decision=judge.close(), value=value, routes=len(scores))
+
+
+def test_with_enough_routes_the_bracket_rests_on_evidence_and_stops_early_far_from_the_crossing() -> None:
+    campaign = Scores(220)
+    found = largest(LATENCY, campaign.decide, routes=220, metric="RD", limit=0.30)  # type: ignore[arg-type]
+    assert found.rule == "evidence"
+    assert {(verdict_rule.kind, verdict_rule.alpha) for verdict_rule in campaign.rules} == {("evidence", ALPHA)}
+    assert all(verdict_rule.margin < 1e-6 for verdict_rule in campaign.rules)
+    assert found.holds in (120.0, 140.0)
+    assert found.breaks in (160.0, 180.0)
+    assert all(probe.routes < 80 for probe in found.probes if abs(probe.value - 0.30) > 0.15)
+    assert max(probe.routes for probe in found.probes) == 220
+
+
+def test_with_few_routes_values_are_compared() -> None:
+    campaign = Scores(noise=0.0)
+    found = largest(LATENCY, campaign.decide, routes=8, metric="RD", limit=0.30)  # type: ignore[arg-type]
+    assert (found.rule, found.holds, found.breaks) == ("point", 140.0, 160.0)
+    assert {verdict_rule.kind for verdict_rule in campaign.rules} == {"point"}
+    assert len(campaign.levels) <= 6
+
+
+def test_the_comparison_follows_the_metric() -> None:
+    found = largest(LATENCY, Scores(noise=0.0).decide, routes=8, metric="RD", limit=0.30, comparison=">=")  # type: ignore[arg-type]
+    assert found.comparison == ">="
+    assert largest(LATENCY, Scores().decide, routes=8, metric="RD", limit=0.30).comparison == "<="  # type: ignore[arg-type]
+
+
+def test_a_limit_that_no_agent_can_miss_is_refused_before_anything_is_driven() -> None:
+    campaign = Scores()
+    with pytest.raises(RequirementError, match="holds for every agent"):
+        largest(LATENCY, campaign.decide, routes=8, metric="RD", limit=1.0)  # type: ignore[arg-type]
+    assert campaign.levels == []

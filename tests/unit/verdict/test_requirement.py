@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pytest
+from result_factory import make_result, trace_of
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import RequirementError
+from pytest_drive_robust.perturbations import (
+    BurstFrameDrop,
+    InferenceLatency,
+    PartialObservation,
+    Perturbation,
+    Setting,
+)
+from pytest_drive_robust.registry import registry
+from pytest_drive_robust.verdict.evaluate import evaluate
+from pytest_drive_robust.verdict.requirement import Requirement, known_metric, metric_names, requirement
+from pytest_drive_robust.verdict.sentences import parse_requirement
+
+LATE = Setting.of(InferenceLatency(ms=200))
+
+
+def test_the_object_form_is_the_parsed_sentence() -> None:
+    built = requirement("RD", InferenceLatency(ms=200)) <= 0.30
+
+    assert built == parse_requirement("RD under 200 ms latency <= 0.30")
+    assert hash(built) == hash(parse_requirement("RD under 200 ms latency <= 0.30"))
+    assert str(built) == "RD under 200 ms latency <= 0.30"
+
+
+def test_stacks_and_clean_have_an_object_form_too() -> None:
+    stacked = requirement("RD", PartialObservation(ratio=0.5) + InferenceLatency(ms=100)) <= 0.4
+
+    assert str(stacked) == "RD under occlusion 0.5 and 100 ms latency <= 0.40"
+    assert str(requirement("DS") >= 60) == "DS under clean >= 60"
+    assert str(requirement("DS", Setting.CLEAN) >= 62.5) == "DS under clean >= 62.5"
+
+
+def test_the_limit_may_stand_on_the_left() -> None:
+    assert (0.3 >= requirement("RD", LATE)) == (requirement("RD", LATE) <= 0.3)  # noqa: SIM300
+
+
+@pytest.mark.parametrize(
+    ("sentence", "identifier"),
+    [
+        ("RD under 200 ms latency <= 0.30", "rd-200ms-latency-le-0.30"),
+        ("SR under GPS noise 5 m >= 0.50", "sr-gps-noise-5m-ge-0.50"),
+        ("RD under 3 s burst frame drop <= 0.10", "rd-3s-burst-frame-drop-le-0.10"),
+        ("RD under occlusion 0.5 and 100 ms latency <= 0.40", "rd-occlusion-0.5-and-100ms-latency-le-0.40"),
+        ("DS under clean >= 60", "ds-clean-ge-60"),
+        ("RD under 200 ms latency (mode=hold) <= -0.05", "rd-200ms-latency-mode-hold-le-minus-0.05"),
+    ],
+)
+def test_ids_are_readable(sentence: str, identifier: str) -> None:
+    assert parse_requirement(sentence).id == identifier
+
+
+def test_ids_of_different_requirements_differ_and_use_safe_characters() -> None:
+    settings = [
+        Setting.CLEAN,
+        LATE,
+        Setting.of(InferenceLatency(ms=20)),
+        Setting.of(InferenceLatency(ms=200, mode="hold")),
+        Setting.of(BurstFrameDrop(length_s=1)),
+        Setting.of(BurstFrameDrop(length_s=1, probability=0.1)),
+        BurstFrameDrop(length_s=1) + InferenceLatency(ms=200),
+        InferenceLatency(ms=200) + BurstFrameDrop(length_s=1),
+    ]
+    made = [
+        Requirement(metric, setting, comparison, limit)
+        for metric in ("RD", "DS", "SR", "efficiency", "comfort")
+        for setting in settings
+        for comparison in ("<=", ">=")
+        for limit in (0.5, 0.05, 0.505, -0.5)
+        if not (metric == "RD" and setting.is_clean) and (limit > 0 or metric == "RD")
+    ]
+
+    assert len({one.id for one in made}) == len(made) == len({str(one) for one in made})
+    assert all(re.fullmatch(r"[A-Za-z0-9_.-]+", one.id) for one in made)
+
+
+def test_only_rd_needs_the_clean_episodes() -> None:
+    assert (requirement("RD", LATE) <= 0.3).needs_clean
+    assert not (requirement("DS", LATE) >= 30).needs_clean
+
+
+def test_a_value_on_the_limit_meets_the_requirement() -> None:
+    at_most, at_least = requirement("RD", LATE) <= 0.3, requirement("RD", LATE) >= 0.3
+
+    assert [at_most.is_met_by(value) for value in (0.29, 0.3, 0.31)] == [True, True, False]
+    assert [at_least.is_met_by(value) for value in (0.29, 0.3, 0.31)] == [False, True, True]
+    assert not at_most.is_met_by(math.nan)
+    assert not at_least.is_met_by(math.nan)
+
+
+@pytest.mark.parametrize(
+    ("metric", "comparison", "limit", "message"),
+    [
+        ("RD", "<=", 1.5, "limit of RD is 1.5, expected a number in -1..1"),
+        ("RD", "<=", -1.0, "expected a number above -1"),
+        ("RD", "<=", 1.0, "RD <= 1 holds for every agent"),
+        ("SR", ">=", 50, "limit of SR is 50, expected a number in 0..1"),
+        ("SR", ">=", 0, "SR >= 0 holds for every agent"),
+        ("SR", "<=", 1, "SR <= 1 holds for every agent"),
+        ("DS", ">=", 101, "limit of DS is 101, expected a number in 0..100"),
+        ("DS", ">=", 0.0, "DS >= 0 holds for every agent"),
+        ("comfort", ">=", -1, "expected a number in 0..100"),
+        ("efficiency", ">=", -1, "expected 0 or more"),
+        ("DS", ">=", math.nan, "limit of DS is nan"),
+        ("DS", ">=", "high", "limit of DS is 'high', expected a number"),
+        ("DS", "<", 50, "'<' compares nothing. Expected '<=' or '>='"),
+        ("DSS", ">=", 50, "no metric named 'DSS'. Did you mean 'DS'"),
+    ],
+)
+def test_requirements_that_make_no_sense_are_refused(metric: str, comparison: str, limit: float, message: str) -> None:
+    with pytest.raises(RequirementError, match=re.escape(message)):
+        Requirement(metric, LATE, comparison, limit)
+
+
+def test_the_ends_of_a_range_are_fine_where_they_can_be_missed() -> None:
+    assert str(requirement("SR", LATE) >= 1) == "SR under 200 ms latency >= 1.00"
+    assert str(requirement("DS", LATE) <= -0.0) == "DS under 200 ms latency <= 0"
+    assert str(requirement("RD", LATE) >= 1) == "RD under 200 ms latency >= 1.00"
+
+
+def test_rd_under_clean_is_refused_with_what_to_write_instead() -> None:
+    with pytest.raises(RequirementError, match=r"always 0.*DS under clean >= 60"):
+        requirement("RD") <= 0.3  # noqa: B015
+
+
+def test_a_setting_that_is_none_is_refused() -> None:
+    with pytest.raises(RequirementError, match="'200 ms latency' is no setting"):
+        requirement("RD", "200 ms latency")  # type: ignore[arg-type]
+
+
+def test_asserting_a_requirement_does_not_pass_for_a_verdict() -> None:
+    with pytest.raises(RequirementError, match=re.escape("Judge it with drive.check(...)")):
+        assert requirement("RD", LATE) <= 0.3
+    with pytest.raises(RequirementError, match="has no limit yet"):
+        assert requirement("RD", LATE)
+
+
+@dataclass
+class MuddyLens(Perturbation):
+    """A test's own failure."""
+
+    grams: float = 1.0
+    phrase = "muddy lens {grams} g"
+
+
+def mean_ticks(results: Sequence[EpisodeResult]) -> float:
+    """How long the episodes were."""
+    return sum(result.ticks for result in results) / len(results)
+
+
+@pytest.fixture
+def own_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    words = registry.Registry()
+    words.register_metric("ticks", mean_ticks)
+    words.register_perturbation(MuddyLens)
+    for module in ("requirement", "sentences"):
+        monkeypatch.setattr(f"pytest_drive_robust.verdict.{module}.default_registry", lambda: words)
+
+
+@pytest.mark.usefixtures("own_words")
+def test_registered_metrics_and_perturbations_may_be_used_in_sentences() -> None:
+    sentence = "ticks under muddy lens 2 g <= 50"
+    requirement = parse_requirement(sentence)
+    verdict = evaluate(
+        requirement,
+        agent="driver",
+        clean=[],
+        perturbed=[make_result(setting="muddy lens 2 g", trace=trace_of(51))],
+    )
+
+    assert str(requirement) == sentence
+    assert requirement.id == "ticks-muddy-lens-2-g-le-50"
+    assert not requirement.needs_clean
+    assert (verdict.value, verdict.passed) == (51.0, False)
+    assert metric_names() == ["RD", "DS", "SR", "efficiency", "comfort", "ticks"]
+
+
+@pytest.mark.usefixtures("own_words")
+def test_a_typo_in_a_registered_name_is_explained_with_it() -> None:
+    with pytest.raises(RequirementError, match="Nearest valid sentence: ticks under muddy lens 2 g <= 50"):
+        parse_requirement("tics under mudy lens 2 g <= 50")
+
+
+def test_an_unknown_metric_is_refused_with_all_names() -> None:
+    with pytest.raises(RequirementError, match=r"no metric named 'speed'.*Expected one of RD, DS, SR"):
+        known_metric("speed")
