@@ -172,7 +172,7 @@ def test_order_and_process_change_nothing() -> None:
     assert backwards == forwards
     assert len(set(forwards.values())) == len(ORDER)
     here = os.path.dirname(__file__)
-    code = f"import sys; sys.path.insert(0, {here!r}); import {__name__} as t; print(t.fingerprints(t.ORDER))"
+    code = f"import sys; sys.path[:0] = {[here, *sys.path]!r}; import {__name__} as t; print(t.fingerprints(t.ORDER))"
     fresh = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "77"},
