@@ -57,7 +57,7 @@ class Witness:
             self._compare_images(captured, given)
 
     def applied(self, tick: int, asked: Control | None, given: Control) -> None:
-        """Compare: the vehicle is `given` this; `asked` is the agent's answer in this tick, None when it was not asked."""
+        """Compare: the vehicle is `given` this; `asked` is the agent's answer, None when it was not asked."""
         if given is not asked and given != asked:
             self._touch(CONTROL, tick)
 
