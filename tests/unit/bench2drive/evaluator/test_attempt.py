@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from fake_bench2drive import MARK, left_behind, make
+from heeding_interrupts import heed_interrupts
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.domain.outcome import End, Outcome
@@ -97,7 +98,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
         "--port",
         "25400",
     ]
-    runner = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    runner = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=heed_interrupts)
     _wait_for(lambda: any("sleep 600" in line for line in left_behind(process_mark)))
     runner.send_signal(number)
     runner.wait(30)

@@ -10,17 +10,17 @@ from enum import Enum
 from os import PathLike, fspath
 from typing import Any
 
-__all__ = ["canonical", "digest_of"]
+__all__ = ["canonical_text", "digest_of"]
 
 _DIGEST_BYTES = 16
 
 
 def digest_of(*values: object) -> str:
-    """32 hex digits of these values. Raises `TypeError` as `canonical` does."""
-    return hashlib.blake2b(canonical(values).encode("ascii"), digest_size=_DIGEST_BYTES).hexdigest()
+    """32 hex digits of these values. Raises `TypeError` as `canonical_text` does."""
+    return hashlib.blake2b(canonical_text(values).encode("ascii"), digest_size=_DIGEST_BYTES).hexdigest()
 
 
-def canonical(value: object) -> str:
+def canonical_text(value: object) -> str:
     """`value` as JSON with sorted keys; dataclasses by their fields, enum members by their value.
 
     Raises `TypeError` for anything that has no value of its own to compare, such as an object or a function.
@@ -36,11 +36,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (int, float)):
         return _number(value)
     if isinstance(value, Mapping):
-        return {"map": sorted((canonical(name), _plain(item)) for name, item in value.items())}
+        return {"map": sorted((canonical_text(name), _plain(item)) for name, item in value.items())}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     if isinstance(value, (set, frozenset)):
-        return {"set": sorted(canonical(item) for item in value)}
+        return {"set": sorted(canonical_text(item) for item in value)}
     if isinstance(value, bytes):
         return {"bytes": value.hex()}
     if isinstance(value, PathLike):

@@ -9,8 +9,8 @@ import secrets
 from types import FunctionType, MethodType, ModuleType
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.runner.cache_key.canonical import canonical
-from pytest_drive_robust.runner.cache_key.sources import UnknownSourceError, file_of, module_digest
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
 
 if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.base import Setting
@@ -40,14 +40,14 @@ def _class_code(cls: type) -> str:
 
 
 def code_of(target: object) -> str:
-    """A text that is equal for equal code with equal parameters.
+    """Return a text that is equal for equal code with equal parameters.
 
-    That is the source (see `sources`), and the arguments of a `functools.partial`, the default values and the closure
-    of a function, the state of an object that is called. Where one of them has no comparable content, the text is of
-    this session only.
+    That is the source (see `source_files`), and the arguments of a `functools.partial`, the default values and the
+    closure of a function, the state of an object that is called. Where one of them has no comparable content, the text
+    is of this session only.
     """
     try:
-        return canonical(_describe(target, ()))
+        return canonical_text(_describe(target, ()))
     except (UnknownSourceError, TypeError) as error:
         return f"session {SESSION} {type(target).__qualname__} {error}"
 
@@ -79,7 +79,7 @@ def _value(value: Any, within: tuple[int, ...]) -> object:
     if isinstance(value, (list, tuple)):
         return [_value(item, within) for item in value]
     try:
-        canonical(value)
+        canonical_text(value)
     except TypeError:
         return _describe(value, within)
     return value

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import errno
 import os
 from dataclasses import replace
 
@@ -8,24 +7,16 @@ import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.store.base import MemoryStore, is_reusable
+from pytest_drive_robust.store.base import is_reusable
 from pytest_drive_robust.store.folder import FolderStore
 
 KEY = "abcdef0123456789"
+
 TIMED_OUT = make_result(end=End.BLOCKED, outcome=Outcome.AGENT_ERROR)
+
 RAISED = make_result(end=End.AGENT_CRASHED)
+
 OURS = make_result(end=End.SIMULATION_CRASHED)
-
-
-@pytest.mark.parametrize("make", [lambda _: MemoryStore(), FolderStore], ids=["memory", "folder"])
-def test_a_store_keeps_what_it_is_given(make, tmp_path):
-    store = make(tmp_path)
-    assert store.get(KEY) is None
-    with store.claim(KEY) as claim:
-        store.put(KEY, make_result("7"))
-    claim.release()  # twice does no harm
-    assert store.get(KEY).episode.route_id == "7"
-    assert store.problems() == ()
 
 
 def test_nothing_is_made_before_something_is_stored(tmp_path):
@@ -79,45 +70,6 @@ def test_what_could_not_be_reused_is_replaced_and_seen_by_who_waited(tmp_path):
     assert waiting.get(KEY) is None
     driving.put(KEY, make_result())
     assert waiting.get(KEY).outcome is Outcome.COMPLETED
-
-
-def test_a_claim_is_held_by_one_and_free_after_it(tmp_path):
-    first, second = FolderStore(tmp_path), FolderStore(tmp_path)
-    claim = first.claim(KEY)
-    assert claim is not None
-    assert second.claim(KEY) is None
-    assert first.claim(KEY) is None
-    assert second.claim("abcd") is not None
-    claim.release()
-    with second.claim(KEY):
-        assert first.claim(KEY) is None
-    assert first.claim(KEY) is not None
-
-
-def test_released_claims_leave_no_files(tmp_path):
-    store = FolderStore(tmp_path)
-    for number in range(20):
-        store.claim(f"{number:04x}").release()
-    assert list((tmp_path / "claims").iterdir()) == []
-
-
-@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS])
-def test_without_a_lock_service_everybody_gets_the_claim(tmp_path, monkeypatch, number):
-    def no_locks(*_: object) -> bool:
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr("msvcrt.locking" if os.name == "nt" else "fcntl.flock", no_locks)
-    one, other = FolderStore(tmp_path), FolderStore(tmp_path)
-    assert one.claim(KEY) is not None
-    assert other.claim(KEY) is not None
-
-
-def test_where_the_store_has_no_locks_the_folder_of_the_run_has(tmp_path):
-    (tmp_path / "store").write_text("no folder")
-    one, other = (FolderStore(tmp_path / "store", run="r", spill=tmp_path / "spill") for _ in range(2))
-    with one.claim(KEY):
-        assert other.claim(KEY) is None
-    assert other.claim(KEY) is not None
 
 
 def test_a_record_under_a_wrong_name_is_damaged(tmp_path):

@@ -11,8 +11,11 @@ from result_factory import make_result, trace_of
 
 from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.metrics.comfort import comfort
-from pytest_drive_robust.store.packing import StoredTrace, pack, unpack_columns
-from pytest_drive_robust.store.record import decode_episode, encode_episode
+from pytest_drive_robust.store.packing import StoredTrace, pack, unpack, unpack_columns
+from pytest_drive_robust.store.record import (
+    decode_episode,
+    encode_episode,
+)
 
 ANY_BITS = arrays(np.uint64, st.tuples(st.integers(0, 40), st.just(len(Trace.COLUMNS))))
 
@@ -44,3 +47,19 @@ def test_bytes_that_are_no_table_are_told(damage):
     data = {"cut": whole[:20], "changed": b"\0" + whole[1:], "empty": b""}[damage]
     with pytest.raises(ValueError, match=r"does not unpack|have \d+ bytes"):
         unpack_columns(data, [2, 5], dtype="<f8", shape=(3, 11))
+
+
+def test_the_trace_of_a_drive_takes_less_than_its_numbers():
+    seconds = np.arange(600) * 0.05
+    smooth = trace_of(600, x_m=8.0 * seconds, y_m=np.sin(seconds), yaw_rad=np.cos(seconds), speed_mps=8.0)
+    assert len(pack(smooth.rows)) < smooth.rows.nbytes / 4
+
+
+@given(arrays(np.float32, st.tuples(st.integers(0, 9), st.integers(1, 4))))
+def test_tables_of_other_kinds_pack_too(rows):
+    assert unpack(pack(rows), dtype="<f4", shape=rows.shape).tobytes() == rows.tobytes()
+
+
+def test_a_table_of_another_size_is_refused():
+    with pytest.raises(ValueError, match="a table of 4 x 2 <f8 has 48 bytes"):
+        unpack(pack(np.ones((3, 2))), dtype="<f8", shape=(4, 2))

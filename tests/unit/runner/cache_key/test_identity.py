@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import ast
 import functools
-import importlib
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import pytest_drive_robust
 from pytest_drive_robust.domain.episode import Episode
@@ -21,17 +17,19 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import GpsNoise, Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key import identity
-from pytest_drive_robust.runner.cache_key.canonical import canonical, digest_of
-from pytest_drive_robust.runner.cache_key.code import SESSION, code_of
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
-from pytest_drive_robust.runner.cache_key.sources import UnknownSourceError, code_digest, file_of
+from pytest_drive_robust.runner.cache_key.object_code import SESSION, code_of
+from pytest_drive_robust.runner.cache_key.source_files import file_of
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 SETTING = Setting.of(GpsNoise(std_m=5))
-TASK = EpisodeRequest(Episode("driver", "1", str(SETTING), 0), fake_route("1"), SETTING, "some identity")
+
+REQUEST = EpisodeRequest(Episode("driver", "1", str(SETTING), 0), fake_route("1"), SETTING, "some identity")
+
 AGENT = """
 class Agent:
     gain = 1.0
@@ -43,29 +41,6 @@ def make(gain): return lambda: Agent(gain)
 """
 
 
-@pytest.fixture
-def module(tmp_path, monkeypatch):
-    """Write modules and import them anew: `module(name, text)`."""
-    monkeypatch.syspath_prepend(tmp_path)
-    written = []
-
-    def write(name: str, text: str):
-        path = tmp_path / f"{name.replace('.', '/')}.py"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-        written.append(name)
-        for known in list(sys.modules):
-            if known.partition(".")[0] in {name.partition(".")[0] for name in written}:
-                del sys.modules[known]
-        importlib.invalidate_caches()
-        return importlib.import_module(name)
-
-    yield write
-    for known in list(sys.modules):
-        if known.partition(".")[0] in {name.partition(".")[0] for name in written}:
-            del sys.modules[known]
-
-
 def identity_with(factory, name="mine"):
     registry = Registry()
     registry.register_agent(name, factory)
@@ -75,58 +50,31 @@ def identity_with(factory, name="mine"):
 @pytest.mark.parametrize(
     "other",
     [
-        replace(TASK, identity="another"),
-        replace(TASK, episode=replace(TASK.episode, seed=1)),
-        replace(TASK, episode=replace(TASK.episode, agent="other")),
-        replace(TASK, episode=replace(TASK.episode, setting="GPS noise 6 m")),
-        replace(TASK, route=fake_route("1", length_m=61.0)),
+        replace(REQUEST, identity="another"),
+        replace(REQUEST, episode=replace(REQUEST.episode, seed=1)),
+        replace(REQUEST, episode=replace(REQUEST.episode, agent="other")),
+        replace(REQUEST, episode=replace(REQUEST.episode, setting="GPS noise 6 m")),
+        replace(REQUEST, route=fake_route("1", length_m=61.0)),
     ],
     ids=["identity", "seed", "agent", "setting", "route"],
 )
-def test_each_part_of_a_task_changes_its_key(other):
-    assert other.key != TASK.key
+def test_each_part_of_a_request_changes_its_key(other):
+    assert other.key != REQUEST.key
 
 
 def test_a_key_is_hex_and_the_same_in_every_process():
-    program = "import sys; sys.path[:0] = sys.argv[1:]\nfrom test_keys import TASK\nprint(TASK.key)"
+    program = "import sys; sys.path[:0] = sys.argv[1:]\nfrom test_identity import REQUEST\nprint(REQUEST.key)"
     command = [sys.executable, "-c", program, str(Path(__file__).parent)]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == TASK.key
-    assert len(bytes.fromhex(TASK.key)) == 16
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == REQUEST.key
+    assert len(bytes.fromhex(REQUEST.key)) == 16
 
 
 def test_numbers_count_by_their_value():
-    one, other = (replace(fake_route("1"), weather=replace(TASK.route.weather, wetness=wet)) for wet in (5, 5.0))
-    assert replace(TASK, route=one).key == replace(TASK, route=other).key
+    one, other = (replace(fake_route("1"), weather=replace(REQUEST.route.weather, wetness=wet)) for wet in (5, 5.0))
+    assert replace(REQUEST, route=one).key == replace(REQUEST, route=other).key
     assert digest_of(-0.0) == digest_of(0)
     assert digest_of("5") != digest_of(5)
     assert digest_of(True) != digest_of(1)
-
-
-@given(
-    st.recursive(
-        st.none() | st.booleans() | st.integers() | st.text(), lambda inner: st.lists(inner) | st.tuples(inner)
-    )
-)
-def test_equal_values_have_equal_text(value):
-    import copy
-
-    assert canonical(copy.deepcopy(value)) == canonical(value)
-
-
-@given(st.floats(), st.floats())
-def test_different_numbers_have_different_text(one, other):
-    same = one == other or (one != one and other != other)
-    assert (canonical(one) == canonical(other)) is same
-
-
-def test_the_order_of_a_mapping_does_not_count():
-    assert canonical({"a": 1, "b": 2}) == canonical({"b": 2, "a": 1})
-    assert canonical({"1": 1}) != canonical({1: 1})
-
-
-def test_an_object_has_no_text():
-    with pytest.raises(TypeError, match="object has no content"):
-        canonical([object()])
 
 
 def test_the_source_of_a_perturbation_that_is_not_ours_is_in_the_key(module):
@@ -137,7 +85,7 @@ def test_the_source_of_a_perturbation_that_is_not_ours_is_in_the_key(module):
     keys = []
     for changed in (text, text + "# a comment\n", text):
         setting = Setting.of(module("foggy_module", changed).Foggy())
-        keys.append(replace(TASK, setting=setting).key)
+        keys.append(replace(REQUEST, setting=setting).key)
     assert keys[0] == keys[2] != keys[1]
 
 
@@ -190,11 +138,11 @@ def test_a_circle_of_imports_ends(module):
 
 
 def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
-    from pytest_drive_robust.runner.cache_key import sources
+    from pytest_drive_robust.runner.cache_key import source_files
 
     agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
     first = identity_with(agent)
-    monkeypatch.setattr(sources, "_version", lambda top, origin: "another" if top == "numpy" else "same")
+    monkeypatch.setattr(source_files, "_version", lambda top, origin: "another" if top == "numpy" else "same")
     assert identity_with(agent) != first
 
 
@@ -251,25 +199,6 @@ def test_a_factory_object_counts_with_its_state():
     one, same, other = (Factory(gain) for gain in (1.0, 1.0, 2.0))
     assert code_of(one) == code_of(same) != code_of(other)
     assert code_of(one.make) == code_of(same.make) != code_of(other.make)
-
-
-def test_code_that_cannot_be_known_is_of_this_session_only():
-    space: dict[str, object] = {}
-    exec("class Typed:\n    pass", space)
-    held = Handle()
-    for unknown in (space["Typed"], Factory(iter(())), lambda: held, functools.partial(Factory, held)):
-        assert SESSION in code_of(unknown)
-
-
-def test_the_workers_of_a_run_share_what_stands_for_unknown_code():
-    program = "from pytest_drive_robust.runner.cache_key.code import SESSION; print(SESSION)"
-    told = [
-        subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment
-        ).stdout.strip()
-        for environment in ({"PYTEST_XDIST_TESTRUNUID": "abc"}, {"PYTEST_XDIST_TESTRUNUID": "abc"}, {})
-    ]
-    assert told[0] == told[1] == "abc" != told[2]
 
 
 @pytest.mark.parametrize(("name", "counts"), [("test_suite_of_mine", False), ("agents_of_mine", True)])
@@ -368,25 +297,3 @@ class Factory:
 
     def make(self) -> object:
         return self
-
-
-class Handle:
-    """Something of the operating system."""
-
-    __slots__ = ()
-
-
-def test_code_that_cannot_be_found_has_no_digest(tmp_path):
-    moved = ModuleType("moved")
-    moved.__file__ = str(tmp_path / "moved.py")
-    with pytest.raises(UnknownSourceError, match=r"moved\.py"):
-        code_digest([moved])
-
-
-def test_every_file_of_a_package_counts_in_its_digest(module, tmp_path):
-    module("driving_pkg.__init__", "")
-    package = sys.modules["driving_pkg"]
-    first = code_digest([package])
-    (tmp_path / "driving_pkg" / "inner").mkdir()
-    (tmp_path / "driving_pkg" / "inner" / "tables.py").write_text("LIMIT = 5\n")
-    assert code_digest([package]) != first

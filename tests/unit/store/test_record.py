@@ -16,8 +16,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.domain.result import Given, Injection, Trace
-from pytest_drive_robust.store import record, whole_file
-from pytest_drive_robust.store.packing import pack, unpack
+from pytest_drive_robust.store import record
 from pytest_drive_robust.store.record import (
     CorruptRecordError,
     OtherFormatError,
@@ -25,7 +24,6 @@ from pytest_drive_robust.store.record import (
     decode_record,
     encode_episode,
 )
-from pytest_drive_robust.store.record_files import read_episode, write_episode
 
 FULL = replace(
     make_result(
@@ -46,15 +44,8 @@ FULL = replace(
     reception=Reception(("front",), ("cameras", "gps"), 7, (Touch("gps", 7, 0),)),
     given=Given(np.arange(42, dtype=np.float32).reshape(7, 6) / 7),
 )
+
 BYTES = encode_episode(FULL, {"key": "ab", "run": "one"})
-
-
-def test_an_episode_comes_back_to_the_bit(tmp_path):
-    write_episode(tmp_path / "one.episode", FULL)
-    back = read_episode(tmp_path / "one.episode")
-    assert back.trace.digest == FULL.trace.digest
-    assert back.trace.rows.tobytes() == FULL.trace.rows.tobytes()
-    assert replace(back, trace=FULL.trace) == FULL
 
 
 def test_what_the_agent_was_given_comes_back_and_may_be_missing():
@@ -103,22 +94,6 @@ def test_a_trace_is_unpacked_when_it_is_read_and_travels_as_an_ordinary_one():
     assert replace(back.trace, rows=np.zeros((1, 11))).rows.shape == (1, 11)
 
 
-def test_the_trace_of_a_drive_takes_less_than_its_numbers():
-    seconds = np.arange(600) * 0.05
-    smooth = trace_of(600, x_m=8.0 * seconds, y_m=np.sin(seconds), yaw_rad=np.cos(seconds), speed_mps=8.0)
-    assert len(pack(smooth.rows)) < smooth.rows.nbytes / 4
-
-
-@given(arrays(np.float32, st.tuples(st.integers(0, 9), st.integers(1, 4))))
-def test_tables_of_other_kinds_pack_too(rows):
-    assert unpack(pack(rows), dtype="<f4", shape=rows.shape).tobytes() == rows.tobytes()
-
-
-def test_a_table_of_another_size_is_refused():
-    with pytest.raises(ValueError, match="a table of 4 x 2 <f8 has 48 bytes"):
-        unpack(pack(np.ones((3, 2))), dtype="<f8", shape=(4, 2))
-
-
 def test_numbers_of_numpy_become_plain_ones():
     odd = replace(FULL, route_length_m=np.float64(12.0), ticks=np.int64(7), junction_passed=np.bool_(True))
     back = decode_episode(encode_episode(odd))
@@ -161,13 +136,3 @@ def test_a_record_of_another_format_is_refused(monkeypatch):
     monkeypatch.setattr(record, "FORMAT_VERSION", 2)
     with pytest.raises(OtherFormatError, match="it has episode format 1, this version reads 2"):
         decode_episode(BYTES)
-
-
-def test_nothing_is_left_when_writing_breaks(tmp_path, monkeypatch):
-    def full_disk(*_: object) -> None:
-        raise OSError("no space left")
-
-    monkeypatch.setattr(whole_file.os, "fsync", full_disk)
-    with pytest.raises(OSError, match="no space left"):
-        write_episode(tmp_path / "one.episode", FULL)
-    assert list(tmp_path.iterdir()) == []

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.runner.episode.loop import Drive
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
@@ -14,36 +14,36 @@ if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["Row", "measures_inference"]
+__all__ = ["LockstepEpisode", "measures_inference"]
 
 
 @dataclass(eq=False, slots=True)
-class Row:
+class LockstepEpisode:
     """A request under way, and the seconds of wall time that it took so far."""
 
     request: EpisodeRequest
-    drive: Drive
+    running: RunningEpisode
     share_s: float
 
     def sense(self) -> Observation | None:
-        """What the agent is to act on; None when it is not asked, in which case the tick is over."""
-        drive = self.drive
-        if drive.over:
+        """Return what the agent is to act on; None when it is not asked, in which case the tick is over."""
+        running = self.running
+        if running.over:
             return None
-        given = drive.attempt(drive.sense)
-        if given is None and not drive.over:
-            drive.attempt(lambda: drive.advance(None, 0.0))
+        given = running.attempt(running.sense)
+        if given is None and not running.over:
+            running.attempt(lambda: running.advance(None, 0.0))
         return given
 
     def answer(self, answer: Control | AgentError, inference_s: float) -> None:
-        """The rest of the tick, with what the agent said or did wrong."""
-        drive = self.drive
+        """Drive the rest of the tick with what the agent answered or did wrong."""
+        running = self.running
         if isinstance(answer, AgentError):
-            drive.crash = answer
+            running.crash = answer
         else:
-            drive.attempt(lambda: drive.advance(answer, inference_s))
+            running.attempt(lambda: running.advance(answer, inference_s))
 
 
 def measures_inference(setting: Setting) -> bool:
-    """True when the setting needs the seconds that one call of `act` took, which no row of a batch has."""
+    """Return whether the setting needs the seconds that one call of `act` took, which no row of a batch has."""
     return any(bool(getattr(item, "measures_inference", False)) for item in setting.perturbations)
