@@ -1,1 +1,1 @@
-"""Reference agents for pytest-drive-robust: one agent, one file. They get no private access."""
+"""Reference agents for pytest-drive-robust: one agent, one module. They get no private access."""

@@ -48,7 +48,7 @@ class Classical:
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """One camera at the front edge of the roof."""
+        """Return one camera at the front edge of the roof."""
         return (CAMERA,)
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -64,7 +64,7 @@ class Classical:
         self._way: Floats = np.zeros((1, 2))
 
     def plan(self) -> PlannedPath:
-        """The path that the last control followed."""
+        """Return the path that the last control followed."""
         return PlannedPath(path=tuple((float(x), float(y)) for x, y in self._way[1:31]))
 
     def act(self, observation: Observation) -> Control:
@@ -95,7 +95,7 @@ class Classical:
     def _correct(
         self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
     ) -> Floats:
-        """The plan's course moved towards the middle of the lane that the camera sees, as far as the path keeps it."""
+        """Move the plan's course towards the middle of the lane that the camera sees, where the path keeps to it."""
         on_road = to_lane_end > -1.0 and self._entered
         if on_road and not self._on_road:
             self._lane.forget(*_line(course, _OFF_LANE_M))
@@ -127,7 +127,7 @@ class Classical:
     # --- speed ---
 
     def _road_speed(self, at: float, junction: Junction | None) -> float:
-        """Cruising speed, lower for a turn ahead and beside things at the edge."""
+        """Return the cruising speed, lower for a turn ahead and beside things at the edge."""
         target = _CAREFUL_MPS if self._corridor.tight or self._corridor.aside_m < -0.2 else _CRUISE_MPS
         if self._overtake.offset_m < 0.0 or not self._entered:
             slanted = abs(float(self._way[4, 1])) > 0.6
@@ -162,7 +162,7 @@ class Classical:
 
 
 def _line(course: Floats, most_m: float) -> tuple[float, float]:
-    """(offset, slope) of a line through the first ten metres of a course, no farther off than so many metres."""
+    """Return (offset, slope) of a line through the first ten metres of a course, no farther off than so many metres."""
     dx, dy = course[10] - course[0]
     slope = float(dy) / max(float(dx), 1.0)
     offset = float(course[0, 1]) - slope * float(course[0, 0])

@@ -18,12 +18,12 @@ class Constant:
         self.throttle = throttle
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """No cameras."""
+        """Return no cameras."""
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is nothing to forget."""
 
     def act(self, observation: Observation) -> Control:
-        """The same control in every tick."""
+        """Return the same control in every tick."""
         return Control(throttle=self.throttle)

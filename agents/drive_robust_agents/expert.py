@@ -9,7 +9,7 @@ It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, 
 3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
    signs and junctions make it wait (`right_of_way`).
 
-Nobody's intentions are known to it: where traffic goes at a fork it learns by watching.
+It knows no actor's intentions: where traffic goes at a fork it learns by watching.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Expert:
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """No cameras: it sees the ground truth."""
+        """Return no cameras: it sees the ground truth."""
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -79,17 +79,17 @@ class Expert:
         self._intent: Intent | None = None
 
     def plan(self) -> PlannedPath:
-        """The next 30 m of the path that the last control followed."""
+        """Return the next 30 m of the path that the last control followed."""
         return PlannedPath(path=self._path)
 
     def intent(self) -> Intent:
-        """What is behind the last control. Raises `ValueError` before the first one of an episode."""
+        """Return what is behind the last control. Raises `ValueError` before the first one of an episode."""
         if self._intent is None:
             raise ValueError("the expert has not acted yet in this episode: call act(observation) first")
         return self._intent
 
     def fork(self) -> Expert:
-        """Another expert in the same state of mind: neither changes what the other does from here on.
+        """Return another expert in the same state: neither changes what the other does from here on.
 
         They share the map, which does not change.
         """
@@ -126,7 +126,7 @@ class Expert:
         return self._control(truth.frame.ego, profile, moment, acceleration, stop)
 
     def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
-        """Everything that the decisions of this tick need."""
+        """Gather everything that the decisions of this tick need."""
         frame, ego = truth.frame, truth.frame.ego
         self._traffic.update(frame, scene.graph)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
@@ -138,7 +138,7 @@ class Expert:
     # --- where ---
 
     def _waits_beside_the_lane(self, lanes: LaneChanges, now: Situation) -> bool:
-        """Does the ego still stand in a parking space, because the way into the traffic is not free?"""
+        """Return whether the ego still stands in a parking space because the way into the traffic is not free."""
         if self._parked is None:
             self._parked = abs(now.right_m - float(lanes.profile[0])) > _PARKED_FROM_M
         if self._parked:
@@ -146,7 +146,7 @@ class Expert:
         return self._parked
 
     def _choose_lane(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Obstacle | None:
-        """Begin what can be begun; the obstacle that has to be waited for, or None."""
+        """Begin what can be begun; return the obstacle that has to be waited for, or None."""
         if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
         for shift in self._siren.shifts(now.scene, self._traffic, truth.frame, now.row):
@@ -170,7 +170,7 @@ class Expert:
             self._held_back = True
 
     def _go_around(self, lanes: LaneChanges, now: Situation) -> Obstacle | None:
-        """Pass what is in the lane; it is returned while the way around is not free."""
+        """Pass what is in the lane; return it while the way around is not free."""
         ahead = nearest_obstacle(now.scene, self._traffic, lanes.profile, now.row)
         if ahead is None:
             return None
@@ -188,7 +188,7 @@ class Expert:
         return ahead
 
     def _give_up(self, lanes: LaneChanges, now: Situation) -> bool:
-        """Is a pass that has hardly begun no longer free, for several ticks on end?"""
+        """Return whether a pass that has hardly begun is no longer free for several ticks on end."""
         if self._pass is None or now.row > self._pass.beside_row:
             return False
         until = min(self._pass.ends_row, now.row + _PASS_LOOK_M)
@@ -200,7 +200,7 @@ class Expert:
         return is_free(now, now.path(profile), until_row, within_s=within_s)
 
     def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
-        """The profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
+        """Return the profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
         aside = self._siren.profile(now.scene, self._traffic, truth.frame, now.row)
         if aside is not None:
             return lanes.profile + aside
@@ -209,7 +209,7 @@ class Expert:
         return lanes.profile + self._keep_right(now)
 
     def _keep_right(self, now: Situation) -> float:
-        """Metres to the right while somebody who comes the other way reaches into the lane, and a little longer."""
+        """Return metres to the right while somebody oncoming reaches into the lane, and a little longer."""
         scene, boxes = now.scene, self._traffic.boxes
         k = int(np.clip(now.row, 0, scene.count - 1))
         at = project_all(scene.route, k - 5, k + _INVADER_LOOK_M, boxes)
@@ -229,13 +229,13 @@ class Expert:
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
     def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:
-        """On the way out of a parking space, between two lanes, or in a lane that is not the ego's own."""
+        """Return whether the ego is leaving a parking space, between two lanes, or in a lane that is not its own."""
         k = int(np.clip(now.row, 0, now.scene.count - 1))
         passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
         return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
 
     def _before(self, obstacle: Obstacle | None, now: Situation) -> float:
-        """The row at which to wait for a way around."""
+        """Return the row at which to wait for a way around."""
         if obstacle is None or obstacle.moving:
             return math.inf
         front = now.row + now.scene.size[0] / 2.0

@@ -22,7 +22,7 @@ class RandomControls:
         self._control = Control()
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """No cameras."""
+        """Return no cameras."""
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -30,7 +30,7 @@ class RandomControls:
         self._generator = np.random.default_rng(seed)
 
     def act(self, observation: Observation) -> Control:
-        """Throttle 0..1, steer -0.3..0.3, brake one time in five."""
+        """Draw throttle 0..1 and steer -0.3..0.3, and a brake one time in five."""
         if observation.tick % self.hold_ticks == 0:
             throttle, steer, brake = self._generator.random(3)
             braking = brake < 0.2

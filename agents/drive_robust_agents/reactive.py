@@ -34,7 +34,7 @@ class Reactive:
         self._limits: Floats | None = None
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """No cameras: it sees the ground truth."""
+        """Return no cameras: it sees the ground truth."""
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -57,7 +57,7 @@ class Reactive:
 
 
 def _leader(truth: GroundTruth) -> tuple[float, float]:
-    """(bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, infinity without one."""
+    """Return (bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, or (inf, 0)."""
     frame, ego = truth.frame, truth.frame.ego
     rows = frame.actors[frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
     boxes = np.ascontiguousarray(
@@ -68,7 +68,7 @@ def _leader(truth: GroundTruth) -> tuple[float, float]:
 
 
 def _idm(v: float, wanted: float, gap: float, leader: float) -> float:
-    """Acceleration of the intelligent driver model [m/s2]."""
+    """Return the acceleration of the intelligent driver model [m/s2]."""
     free = _ACCEL_MPS2 * (1.0 - (v / max(wanted, 0.1)) ** 4)
     if math.isfinite(gap):
         closing = v * (v - leader) / (2.0 * math.sqrt(_ACCEL_MPS2 * _COMFORT_MPS2))

@@ -85,7 +85,7 @@ class SimLingo(LearnedAgent):
         super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """One wide camera above and behind the driver."""
+        """Return one wide camera above and behind the driver."""
         return CAMERAS
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -117,7 +117,7 @@ class SimLingo(LearnedAgent):
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """The first tick of an episode brakes."""
+        """Steer along the path and drive by the waypoints; the first tick of an episode brakes."""
         path, waypoints = (tuple((x, y) for x, y in outputs[name].tolist()) for name in ("path", "waypoints"))
         self._planned = PlannedPath(path, targets, waypoints)
         if self.commentary:

@@ -50,7 +50,7 @@ class Fusion:
         self._steered: deque[bool] = deque(maxlen=self.OF_LAST)
 
     def merge(self, trajectory: Control, control: Control) -> Control:
-        """Both branches' answers, weighted."""
+        """Average both branches' answers by their weights."""
         turning = sum(self._steered) > self.MORE_THAN
         lead, other = (control, trajectory) if turning else (trajectory, control)
         a, b = self.LEADS, 1.0 - self.LEADS
@@ -97,7 +97,7 @@ class TCP(LearnedAgent):
         super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """One wide camera at the front edge of the roof."""
+        """Return one wide camera at the front edge of the roof."""
         return (CAMERA,)
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -120,7 +120,7 @@ class TCP(LearnedAgent):
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """The first tick of an episode coasts."""
+        """Drive by the branch of the mode; the first tick of an episode coasts."""
         waypoints = tuple((x, y) for x, y in outputs["waypoints"].tolist())
         self._planned = PlannedPath(waypoints, targets, waypoints)
         if self._coasts:
@@ -139,6 +139,6 @@ class TCP(LearnedAgent):
 
 
 def _direct(action: Sequence[float]) -> Control:
-    """The control of (steering, acceleration), -1..1 each."""
+    """Return the control of (steering, acceleration), -1..1 each."""
     steer, acceleration = (min(max(value, -1.0), 1.0) for value in action)
     return Control(throttle=max(acceleration, 0.0), steer=steer, brake=max(-acceleration, 0.0))

@@ -83,7 +83,7 @@ class UniAD(BevAgent):
         self._optimise = optimise
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-        """The network's plan, moved off what will be occupied."""
+        """Move the network's plan off what will be occupied."""
         plan = outputs["waypoints"]
         if not self._optimise or not np.isfinite(plan).all():
             return plan

@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from drive_robust_agents._planning.static_scene import StaticScene
+from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust import Compass, Gps, Imu, Observation, Speed
 from pytest_drive_robust.domain.truth import (
     ActorKind,
@@ -79,3 +81,10 @@ def observation(truth: GroundTruth | None, tick: int = 0) -> Observation:
         cameras={},
         truth=truth,
     )
+
+
+def seen(truth: GroundTruth) -> tuple[StaticScene, Traffic]:
+    """The scene and the traffic as the expert sees them in its first tick."""
+    scene, traffic = StaticScene(truth), Traffic()
+    traffic.update(truth.frame, scene.graph)
+    return scene, traffic

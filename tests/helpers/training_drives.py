@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import functools
 
+from privileged_scene import observation
+
+from drive_robust_agents._wrappers.route_planner import Target
+from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.draws import draws
+from drive_robust_agents.training.data.labels import ExpertMoment
 from drive_robust_agents.training.data.noise import burst_plan
 from drive_robust_agents.training.data.rollouts import Sample, drive_expert
 from drive_robust_agents.training.data.routes import SCENARIO_NAMES, RouteKey, draw
+from pytest_drive_robust import GlobalPlan, RoadOption
 from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import GroundTruth
+
+NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0, RoadOption.STRAIGHT)
 
 
 def key_of(scenario: str, number: int = 0) -> RouteKey:
@@ -34,3 +43,11 @@ def samples_of(scenario: str, *, noisy: bool = False) -> tuple[Sample, ...]:
     """The samples of the first episode."""
     route = route_of(scenario)
     return tuple(drive_expert(route, data_seed=data_seed(route, noisy=noisy), seed=0))
+
+
+def first_moment(truth: GroundTruth) -> ExpertMoment:
+    """The moment in which the expert sees this for the first time."""
+    expert = Expert()
+    expert.reset(GlobalPlan(()), 0)
+    expert.act(observation(truth))
+    return ExpertMoment(truth, expert.intent(), (NOWHERE, NOWHERE), night=False)

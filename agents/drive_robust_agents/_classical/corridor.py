@@ -96,7 +96,7 @@ class Corridor:
         return room and self._edge_s > _STEADY_S and self._drift_mps > _DRIFT_MPS
 
     def _remember(self, blocked_m: Floats, travelled_m: float) -> None:
-        """Two columns make an obstacle; one that is lost is believed for a moment."""
+        """Update the free distance: two columns make an obstacle; one that is lost counts a moment longer."""
         self.free_m -= travelled_m
         if len(blocked_m) >= 2:
             self.free_m, self._unseen_s = float(blocked_m[1]), 0.0
@@ -107,7 +107,7 @@ class Corridor:
 
 
 def oncoming(bases: Floats) -> bool:
-    """Is something coming along the lane to the left, so near that it would meet a left turn?"""
+    """Return whether something comes along the lane to the left, so near that it would meet a left turn."""
     forward, right = bases[:, 0], bases[:, 1]
     inside = (forward > _ONCOMING_M[0]) & (forward < _ONCOMING_M[1]) & (right > -7.0) & (right < -_LEFT_M)
     if not inside.any():
@@ -116,7 +116,7 @@ def oncoming(bases: Floats) -> bool:
 
 
 def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
-    """Which points belong to something thinner than anything that moves: nothing else is near them."""
+    """Return which points belong to something thinner than anything that moves: nothing else is near them."""
     together = np.hypot(along[:, None] - along, right[:, None] - right) < _POST_ROOM_M
     spread = np.where(together, right, -np.inf).max(axis=1) - np.where(together, right, np.inf).min(axis=1)
     thin: NDArray[np.bool_] = spread < _POST_M
@@ -124,7 +124,7 @@ def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
 
 
 def beside(bases: Floats, path: Floats) -> tuple[Floats, Floats]:
-    """(metres along the path, metres to its right) of points (k, 2)."""
+    """Return (metres along the path, metres to its right) of points (k, 2)."""
     dx = bases[:, 0, None] - path[:, 0]
     dy = bases[:, 1, None] - path[:, 1]
     nearest = np.argmin(dx * dx + dy * dy, axis=1)

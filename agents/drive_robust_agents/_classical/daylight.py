@@ -27,7 +27,7 @@ class NightDetector:
         self._looks = 0
 
     def see(self, pixels: NDArray[np.uint8]) -> bool:
-        """True when the sky is dark. Dead (black) pixels say nothing; without any others it stays as it was."""
+        """Return whether the sky is dark. Dead (black) pixels are skipped; without any others the answer stays."""
         if self._sky is None or self._looks % _LOOK_EVERY == 0:
             bright = pixels[_SKY_ROWS, ::_SKY_STEP].max(axis=2)
             alive = bright[bright > _DEAD]
@@ -39,7 +39,7 @@ class NightDetector:
 
 
 def lamp_light(forward_m: Floats, right_m: Floats) -> Floats:
-    """0..1: how strongly the headlamps light places of the ground, metres ahead of the vehicle and to its right.
+    """Return how strongly, 0..1, the headlamps light places of the ground, metres ahead and to the right.
 
     The calibration of a pair of dipped headlamps: a cone that widens, is dark just before the bumper and fades out.
     """

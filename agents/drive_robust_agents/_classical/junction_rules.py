@@ -41,7 +41,7 @@ class JunctionRules:
         self, pixels: NDArray[np.uint8], bases: NDArray[np.float64], junction: Junction | None, at_m: float,
         speed_mps: float,
     ) -> float:  # fmt: skip
-        """The highest speed that the rules allow, infinity when they do not matter here [m/s].
+        """Return the highest speed that the rules allow, infinity when they do not matter here [m/s].
 
         `bases` (k, 2) are the foreign points of `vision.GroundModel`, `at_m` the place along the path.
         """
@@ -85,5 +85,5 @@ class JunctionRules:
 
 
 def _stopping(distance_m: float) -> float:
-    """The speed from which a comfortable stop in this distance is possible [m/s]."""
+    """Return the speed from which a comfortable stop in this distance is possible [m/s]."""
     return math.sqrt(2.0 * _BRAKE_MPS2 * distance_m) if distance_m > 0.1 else 0.0

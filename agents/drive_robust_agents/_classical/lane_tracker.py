@@ -40,7 +40,7 @@ class LaneTracker:
         self.quality = 0.0
 
     def middle(self, forward_m: Floats) -> Floats:
-        """Metres to the right of the lane's middle at these metres ahead."""
+        """Return the lane's middle, metres to the right, at these metres ahead."""
         forward = np.clip(forward_m, 0.0, 22.0)
         middle: Floats = self._state[0] + self._state[1] * forward + 0.5 * self._state[2] * forward**2
         return middle
@@ -84,7 +84,7 @@ class LaneTracker:
 
 
 def _peaks(ridge: NDArray[np.float32], expected_m: Floats, least: Floats) -> tuple[Floats, Floats]:
-    """(places, weights) of the strongest ridge near the expected place of each row; weight 0 where there is none."""
+    """Return (places, weights) of the strongest ridge near the expected place of each row; weight 0 without one."""
     reach = int(_GATE_M / _RIGHT_STEP_M)
     first = np.round((expected_m - _RIGHT_M[_FLANK]) / _RIGHT_STEP_M).astype(np.int64) - reach
     inside = (first >= 0) & (first + 2 * reach < ridge.shape[1])

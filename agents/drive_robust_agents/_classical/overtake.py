@@ -37,7 +37,7 @@ class Overtake:
         self._blocked_m, self._waited_s, self._clear_m, self._driven_m = math.inf, 0.0, 0.0, 0.0
 
     def offsets(self, points: int) -> Floats:
-        """The move to the side of a path's points, one a metre: from the present one to the wanted one."""
+        """Return how far each point of a path, one a metre, is moved aside: from the present to the wanted offset."""
         wanted = -_LANE_M if self.passing else 0.0
         reach = _SLOPE * np.arange(points)
         moved: Floats = self.offset_m + np.clip(wanted - self.offset_m, -reach, reach)
@@ -63,7 +63,7 @@ class Overtake:
             self._waited_s = 0.0
 
     def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float) -> None:
-        """Behind something that does not move either; then for a gap in the lane to the left."""
+        """Wait behind something that does not move either, then for a gap in the lane to the left."""
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         still = still and not _brakes(pixels)
         self._blocked_m = first_m
@@ -74,7 +74,7 @@ class Overtake:
             self.passing, self._clear_m, self._waited_s, self._driven_m = True, 0.0, 0.0, 0.0
 
     def _drives_off(self, first_m: float, travelled_m: float) -> bool:
-        """Has what stood in the way set off itself?"""
+        """Return whether what stood in the way has set off itself."""
         moved = first_m - (self._blocked_m - travelled_m)
         self._driven_m = self._driven_m + moved if abs(moved) < _SAME_M else 0.0
         self._blocked_m = first_m
@@ -82,7 +82,7 @@ class Overtake:
 
 
 def _brakes(pixels: NDArray[np.uint8]) -> bool:
-    """Does somebody right ahead show brake lamps? Who does will drive on."""
+    """Return whether somebody right ahead shows brake lamps: such a vehicle will drive on."""
     ahead = pixels[_LAMPS].astype(np.int16)
     red, green, blue = ahead[:, :, 0], ahead[:, :, 1], ahead[:, :, 2]
     lit = (red >= _LAMP_RED) & (red > 3 * np.maximum(green, blue))

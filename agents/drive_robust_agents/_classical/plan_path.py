@@ -66,7 +66,7 @@ class PlanPath:
         self._at = 0
 
     def locate(self, x_m: float, y_m: float) -> float:
-        """Metres along the path of the nearest point, searched around the last answer."""
+        """Return the metres along the path of the nearest point, searched around the last answer."""
         reach = int(_WINDOW_M / _STEP_M)
         first = max(0, self._at - reach)
         near = self.points[first : self._at + reach + 1]
@@ -75,7 +75,7 @@ class PlanPath:
         return self._at * _STEP_M
 
     def ahead(self, x_m: float, y_m: float, yaw_rad: float, count: int) -> Floats:
-        """(count, 2): the path from the located place on, one point a metre, metres forward and to the right."""
+        """Return (count, 2): the path from the located place on, one point a metre, metres forward and to the right."""
         stride = int(1.0 / _STEP_M)
         rows = np.minimum(self._at + stride * np.arange(count), len(self.points) - 1)
         dx, dy = self.points[rows, 0] - x_m, self.points[rows, 1] - y_m
@@ -83,17 +83,20 @@ class PlanPath:
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
 
     def next_junction(self, along_m: float) -> Junction | None:
-        """The junction that lies around or ahead of a place, or None."""
+        """Return the junction that lies around or ahead of a place, or None."""
         return next((junction for junction in self.junctions if along_m < junction.exit_m), None)
 
     def to_lane_end(self, along_m: float) -> float:
-        """Metres until the path leaves the markings of its lane: a junction or a lane change; negative within one."""
+        """Return the metres until the path leaves its lane's markings; negative in a junction or lane change."""
         spans = (*((junction.entry_m, junction.exit_m) for junction in self.junctions), *self._changes)
         return min((start - along_m for start, end in spans if along_m < end), default=math.inf)
 
 
 def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -> list[float]:
-    """The heading at every point: a manoeuvre is entered along the road before it and left along the one after it."""
+    """Return the heading at every point.
+
+    A manoeuvre is entered along the road before it and left along the one after it.
+    """
     chords = [math.atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
     headings = [start_yaw_rad]
     for k in range(1, len(knots) - 1):
@@ -111,7 +114,7 @@ def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -
 
 
 def _hermite(start: Floats, end: Floats, from_rad: float, to_rad: float) -> Floats:
-    """A cubic from `start` to `end` with these headings, without its first point."""
+    """Return a cubic from `start` to `end` with these headings, without its first point."""
     chord = float(np.hypot(*(end - start)))
     turn = abs(math.remainder(to_rad - from_rad, math.tau))
     # the speed with which a cubic follows a circular arc of this turn

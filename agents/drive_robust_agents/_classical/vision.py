@@ -67,14 +67,14 @@ class GroundModel:
         self._night = False
 
     def brightness(self, forward_m: Floats) -> Floats:
-        """Brightness (green, 0..255) of the asphalt straight ahead, so many metres from the vehicle's middle."""
+        """Return the brightness (green, 0..255) of the asphalt so many metres ahead of the vehicle's middle."""
         if self._night:
             lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
             return lit
         return np.full_like(forward_m, 98.0 if self._asphalt is None else self._asphalt[-20:, 1].mean())
 
     def bases(self, pixels: Bytes) -> Floats:
-        """(k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
+        """Return (k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
 
         Columns whose view of the ground is blocked by dead (black) pixels first, and columns that are free, are left
         out.
@@ -98,7 +98,7 @@ class GroundModel:
     # --- day ---
 
     def _by_day(self, image: Bytes, planes: list[Floats32]) -> Mask:
-        """Which pixels are not ground, against the asphalt of their row."""
+        """Return which pixels are not ground, against the asphalt of their row."""
         if self._asphalt is None:
             self._asphalt = _first_asphalt(image, self._patch)
         red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
@@ -123,7 +123,7 @@ class GroundModel:
     # --- night ---
 
     def _by_night(self, planes: list[Floats32], dead: Mask) -> Mask:
-        """Which pixels are not ground, against asphalt in the headlamps; what shines beside their cone is a lamp."""
+        """Return which pixels are not ground: against asphalt in the headlamps, and lamps beside their cone."""
         self._follow_paint(planes, dead)
         red, green, blue = (plane / (self._paint[k] * self._light) for k, plane in enumerate(planes))
         bright = np.maximum(np.maximum(red, green), blue)
@@ -147,7 +147,7 @@ class GroundModel:
 
 
 def _first_asphalt(image: Bytes, patch: Mask) -> Floats32:
-    """The median colour of each row's patch; going up it may change only as slowly as haze does, grey for grey."""
+    """Return the median colour of each row's patch; upwards it changes only as slowly as haze does, grey for grey."""
     medians = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))], dtype=np.float32)
     medians = np.maximum(medians, 8.0)
     medians[-10:] = np.median(medians[-10:], axis=0)
@@ -181,7 +181,10 @@ def signals(pixels: Bytes) -> Signals:
 
 
 def _largest_facing(mask: NDArray[np.bool_]) -> int:
-    """The largest blob that is about as wide as high: lamps of crossing roads are seen from the side, as slivers."""
+    """Return the pixels of the largest blob that is about as wide as high.
+
+    Lamps of crossing roads are seen from the side, as slivers.
+    """
     if not mask.any():
         return 0
     *_, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
@@ -192,7 +195,7 @@ def _largest_facing(mask: NDArray[np.bool_]) -> int:
 
 
 def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
+    """Return (rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
     depth = forward_m - CAMERA.x_m
     rows = np.floor(CAMERA.height_px / 2.0 + _FOCAL_PX * CAMERA.z_m / depth).astype(np.int64)
     columns = np.floor(CAMERA.width_px / 2.0 + _FOCAL_PX * right_m / depth).astype(np.int64)

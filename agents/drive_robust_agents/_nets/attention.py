@@ -17,7 +17,7 @@ __all__ = ["Attention", "CrossLayer", "DecoderLayer", "PointEncoding", "attend"]
 
 
 def attend(query: Tensor, key: Tensor, value: Tensor, *, mask: Tensor | None = None, causal: bool = False) -> Tensor:
-    """Scaled dot-product attention: (..., Q, d), (..., K, d), (..., K, d) -> (..., Q, d).
+    """Compute scaled dot-product attention: (..., Q, d), (..., K, d), (..., K, d) -> (..., Q, d).
 
     Under mixed precision on a CPU it computes in float32: what torch has there for bfloat16 takes three times as long,
     forward and back.
@@ -63,7 +63,7 @@ class Attention(nn.Module):
         return y
 
     def _split(self, x: Tensor) -> Tensor:
-        """(N, L, d) -> (N, heads, L, d / heads)."""
+        """Split the heads: (N, L, d) -> (N, heads, L, d / heads)."""
         return x.reshape(x.shape[0], x.shape[1], self.heads, -1).transpose(1, 2)
 
 

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from drive_robust_agents._nets.attention import attend
-from drive_robust_agents._nets.bev_grid import BevSpec, CameraView, camera_views
+from drive_robust_agents._nets.bev_grid import BevSpec, TokensInSight, camera_views
 from drive_robust_agents._nets.blocks import BasicBlock, ImageNorm, MiniResNet, Mlp
 
 __all__ = ["BevEncoder", "BevLift", "CameraEncoder", "TemporalFusion", "columns_of", "rows_of", "warp"]
@@ -95,7 +95,7 @@ class BevLift(nn.Module):
         return y
 
     def look(self, query: Tensor, key_value: Tensor) -> Tensor:
-        """What the cells see: queries (N, cells, d), keys and values (N, C, tokens, 2 d) -> (N, cells, d)."""
+        """Return what the cells see: queries (N, cells, d), keys and values (N, C, tokens, 2 d) -> (N, cells, d)."""
         by_camera = key_value.unbind(1)  # not by index: the gradient of that is a map of zeros for each
         seen = [self._one_camera(number, query, mine) for number, mine in enumerate(by_camera)]
         nothing = query.new_zeros(query.shape[0], 1, query.shape[-1])
@@ -107,7 +107,7 @@ class BevLift(nn.Module):
         return total * self.share
 
     def _one_camera(self, number: int, query: Tensor, key_value: Tensor) -> Tensor:
-        """(N, cells of the camera, d)."""
+        """Return what the cells of one camera see: (N, cells of the camera, d)."""
         mine = query.index_select(1, self.get_buffer(f"cells_{number}"))
         parts = (mine, *key_value.chunk(2, dim=2))
         q, k, v = (x.reshape(*x.shape[:2], self.heads, -1).transpose(1, 2) for x in parts)
@@ -115,8 +115,8 @@ class BevLift(nn.Module):
         return attend(q, k, v, mask=bias).transpose(1, 2).flatten(2)
 
 
-def _merging(views: tuple[CameraView, ...], cells: int) -> tuple[Tensor, Tensor]:
-    """Where the looks of all cameras, one after the other, belong: (cells, most) rows, and 1 / count (cells, 1).
+def _merging(views: tuple[TokensInSight, ...], cells: int) -> tuple[Tensor, Tensor]:
+    """Return where the outputs of all cameras, in a row, belong: (cells, most) rows, and 1 / count (cells, 1).
 
     Cells that fewer cameras see are filled with the row after the last, which is zero.
     """
@@ -133,7 +133,7 @@ def _merging(views: tuple[CameraView, ...], cells: int) -> tuple[Tensor, Tensor]
 
 
 def warp(memory: Tensor, motion: Tensor, centres: Tensor, spec: BevSpec) -> Tensor:
-    """The map of before as seen from here: (N, d, rows, columns) and motion (N, 3) -> the same shape.
+    """Return the map of before as seen from here: (N, d, rows, columns) and motion (N, 3) -> the same shape.
 
     `motion` is the pose of now in the ego frame of before: x, y [m], yaw [rad, clockwise]; `centres` are those of
     `spec`. What was not in the map is zero. (`affine_grid` would do for equal columns; ours need the bend.)
@@ -146,12 +146,12 @@ def warp(memory: Tensor, motion: Tensor, centres: Tensor, spec: BevSpec) -> Tens
 
 
 def rows_of(x_m: Tensor, spec: BevSpec) -> Tensor:
-    """Row coordinate -1..1 (edges of the grid) of metres ahead."""
+    """Return the row coordinate -1..1 (edges of the grid) of metres ahead."""
     return (x_m + spec.behind_m) * (2.0 / (spec.behind_m + spec.ahead_m)) - 1.0
 
 
 def columns_of(y_m: Tensor, spec: BevSpec) -> Tensor:
-    """Column coordinate -1..1 (edges of the grid) of metres to the right."""
+    """Return the column coordinate -1..1 (edges of the grid) of metres to the right."""
     off = y_m * (math.sinh(spec.bend) / spec.aside_m)
     return torch.sign(off) * torch.log(off.abs() + torch.sqrt(off * off + 1.0)) / spec.bend  # asinh, as ONNX knows it
 
@@ -170,7 +170,7 @@ class TemporalFusion(nn.Module):
         self.mix = BasicBlock(spec.width, spec.width)
 
     def forward(self, now: Tensor, memory: Tensor, motion: Tensor) -> Tensor:
-        """Maps (N, d, rows, columns), motion (N, 3) as in `warp`. A memory of zeros adds nothing."""
+        """Fuse maps (N, d, rows, columns), given the motion (N, 3) as in `warp`. A memory of zeros adds nothing."""
         before = warp(memory, motion, self.centres, self.spec)
         gate = torch.sigmoid(self.gate(torch.cat((now, before), dim=1)))
         y: Tensor = self.mix(now + gate * self.value(before))
@@ -192,11 +192,11 @@ class BevEncoder(nn.Module):
         self.fusion = TemporalFusion(spec)
 
     def look(self, images: Tensor, can_bus: Tensor) -> Tensor:
-        """The map of now alone: what is remembered."""
+        """Return the map of this moment alone, which is what is remembered."""
         y: Tensor = self.lift(self.cameras(images), can_bus)
         return y
 
     def forward(self, images: Tensor, can_bus: Tensor, memory: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-        """(what the heads read, what to remember)."""
+        """Return (what the heads read, what to remember)."""
         now = self.look(images, can_bus)
         return self.fusion(now, memory, motion), now

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.camera_rigs import rig
 
-__all__ = ["OUT_OF_SIGHT", "BevSpec", "CameraView", "camera_views", "project"]
+__all__ = ["OUT_OF_SIGHT", "BevSpec", "TokensInSight", "camera_views", "project"]
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
@@ -54,13 +54,13 @@ class BevSpec:
         return self.rows * self.columns
 
     def rig(self) -> tuple[CameraSpec, ...]:
-        """The cameras, in the order of `cameras`."""
+        """Return the cameras, in the order of `cameras`."""
         specs = rig("nuscenes", width_px=self.image_width_px, height_px=self.image_height_px)
         known = {camera.name: camera for camera in specs}
         return tuple(known[name] for name in self.cameras)
 
     def centres(self, *, finer: int = 1) -> Floats:
-        """Middles (rows * finer, columns * finer, 2) of the cells, or of cells cut into `finer` x `finer`: x, y [m]."""
+        """Return the middles (rows * finer, columns * finer, 2) of the cells cut into `finer` x `finer`: x, y [m]."""
         ahead = (np.arange(self.rows * finer) + 0.5) / (self.rows * finer)
         aside = (np.arange(self.columns * finer) + 0.5) / (self.columns * finer) * 2.0 - 1.0
         x = -self.behind_m + (self.behind_m + self.ahead_m) * ahead
@@ -68,7 +68,7 @@ class BevSpec:
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).astype(np.float32)
 
     def sizes(self, *, finer: int = 1) -> Floats:
-        """Length and width (rows * finer, columns * finer, 2) of the cells [m]."""
+        """Return the length and width (rows * finer, columns * finer, 2) of the cells [m]."""
         edges = np.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / math.sinh(self.bend)
         width = self.aside_m * np.diff(edges)
         length = np.full(self.rows * finer, (self.behind_m + self.ahead_m) / (self.rows * finer))
@@ -76,7 +76,7 @@ class BevSpec:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraView:
+class TokensInSight:
     """Which cells one camera sees, and at which image tokens.
 
     `cells` (n,) are numbers of cells (row * columns + column); `bias` (heads, n, tokens) is what is added to the
@@ -88,12 +88,12 @@ class CameraView:
     bias: Floats
 
 
-def camera_views(spec: BevSpec) -> tuple[CameraView, ...]:
-    """The view of each camera of the rig, in order."""
+def camera_views(spec: BevSpec) -> tuple[TokensInSight, ...]:
+    """Return the view of each camera of the rig, in order."""
     return tuple(_view(spec, camera) for camera in spec.rig())
 
 
-def _view(spec: BevSpec, camera: CameraSpec) -> CameraView:
+def _view(spec: BevSpec, camera: CameraSpec) -> TokensInSight:
     points = spec.centres().reshape(-1, 2).astype(np.float64)
     pixels, inside = np.zeros((len(spec.heights_m), len(points), 2)), np.zeros(len(points), np.bool_)
     for head, height_m in enumerate(spec.heights_m):
@@ -108,13 +108,15 @@ def _view(spec: BevSpec, camera: CameraSpec) -> CameraView:
     middle = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
     near = (np.abs(np.floor(at)[:, :, None] - middle) <= 1.0).all(axis=-1)
     away = ((at[:, :, None] - (middle + 0.5)) ** 2).sum(axis=-1)
-    return CameraView(cells, np.where(near, -0.5 * away, OUT_OF_SIGHT).astype(np.float32))
+    return TokensInSight(cells, np.where(near, -0.5 * away, OUT_OF_SIGHT).astype(np.float32))
 
 
 def project(
     camera: CameraSpec, x_m: NDArray[np.float64], y_m: NDArray[np.float64], z_m: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Where points of the ego frame at height `z_m` are seen: (u, v) in pixels and whether they are before the camera.
+    """Return where points of the ego frame at height `z_m` are seen.
+
+    Gives (u, v) in pixels and whether they lie before the camera.
 
     The centre of pixel (row, column) is (column + 0.5, row + 0.5). Values behind the camera mean nothing.
     """

@@ -31,7 +31,7 @@ class BevNet(nn.Module):
         self.register_buffer("centres", torch.from_numpy(spec.centres()).flatten(0, 1), persistent=False)
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Inputs of the right shapes and types: black pictures, standing, a turn to the left, nothing remembered."""
+        """Return inputs of the right shapes and types: black pictures, standing, turning left, nothing remembered."""
         bev = self.encoder.spec
         pictures = (rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3)
         return {

@@ -98,7 +98,7 @@ class BasicBlock(nn.Module):
         )
 
     def forward(self, x: Tensor) -> Tensor:
-        """Residual sum, rectified."""
+        """Add the residual and rectify."""
         return functional.relu(self.second(self.first(x)) + self.shortcut(x))
 
 
@@ -118,7 +118,7 @@ class MiniResNet(nn.Module):
         self.blocks = nn.Sequential(*(BasicBlock(i, o, stride=2) for i, o in zip(inputs, widths, strict=True)))
 
     def forward(self, x: Tensor) -> Tensor:
-        """The map of features."""
+        """Return the map of features."""
         y: Tensor = self.blocks(self.stem(x))
         return y
 
@@ -142,7 +142,7 @@ RARE = -2.2
 
 
 def mostly_nothing(mlp: Mlp, classes: int) -> Mlp:
-    """The same MLP, its first outputs (logits of classes) biased to `RARE`."""
+    """Return the same MLP with its first outputs (logits of classes) biased to `RARE`."""
     last = mlp[-1]
     assert isinstance(last, nn.Linear)
     with torch.no_grad():

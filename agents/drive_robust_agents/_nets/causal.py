@@ -34,13 +34,13 @@ class CausalLayer(nn.Module):
         self.feed_forward = Mlp(width, hidden, width, activation=nn.GELU)
 
     def project(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Queries, keys and values of new places: (N, L, d) -> three times (N, heads, L, d / heads)."""
+        """Compute queries, keys and values of new places: (N, L, d) -> three times (N, heads, L, d / heads)."""
         flat = self.query_key_value(self.norms[0](x))
         q, k, v = flat.view(x.shape[0], x.shape[1], 3, self.heads, -1).permute(2, 0, 3, 1, 4)
         return q, k, v
 
     def finish(self, x: Tensor, query: Tensor, key: Tensor, value: Tensor, mask: Tensor | None) -> Tensor:
-        """The rest of the layer for the places whose queries are given; causal among themselves without a mask."""
+        """Finish the layer for the places whose queries are given; causal among themselves without a mask."""
         mixed = attend(query, key, value, mask=mask, causal=mask is None)
         x = x + self.out(mixed.transpose(1, 2).flatten(2))
         y: Tensor = x + self.feed_forward(self.norms[1](x))
@@ -99,5 +99,5 @@ class Decoder(nn.Module):
 
 
 def select(cache: Cache, rows: Tensor) -> Cache:
-    """The cache of these rows (with repetition): one image for several prompts."""
+    """Return the cache of these rows (with repetition): one image for several prompts."""
     return [(key[rows], value[rows]) for key, value in cache]

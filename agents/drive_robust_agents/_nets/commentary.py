@@ -1,4 +1,4 @@
-"""What `simlingo` says about its driving: a grammar of an action and its reason. No torch here.
+"""The grammar of what `simlingo` says about its driving: an action and its reason. No torch here.
 
 ::
 
@@ -68,12 +68,12 @@ class Commentary:
 
 
 def refusal(commentary: Commentary) -> str:
-    """The answer to an unsafe instruction: that it is ignored, and what is done instead."""
+    """Return the answer to an unsafe instruction: it is ignored, and this is done instead."""
     return f"{_REFUSING} {commentary.text}"
 
 
 def parse_commentary(text: str) -> tuple[bool, Commentary]:
-    """(refuses an instruction, sentence). Raises `UsageError` for a text that is not in the grammar."""
+    """Parse an answer: (refuses an instruction, sentence). Raises `UsageError` for a text outside the grammar."""
     words = decode(encode(text))
     refuses = words.startswith(_REFUSING)
     said = words[len(_REFUSING) :].lstrip() if refuses else words

@@ -1,4 +1,4 @@
-"""What every learned agent shares at run time: numpy in, numpy out, the same bits in any company.
+"""Networks at run time: numpy in, numpy out, the same bits for a row whatever other rows there are.
 
 One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last one filled up with
 copies: so the bits of a row depend neither on its neighbours nor on how many they are. Networks are shared by all
@@ -38,7 +38,7 @@ class Network(Protocol):
     """What an agent needs of a `Policy`."""
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
-        """What a method of the network says to all rows at once: arrays with the rows as their first axis."""
+        """Run a method of the network on all rows at once: arrays with the rows as their first axis."""
         ...
 
 
@@ -46,13 +46,13 @@ class Engine(Protocol):
     """Computes one batch of fixed size with a method of the network."""
 
     def __call__(self, method: str, inputs: _Arrays) -> dict[str, NDArray[Any]]:
-        """Arrays in and out, each with the batch as its first axis."""
+        """Compute arrays from arrays, each with the batch as its first axis."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class _PolicyKey:
-    """Everything that tells one policy from another."""
+    """Everything that distinguishes one policy from another."""
 
     name: str
     build: store.Build
@@ -85,7 +85,7 @@ class Policy:
         weights: str | Path | None = None,
         **options: object,
     ) -> Policy:
-        """The policy of an agent; the same object for the same key in this process.
+        """Return the policy of an agent; the same object for the same key in this process.
 
         `engine` is `"torch"` or `"onnx"` (ONNX Runtime: faster on a CPU, built from the same weights at first use).
         `device` is `"cpu"`, `"cuda"`, `"cuda:1"` or `"auto"`. `dtype` other than `"float32"` computes with automatic
@@ -123,7 +123,7 @@ class Policy:
         return self.entry.label
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> dict[str, NDArray[Any]]:
-        """What the network says to rows of inputs (each array with the rows as its first axis).
+        """Run the network on rows of inputs (each array with the rows as its first axis).
 
         Returns when the result is there, on any device. `method` names another method of the network with the same
         conventions; ONNX Runtime knows `forward` only.
@@ -156,7 +156,7 @@ def _made(key: _PolicyKey) -> Policy:
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
-    """`ROWS` rows from `begin`, copies of the last one where there are no more."""
+    """Return `ROWS` rows from `begin`, copies of the last one where there are no more."""
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
@@ -171,7 +171,7 @@ def _one_of(what: str, given: str, known: tuple[str, ...]) -> str:
 
 
 def _device(given: str, engine: str) -> str:
-    """The device of that name. Raises `UsageError` when this machine has none."""
+    """Return the device of that name. Raises `UsageError` when this machine has none."""
     if given == "auto":
         return "cuda" if engine == "torch" and torch.cuda.is_available() else "cpu"
     try:

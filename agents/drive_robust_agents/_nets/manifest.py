@@ -58,7 +58,7 @@ class WeightsEntry:
 
 
 def read_manifest(folder: Path, name: str) -> WeightsEntry:
-    """The entry of that name in the manifest of a folder. Raises `UsageError` when there is none that can be used."""
+    """Return an entry of the manifest of a folder by its name. Raises `UsageError` where none can be used."""
     path = folder / MANIFEST
     try:
         entries = json.loads(path.read_bytes())
@@ -94,7 +94,7 @@ def write_entry(folder: Path, entry: WeightsEntry) -> None:
 
 
 def plain_spec(spec: object) -> dict[str, Any]:
-    """A specification (a frozen dataclass of plain values) as JSON gives it back."""
+    """Return a specification (a frozen dataclass of plain values) as JSON gives it back."""
     if not dataclasses.is_dataclass(spec) or isinstance(spec, type):
         raise TypeError(f"expected a dataclass of plain values, got {spec!r}")
     plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(spec)))
@@ -102,7 +102,7 @@ def plain_spec(spec: object) -> dict[str, Any]:
 
 
 def spec_from(cls: type[_Spec], plain: Mapping[str, Any]) -> _Spec:
-    """The specification of plain values: lists become tuples, a field that is a specification is made the same way.
+    """Build a specification from plain values: lists become tuples, and nested specifications are built alike.
 
     Raises `TypeError` for fields that it does not have.
     """

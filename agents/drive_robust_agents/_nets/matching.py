@@ -21,7 +21,7 @@ class Match(NamedTuple):
 
 
 def match(cost: Tensor, valid: Tensor) -> Match:
-    """The pairs of least cost: cost (N, Q, T), valid (N, T) says which targets there are.
+    """Return the pairs of least cost: cost (N, Q, T), valid (N, T) says which targets there are.
 
     Each valid target gets one query, as long as there are queries; a cost that is no number counts as a very high one.
     """

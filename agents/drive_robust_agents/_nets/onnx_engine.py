@@ -49,7 +49,7 @@ class OnnxEngine:
         self._outputs = [output.name for output in self._session.get_outputs()]
 
     def __call__(self, method: str, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """`forward`, and nothing else."""
+        """Run the model. The method can only be `forward`."""
         if method != "forward":
             raise UsageError(f"engine='onnx' cannot compute {method!r} of this agent: give engine='torch'.")
         given = {name: np.ascontiguousarray(value) for name, value in inputs.items()}
@@ -57,7 +57,7 @@ class OnnxEngine:
 
 
 def cache_folder() -> Path:
-    """`$XDG_CACHE_HOME/pytest-drive-robust/onnx` or the like under the home folder."""
+    """Return `$XDG_CACHE_HOME/pytest-drive-robust/onnx` or the like under the home folder."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "pytest-drive-robust" / "onnx"
 
@@ -75,7 +75,7 @@ class _Named(nn.Module):
         self._net, self._names = net, tuple(names)
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Outputs in the order of their dictionary."""
+        """Return the outputs in the order of their dictionary."""
         return tuple(self._net(**dict(zip(self._names, inputs, strict=True))).values())
 
 

@@ -102,7 +102,7 @@ class Instruction:
 
 
 def parse_instruction(text: str) -> Instruction:
-    """The instruction that a text says. Raises `UsageError` for words or sentences that were never learnt.
+    """Return the instruction that a text says. Raises `UsageError` for words or sentences that were never learnt.
 
     >>> parse_instruction("Drive at 8 m/s.").mps
     8.0
@@ -138,12 +138,12 @@ def _match(words: str, kind: Kind, number: int, pattern: str) -> Instruction | N
 
 
 def by_targets(speed_mps: float) -> str:
-    """The beginning of a prompt that shows the way by the two target points."""
+    """Return the beginning of a prompt that shows the way by the two target points."""
     return f"speed {_tenths(speed_mps)} m/s target <target> <next>"
 
 
 def by_command(speed_mps: float, command: RoadOption, distance_m: float) -> str:
-    """The beginning of a prompt that tells the way by a command and the metres to where it holds."""
+    """Return the beginning of a prompt that tells the way by a command and the metres to where it holds."""
     metres = min(max(round(distance_m), 0), _MOST_M)
     return f"speed {_tenths(speed_mps)} m/s command {_COMMAND_WORDS[command]} in {metres} m"
 
@@ -172,12 +172,12 @@ def instructed(way: str, instruction: Instruction, *, safety: bool) -> str:
 
 
 def prompt_row(text: str) -> tuple[int, ...]:
-    """A prompt as `PROMPT_SLOTS` numbers: `<speed>`, the words, filler, `<answer>`. Raises `UsageError`."""
+    """Return a prompt as `PROMPT_SLOTS` numbers: `<speed>`, the words, filler, `<answer>`. Raises `UsageError`."""
     return (SPEED, *_padded(encode(text), PROMPT_SLOTS - 2, text), ANSWER)
 
 
 def answer_row(text: str) -> tuple[int, ...]:
-    """An answer as `ANSWER_SLOTS` numbers: the words, `waypoints:`, filler. Raises `UsageError`."""
+    """Return an answer as `ANSWER_SLOTS` numbers: the words, `waypoints:`, filler. Raises `UsageError`."""
     return _padded((*encode(text), CLOSING), ANSWER_SLOTS, text)
 
 
@@ -188,7 +188,7 @@ def _padded(numbers: Sequence[int], slots: int, text: str) -> tuple[int, ...]:
 
 
 def _tenths(mps: float) -> str:
-    """Rounded to 0.1, as published; what no prompt can say (negative, infinite, NaN) is cut to what it can."""
+    """Round to 0.1, as published; what no prompt can say (negative, infinite, NaN) is clipped."""
     if math.isnan(mps):
         return "0.0"
     return f"{min(max(0.0, mps), _MOST_MPS):.1f}"  # in this order, so that -0.0 becomes 0.0

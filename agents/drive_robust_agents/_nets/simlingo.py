@@ -3,7 +3,7 @@
 A compact re-implementation of the architecture of SimLingo (Renz et al. 2025; `simlingo_training/models/driving.py`,
 `adaptors.py`), never the original: 1.3 million parameters that know 95 words stand where InternVL2-1B stood.
 
-PointEncoding of the sequence, each at a position that never changes::
+Places of the sequence, each at a position that never changes::
 
     image 32 | prompt 22: <speed>, words, filler, <answer> | answer 16 | path queries 20 | speed queries 10
 
@@ -89,11 +89,11 @@ class SimLingoNet(nn.Module):
 
     @classmethod
     def build(cls, spec: Mapping[str, Any]) -> SimLingoNet:
-        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        """Return the network of a plain specification. Raises `TypeError` for one of another architecture."""
         return cls(spec_from(SimLingoSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Inputs of the right shapes and types: a black image, standing, the targets ahead, nothing to say."""
+        """Return inputs of the right shapes and types: a black image, standing, the targets ahead, nothing to say."""
         return {
             "image": torch.zeros(rows, self.spec.height_px, self.spec.width_px, 3, dtype=torch.uint8),
             "speed": torch.zeros(rows),
@@ -166,7 +166,7 @@ class SimLingoNet(nn.Module):
     # --- below ---
 
     def _prompt(self, speed: Tensor, target: Tensor, prompt: Tensor) -> Tensor:
-        """(N, 22, d): words at their positions, numbers in the places that stand for them."""
+        """Embed the prompt (N, 22, d): words at their positions, numbers in the places that stand for them."""
         begin = self.image_places
         x: Tensor = self.words(prompt) + self.positions[begin : begin + PROMPT_SLOTS]
         # inputs in fours: the bits of a product with fewer depend on where in memory a row begins
@@ -180,7 +180,7 @@ class SimLingoNet(nn.Module):
         return self.queries.expand(rows, -1, -1)
 
     def _mask(self, known: Tensor, queries: int) -> Tensor:
-        """(N, 1, new, image + new): the new places are `known` words and then queries."""
+        """Return the mask (N, 1, new, image + new); the new places are `known` words and then queries."""
         keys = functional.pad(known != PAD, (self.image_places, queries), value=True)
         new, places = known.shape[1] + queries, keys.shape[1]
         causal = torch.ones(new, places, dtype=torch.bool, device=known.device).tril(self.image_places)
@@ -195,7 +195,7 @@ class SimLingoNet(nn.Module):
 
 
 def _encoder(spec: SimLingoSpec) -> nn.Sequential:
-    """(N, 3, kept_px, width_px) -> (N, widths[-1], kept_px / 16, width_px / 16) with two widths."""
+    """Build the encoder: (N, 3, kept_px, width_px) -> (N, widths[-1], kept_px / 16, width_px / 16) with two widths."""
     blocks: list[nn.Module] = [ConvBnRelu(3, spec.stem, kernel=5, stride=4)]
     for inputs, outputs in pairwise((spec.stem, *spec.widths)):
         blocks += [BasicBlock(inputs, outputs, stride=2), BasicBlock(outputs, outputs)]
@@ -203,6 +203,6 @@ def _encoder(spec: SimLingoSpec) -> nn.Sequential:
 
 
 def _with_room(cache: tuple[Tensor, Tensor], places: int) -> tuple[Tensor, Tensor]:
-    """Keys and values with so many empty places behind them."""
+    """Return keys and values with so many empty places behind them."""
     key, value = (functional.pad(tensor, (0, 0, 0, places)) for tensor in cache)
     return key, value

@@ -69,11 +69,11 @@ class TcpNet(nn.Module):
 
     @classmethod
     def build(cls, spec: Mapping[str, Any], *, control: bool = True) -> TcpNet:
-        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        """Return the network of a plain specification. Raises `TypeError` for one of another architecture."""
         return cls(spec_from(TcpSpec, spec), control=control)
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Inputs of the right shapes and types: a black image, standing, the target ahead, following the lane."""
+        """Return inputs of the right shapes and types: a black image, standing, the target ahead, lane following."""
         return {
             "image": torch.zeros(rows, self.spec.height_px, self.spec.width_px, 3, dtype=torch.uint8),
             "speed": torch.zeros(rows),
@@ -84,7 +84,7 @@ class TcpNet(nn.Module):
     def forward(
         self, image: Tensor, speed: Tensor, target: Tensor, command: Tensor, *, full: bool = False
     ) -> dict[str, Tensor]:
-        """`waypoints` (N, steps, 2) metres, ego frame, half a second apart.
+        """Compute `waypoints` (N, steps, 2) metres, ego frame, half a second apart.
 
         With the control branch `action` (N, 2): steering -1 to 1 (right), acceleration -1 (brake) to 1 (throttle).
         `full` adds what only training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions
@@ -124,7 +124,7 @@ class TrajectoryBranch(nn.Module):
         self.delta = nn.Linear(spec.hidden, 2)
 
     def forward(self, joined: Tensor, target: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """`joined` (N, feature + state) and target (N, 2) in metres.
+        """Write waypoints from `joined` (N, feature + state) and the target (N, 2) in metres.
 
         Gives waypoints (N, steps, 2) in metres, hidden states (N, steps, hidden), the value (N, 1).
         """
@@ -156,7 +156,7 @@ class ControlBranch(nn.Module):
         self.merge = Mlp(hidden + channels, 256, hidden)
 
     def forward(self, cells: Tensor, state: Tensor, guides: Tensor | None) -> tuple[Tensor, Tensor]:
-        """The map as (N, cells, channels), measurements, hidden states of the trajectory or None for now only.
+        """Read the map (N, cells, channels), measurements, and hidden states of the trajectory (None: only now).
 
         Gives the Beta parameters (N, 1 or 1 + steps, 2, 2) and the value (N, 1).
         """
@@ -172,17 +172,17 @@ class ControlBranch(nn.Module):
         return torch.stack(policies, 1), value
 
     def _beta(self, feature: Tensor) -> Tensor:
-        """(N, 2, 2): (steering, acceleration) x (alpha, beta), both above one, so that there is one mode."""
+        """Return (N, 2, 2): (steering, acceleration) x (alpha, beta), both above one, so that there is one mode."""
         raw: Tensor = self.policy(feature)
         return functional.softplus(raw).view(-1, 2, 2) + 1.0
 
 
 def beta_mode(parameters: Tensor) -> Tensor:
-    """The most likely value, 0 to 1, of Beta distributions (..., 2) whose parameters exceed one."""
+    """Return the most likely value, 0 to 1, of Beta distributions (..., 2) whose parameters exceed one."""
     alpha, beta = parameters.unbind(-1)
     return (alpha - 1.0) / (alpha + beta - 2.0).clamp_min(1e-6)
 
 
 def _attended(cells: Tensor, logits: Tensor) -> Tensor:
-    """The mean of the cells (N, cells, channels), weighted by the softmax of the logits (N, cells): (N, channels)."""
+    """Average the cells (N, cells, channels) by the softmax of the logits (N, cells): (N, channels)."""
     return (cells * logits.softmax(1)[:, :, None]).sum(1)

@@ -29,7 +29,7 @@ class TorchEngine:
             torch.backends.cudnn.deterministic = True
 
     def __call__(self, method: str, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """One copy to the device, one back; the device has finished when this returns."""
+        """Run the network with one copy to the device and one back; the device has finished on return."""
         with torch.inference_mode(), self._precision():
             given = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in inputs.items()}
             if self._device.type == "cuda":

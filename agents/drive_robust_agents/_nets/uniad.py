@@ -80,11 +80,11 @@ class UniadNet(BevNet):
 
     @classmethod
     def build(cls, spec: Mapping[str, Any]) -> UniadNet:
-        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        """Return the network of a plain specification. Raises `TypeError` for one of another architecture."""
         return cls(spec_from(UniadSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """As for every `BevNet`, and nobody known of before."""
+        """Return inputs as for every `BevNet`, with nobody known of before."""
         agents = self.spec.agents
         return super().example(rows) | {
             "old_queries": torch.zeros(rows, agents, self.spec.bev.width),
@@ -95,7 +95,9 @@ class UniadNet(BevNet):
         self, images: Tensor, can_bus: Tensor, command: Tensor, motion: Tensor, known: Tensor, old_bev: Tensor,
         old_queries: Tensor, old_spots: Tensor,
     ) -> dict[str, Tensor]:  # fmt: skip
-        """`waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `occupancy` (N, 5, 2 rows, 2 columns) 0..1.
+        """Compute `waypoints` (N, 6, 2) and `occupancy` (N, 5, 2 rows, 2 columns) 0..1.
+
+        Waypoints are metres in the ego frame, 0.5 s apart.
 
         Also `bev`, `queries` and `spots`, to be given back 0.5 s later.
         """
@@ -107,19 +109,19 @@ class UniadNet(BevNet):
         return {"waypoints": plan, "occupancy": self.occupied(seen, motions), "bev": now, **memory_of(seen.begun)}
 
     def look(self, images: Tensor, can_bus: Tensor) -> tuple[Tensor, Tensor]:
-        """The map of this moment alone (N, d, rows, columns), and the tokens of the front camera (N, tokens, d)."""
+        """Return the map of this moment (N, d, rows, columns) and the tokens of the front camera (N, tokens, d)."""
         tokens = self.encoder.cameras(images)
         return self.encoder.lift(tokens, can_bus), tokens[:, self.spec.bev.cameras.index("front")]
 
     def recall(self, images: Tensor, can_bus: Tensor) -> dict[str, Tensor]:
-        """What `forward` would give to remember for frames (N, ...) that have no memory themselves."""
+        """Return what `forward` would give to remember for frames (N, ...) that have no memory themselves."""
         now, front = self.look(images, can_bus)
         unmoved = can_bus.new_zeros(can_bus.shape[0], 3)
         cells, told, view = self._survey(self.encoder.fusion(now, torch.zeros_like(now), unmoved))
         return {"bev": now, **memory_of(self._begin(cells, told[..., DENSE_CHANNELS], view, front))}
 
     def perceive(self, fused: Tensor, front: Tensor, old: PriorAgents) -> Perceived:
-        """Agents and lanes on the fused map."""
+        """Find agents and lanes on the fused map."""
         cells, told, view = self._survey(fused)
         heat = told[..., DENSE_CHANNELS]
         begun = self._begin(cells, heat, view, front)
@@ -127,7 +129,7 @@ class UniadNet(BevNet):
         return Perceived(cells, view, told[..., :DENSE_CHANNELS], heat, begun, tracks, *self.lane(cells, view))
 
     def foresee(self, seen: Perceived) -> Motions:
-        """Where agents and the ego go. Boxes say where from, but learn nothing from where to."""
+        """Predict where agents and the ego go. Boxes say where from, but learn nothing from where to."""
         tracks, boxes = seen.tracks, seen.tracks.boxes[1].detach()
         spots = functional.pad(boxes[..., :2], (0, 0, 1, 0))
         speed = functional.pad(boxes[..., 6], (1, 0))
@@ -136,19 +138,19 @@ class UniadNet(BevNet):
         return y
 
     def plan(self, seen: Perceived, motions: Motions, command: Tensor) -> Tensor:
-        """Waypoints (N, steps, 2)."""
+        """Return waypoints (N, steps, 2)."""
         y: Tensor = self.planner(motions.modes[:, 0], seen.tracks.ego, command, seen.view)
         return y
 
     def occupied(self, seen: Perceived, motions: Motions) -> Tensor:
-        """How likely each cell holds one of the agents that are believed in: (N, T, 2 rows, 2 columns), 0..1."""
+        """Return how likely each cell holds one of the agents that are believed in: (N, T, 2 rows, 2 columns), 0..1."""
         maps = self.occupancy(seen.cells, self.spec.bev.rows)
         whose = self.occupancy.of_agents(maps, seen.tracks.queries[1], motions.modes[:, 1:])
         believed = torch.sigmoid(seen.tracks.logits[1]).amax(dim=-1)
         return (torch.sigmoid(whose) * believed[..., None, None, None]).amax(dim=1)
 
     def _survey(self, fused: Tensor) -> tuple[Tensor, Tensor, MapView]:
-        """The map as tokens, what they say, and the overview."""
+        """Return the map as tokens, what they say, and the overview."""
         cells = fused.flatten(2).transpose(1, 2)
         overview = self.overview(fused).flatten(2).transpose(1, 2)
         return cells, self.dense(cells), MapView(overview, self.places(self.coarse)[None], self.places)
@@ -159,7 +161,7 @@ class UniadNet(BevNet):
         return y
 
     def _hottest(self, heat: Tensor) -> Tensor:
-        """The cells (N, Q) with the hottest centres, local maxima before what lies beside them."""
+        """Return the cells (N, Q) with the hottest centres, local maxima before what lies beside them."""
         share = torch.sigmoid(heat).reshape(heat.shape[0], self.spec.bev.rows, -1)
         peak = functional.max_pool2d(share[:, None], 3, 1, 1)[:, 0]
         worth = torch.where(share >= peak, share, _BESIDE_PEAK * share).flatten(1)
@@ -167,12 +169,15 @@ class UniadNet(BevNet):
 
 
 def memory_of(begun: FirstLayer) -> dict[str, Tensor]:
-    """What the next frame is told of the agents: queries (N, Q, d) before *their* memory, and where they stand."""
+    """Return what the next inference is told of the agents.
+
+    That is queries (N, Q, d), computed without *their* memory, and where the agents stand.
+    """
     return {"queries": begun.queries[:, 1:], "spots": begun.boxes[..., :2]}
 
 
 def move(spots: Tensor, motion: Tensor) -> Tensor:
-    """Points (N, Q, 2) of the ego frame of before in that of now; `motion` (N, 3) as in `bev.warp`."""
+    """Move points (N, Q, 2) from the ego frame of before into that of now; `motion` (N, 3) as in `bev.warp`."""
     away = spots - motion[:, None, :2]
     cos, sin = torch.cos(motion[:, 2])[:, None], torch.sin(motion[:, 2])[:, None]
     x, y = away[..., 0], away[..., 1]

@@ -1,7 +1,7 @@
 """The heads of the compact UniAD that look ahead: motion, occupancy and the plan, in this order.
 
 Everything is in the ego frame (x forward, y right), metres and m/s; a `MapView` holds tokens of the map below. Outputs
-are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations
@@ -45,7 +45,10 @@ class UniadMotionHead(nn.Module):
         self.path = Mlp(width, width, self.outputs)
 
     def forward(self, agents: Tensor, speed: Tensor, spots: Tensor, lanes: Tensor, view: MapView) -> Motions:
-        """`agents` (N, 1 + Q, d), their `speed` (N, 1 + Q) [m/s] (0 where the path says all) and `spots` (..., 2)."""
+        """Predict motions of `agents` (N, 1 + Q, d) with `speed` (N, 1 + Q) [m/s] and `spots` (N, 1 + Q, 2).
+
+        A speed is 0 where the path says all.
+        """
         placed = agents + view.places(spots)
         query = (placed.unsqueeze(2) + self.mode).flatten(1, 2)
         query = self.lanes(self.agents(query, placed, agents), lanes)
@@ -76,7 +79,7 @@ class OccupancyHead(nn.Module):
         self.agent = Mlp(2 * width, width, features)
 
     def forward(self, cells: Tensor, rows: int) -> Tensor:
-        """Maps (N, T, features + 4, 2 rows, 2 columns) of a bird's-eye map with so many rows."""
+        """Compute maps (N, T, features + 4, 2 rows, 2 columns) of a bird's-eye map with so many rows."""
         entered: Tensor = self.enter(cells)
         state = entered.reshape(cells.shape[0], rows, -1, entered.shape[2]).permute(0, 3, 1, 2)
         states = [state]
@@ -87,11 +90,11 @@ class OccupancyHead(nn.Module):
         return y.reshape(cells.shape[0], -1, *y.shape[1:])
 
     def anyone(self, maps: Tensor) -> Tensor:
-        """Logits (N, T, rows, columns) that somebody is there."""
+        """Return logits (N, T, rows, columns) that somebody is there."""
         return maps[:, :, self.features]
 
     def of_agents(self, maps: Tensor, agents: Tensor, modes: Tensor) -> Tensor:
-        """Logits (N, Q, T, rows, columns) of agents (N, Q, d) with modes (N, Q, M, d)."""
+        """Return logits (N, Q, T, rows, columns) of agents (N, Q, d) with modes (N, Q, M, d)."""
         wanted = self.agent(torch.cat((agents, modes.amax(dim=2)), dim=-1))
         n, steps, _, rows, columns = maps.shape
         flat = maps[:, :, : self.features].transpose(1, 2).flatten(2)
@@ -115,7 +118,7 @@ class PlannerHead(nn.Module):
         self.offsets = Mlp(width, width, 2 * steps)
 
     def forward(self, modes: Tensor, ego: Tensor, command: Tensor, view: MapView) -> Tensor:
-        """Waypoints (N, T, 2) of modes (N, M, d), the track query (N, 1, d) and commands (N,) of 1 to 6."""
+        """Plan waypoints (N, T, 2) from modes (N, M, d), the track query (N, 1, d) and commands (N,) of 1 to 6."""
         parts = (modes, ego.detach().expand_as(modes), self.command(command)[:, None].expand_as(modes))
         query = self.fuse(torch.cat(parts, dim=-1)).amax(dim=1, keepdim=True)
         for layer in self.layers:

@@ -2,7 +2,7 @@
 
 Everything is in the ego frame (x forward, y right), metres and m/s. `cells` are tokens (N, cells, d) of the bird's-eye
 map; a `MapView` holds tokens of the same map at half the resolution, which is what queries attend to.
-Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+Outputs are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class TrackHead(nn.Module):
         self.hints = Mlp(width, width, 8)
 
     def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: MapView, front: Tensor) -> FirstLayer:
-        """One picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
+        """Read one picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
         newborn = self.start(cells.gather(1, picks[..., None].expand(-1, -1, cells.shape[-1])))
         ego = self.front(self.ego.expand(cells.shape[0], -1, -1), front)
         places = view.places
@@ -89,7 +89,7 @@ class TrackHead(nn.Module):
         return FirstLayer(query, *self._read(0, query[:, 1:], spots))
 
     def forward(self, begun: FirstLayer, view: MapView, old: PriorAgents) -> Tracks:
-        """With what was known before."""
+        """Refine the queries with what was known before."""
         places, spots = view.places, begun.boxes[..., :2].detach()
         there = places(old.spots)
         kept = self.propagate(old.queries, view.tokens, query_position=there, memory_position=view.code)

@@ -63,19 +63,22 @@ class VadNet(BevNet):
 
     @classmethod
     def build(cls, spec: Mapping[str, Any]) -> VadNet:
-        """The network of a plain specification. Raises `TypeError` for one of another architecture."""
+        """Return the network of a plain specification. Raises `TypeError` for one of another architecture."""
         return cls(spec_from(VadSpec, spec))
 
     def forward(
         self, images: Tensor, can_bus: Tensor, command: Tensor, motion: Tensor, known: Tensor, old_bev: Tensor
     ) -> dict[str, Tensor]:
-        """`waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `bev` (N, d, rows, columns) to remember."""
+        """Compute `waypoints` (N, 6, 2) and `bev` (N, d, rows, columns) to remember.
+
+        Waypoints are metres in the ego frame, 0.5 s apart.
+        """
         fused, bev = self.encoder(images, can_bus, old_bev * known[:, None, None, None], motion)
         plans = self.heads(fused)["plans"]
         return {"waypoints": choose(plans, command), "bev": bev}
 
     def heads(self, fused: Tensor) -> dict[str, Any]:
-        """Everything that is read from the fused map (N, d, rows, columns).
+        """Compute everything that is read from the fused map (N, d, rows, columns).
 
         `plans` (N, 6 commands, 6 steps, 2), `hints` (N, 8); per layer `agent_logits`, `boxes`, `line_logits`, `lines`;
         `paths` (N, Q, modes, 6, 2) from where an agent is, `path_logits` (N, Q, modes); `tokens` (N, cells, d) for the
@@ -103,6 +106,6 @@ class VadNet(BevNet):
 
 
 def choose(plans: Tensor, command: Tensor) -> Tensor:
-    """The plan of each row's command: (N, 6, steps, 2) and commands 1..6 (N,) -> (N, steps, 2)."""
+    """Return the plan of each row's command: (N, 6, steps, 2) and commands 1..6 (N,) -> (N, steps, 2)."""
     row = (command - 1).view(-1, 1, 1, 1).expand(-1, 1, *plans.shape[2:])
     return plans.gather(1, row)[:, 0]

@@ -1,7 +1,7 @@
 """The heads of the compact VAD: agents, map vectors, motion and plan, each a set of queries.
 
 Everything is in the ego frame (x forward, y right), metres and m/s. A head takes the bird's-eye features as tokens
-(N, cells, d). Outputs are padded to multiples of four numbers, so that rows of a batch keep their bits in any company.
+(N, cells, d). Outputs are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class AgentHead(nn.Module):
         self.boxes = nn.ModuleList(mostly_nothing(Mlp(width, width, 12), 4) for _ in range(layers))
 
     def forward(self, bev: Tensor, cells: Tensor, places: PointEncoding) -> tuple[Tensor, list[Tensor], list[Tensor]]:
-        """(queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
+        """Return (queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
 
         A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing.
         """
@@ -62,7 +62,7 @@ class MapHead(nn.Module):
         self.classes = nn.ModuleList(mostly_nothing(Mlp(width, width, 8), 8) for _ in range(layers))
 
     def forward(self, bev: Tensor, cells: Tensor, places: PointEncoding) -> tuple[Tensor, list[Tensor], list[Tensor]]:
-        """(point queries (N, V, P, d), class logits (N, V, 6) and points (N, V, P, 2) in metres of each layer)."""
+        """Return (point queries (N, V, P, d), class logits (N, V, 6), points (N, V, P, 2) in metres), per layer."""
         rows = bev.shape[0]
         query: Tensor = (self.instance + self.point).flatten(0, 1).expand(rows, -1, -1)
         anchors = (_NEAR_M * self.anchors).flatten(0, 1).expand(rows, -1, -1)
@@ -92,7 +92,7 @@ class VadMotionHead(nn.Module):
         self.fuse = Mlp(2 * width * modes, width, width)
 
     def forward(self, agents: Tensor, place: Tensor, lanes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """(agents with their modes fused (N, Q, d), paths (N, Q, M, steps, 2), mode logits (N, Q, M)).
+        """Return (agents with their modes fused (N, Q, d), paths (N, Q, M, steps, 2), mode logits (N, Q, M)).
 
         Paths are metres from where the agent is, in the directions of the ego frame. `place` (N, Q, d) and `lanes`
         (N, V, d) carry the codes of their places.
@@ -123,7 +123,9 @@ class PlanHead(nn.Module):
         self.hints = Mlp(2 * width, width, 8)
 
     def forward(self, bev: Tensor, cells: Tensor, agents: Tensor, lanes: Tensor) -> tuple[Tensor, Tensor]:
-        """(plans (N, commands, steps, 2): metres in the ego frame, hints (N, 8)); `agents`, `lanes` with their places.
+        """Return plans (N, commands, steps, 2), metres in the ego frame, and hints (N, 8).
+
+        `agents` and `lanes` carry the codes of their places.
 
         Hints are what the ego knows about the light (5 logits: none, green, yellow, red, stop sign) and how near a
         stop line, a leader and an obstacle are (1 here, 0 far away): for training only.
@@ -139,7 +141,7 @@ class PlanHead(nn.Module):
 
 
 def _grid(queries: int) -> Tensor:
-    """(queries, 2) metres: rows of four from behind the ego to far ahead, denser where it matters."""
+    """Return (queries, 2) metres: rows of four from behind the ego to far ahead, denser where it matters."""
     rows = -(-queries // 4)
     x = torch.linspace(0.0, 1.0, rows) ** 1.5 * 64.0 - 10.0
     y = torch.tensor([-9.0, -3.0, 3.0, 9.0])
@@ -147,7 +149,7 @@ def _grid(queries: int) -> Tensor:
 
 
 def _lines(vectors: int, points: int) -> Tensor:
-    """(vectors, points, 2) metres: a third of the lines lie across the road, the others side by side along it."""
+    """Return (vectors, points, 2) metres: a third of the lines lie across the road, the others along it."""
     across = vectors // 3
     t = torch.linspace(0.0, 1.0, points)
     sides = torch.linspace(-10.0, 10.0, vectors - across)

@@ -35,7 +35,7 @@ _PICKLES = (b"PK", *(bytes((0x80, protocol)) for protocol in range(2, 6)))
 
 
 def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsEntry]:
-    """The file and the manifest entry of an agent: those that ship, or a file with its `manifest.json` beside it."""
+    """Return the file and the manifest entry of an agent: those that ship, or a file beside its `manifest.json`."""
     folder = SHIPPED if weights is None else Path(weights).absolute().parent
     entry = read_manifest(folder, name)
     path = folder / entry.file
@@ -45,7 +45,7 @@ def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsE
 
 
 def verified_bytes(path: Path, entry: WeightsEntry) -> bytes:
-    """The content of a weight file that is what the manifest says, to the byte. Raises `UsageError`."""
+    """Return the content of a weight file that is what the manifest says, to the byte. Raises `UsageError`."""
     try:
         size = path.stat().st_size
         if size > MOST_BYTES or size != entry.size_bytes:
@@ -65,7 +65,7 @@ def verified_bytes(path: Path, entry: WeightsEntry) -> bytes:
 def load(
     name: str, build: Build, *, weights: str | Path | None = None, **options: object
 ) -> tuple[nn.Module, WeightsEntry]:
-    """The network of an agent, ready to infer: frozen, in evaluation mode, batch normalisation folded.
+    """Return the network of an agent, ready to infer: frozen, in evaluation mode, batch normalisation folded.
 
     Raises `UsageError` for everything that is not exactly what the manifest lists and the agent builds.
     """
@@ -84,7 +84,7 @@ def begin_with(net: nn.Module, name: str, weights: str | Path) -> None:
 
 
 def encode(net: nn.Module, spec: object) -> bytes:
-    """The bytes of a weight file: every parameter and statistic in half precision, with the metadata to check."""
+    """Encode a weight file: every parameter and statistic in half precision, with the metadata to check."""
     state = {
         name: (value.half() if value.is_floating_point() else value).detach().cpu().contiguous()
         for name, value in net.state_dict().items()
@@ -97,7 +97,7 @@ def encode(net: nn.Module, spec: object) -> bytes:
 
 
 def _in_order(content: bytes) -> bytes:
-    """The same file with a sorted header: safetensors writes metadata in an order of chance, and digests would differ.
+    """Sort the header: safetensors writes metadata in random order, and digests would differ.
 
     A file is the header's length in 8 bytes, the header (JSON, padded to a multiple of 8), the tensors.
     """
@@ -115,7 +115,7 @@ def _metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _parsed(path: Path, entry: WeightsEntry, content: bytes) -> dict[str, Tensor]:
-    """The tensors of a file whose header says what the manifest says."""
+    """Return the tensors of a file whose header says what the manifest says."""
     try:
         tensors: dict[str, Tensor] = safetensors.torch.load(content)
         header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
@@ -145,7 +145,7 @@ def _built(path: Path, entry: WeightsEntry, build: Build, options: Mapping[str, 
 
 
 def _fill(net: nn.Module, tensors: Mapping[str, Tensor], path: Path) -> None:
-    """Every tensor into its place, none missing, none too many."""
+    """Put every tensor into its place; none may be missing and none too many."""
     own = net.state_dict()
     expected = {name: tuple(value.shape) for name, value in own.items() if not name.endswith(_UNSTORED)}
     given = {name: tuple(value.shape) for name, value in tensors.items()}

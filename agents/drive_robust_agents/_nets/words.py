@@ -41,7 +41,7 @@ _TOKEN = re.compile(r"(?P<word><[a-z]+>|waypoints:|m/s|[a-z]+|\d|(?<=\d) ?\.(?= 
 
 
 def encode(text: str) -> tuple[int, ...]:
-    """Words to their numbers; upper case and punctuation do not matter. Raises `UsageError` for any other word.
+    """Turn words into numbers; upper case and punctuation do not matter. Raises `UsageError` for any other word.
 
     >>> decode(encode("Drive at 8.5 m/s!"))
     'drive at 8.5 m/s'
@@ -58,7 +58,7 @@ def encode(text: str) -> tuple[int, ...]:
 
 
 def decode(numbers: Iterable[int]) -> str:
-    """Numbers to words, without filler. Raises `UsageError` for a number that no word has."""
+    """Turn numbers into words, without filler. Raises `UsageError` for a number that no word has."""
     words = []
     for number in numbers:
         if not 0 <= number < len(VOCABULARY):

@@ -22,7 +22,7 @@ _SETTLE_M, _SETTLE_S = 2.0, 0.45
 
 
 def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> Floats:
-    """The highest sensible speed at each row of a (n, 4) route in m/s, (n,).
+    """Return the highest sensible speed at each row of a (n, 4) route in m/s, (n,).
 
     The limit of the row, lowered so that curves stay below `lateral_mps2`, and lowered before slower rows so that
     braking at `brake_mps2` reaches them in time.
@@ -37,7 +37,7 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
 
 
 def steer_along(ego: EgoState, line: Floats, row: int) -> float:
-    """The steering (-1..1) that brings the ego onto a line and keeps it there.
+    """Return the steering (-1..1) that brings the ego onto a line and keeps it there.
 
     `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The curvature of the line, corrected by
     the angle and the distance to it so that the ego comes back without overshooting, within a length that grows with
@@ -60,7 +60,7 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
 
 
 def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
-    """The control that gives an acceleration against drag and engine power; firm brakes hold a standing ego."""
+    """Return the control that gives an acceleration against drag and engine power; brakes hold a standing ego."""
     v = ego.speed_mps
     if acceleration_mps2 < -0.1 and v < 0.3:
         return Control(throttle=0.0, steer=steer, brake=0.5)

@@ -1,4 +1,4 @@
-"""What will happen if the ego drives like this? Its plans, tried against the tracks of everybody else. Compiled."""
+"""Try the ego's plans against the tracks of everybody else: when is there trouble? Compiled."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _pose(path: Floats, s: float) -> tuple[float, float, float]:
 
 @inner
 def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats) -> Ints:
-    """Numbers of those who come near the next `reach` metres of the path at all."""
+    """Return the numbers of those who come near the next `reach` metres of the path at all."""
     a, b = int(min(max(s0 - 10.0, 0.0), len(path) - 1.0)), int(min(s0 + reach + 6.0, len(path) - 1.0)) + 1
     left, right, low, high = path[a, 0], path[a, 0], path[a, 1], path[a, 1]
     for k in range(a, b):
@@ -85,7 +85,7 @@ def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats
 
 @inner
 def _ego_speed(v: float, accel: float, limit: float) -> float:
-    """The ego's speed a step later: never backwards, and settling to the limit."""
+    """Return the ego's speed a step later: never backwards, and settling to the limit."""
     after = max(0.0, v + accel * STEP_S)
     if after > limit:
         after = min(after, max(limit, v - SETTLE_MPS2 * STEP_S))
@@ -94,7 +94,7 @@ def _ego_speed(v: float, accel: float, limit: float) -> float:
 
 @inner
 def _place(track: Floats, clock: float) -> tuple[float, float, float, float]:
-    """x, y, yaw, speed on a track, `clock` steps from now."""
+    """Return x, y, yaw, speed on a track, `clock` steps from now."""
     k = int(min(clock, len(track) - 2.0))
     share = min(clock - k, 1.0)
     a, b = track[k], track[k + 1]
@@ -103,14 +103,14 @@ def _place(track: Floats, clock: float) -> tuple[float, float, float, float]:
 
 @inner
 def _gives_way(gap: float, speed: float, v: float, yields_mps2: float) -> bool:
-    """Is the ego so near ahead of somebody that he brakes for it?"""
+    """Return whether the ego is so near ahead of somebody that he brakes for it."""
     closing = max(speed - v, 0.0)
     return gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * speed
 
 
 @inner
 def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bool:
-    """False when a plan ends within a junction that it could have waited for."""
+    """Return False when a plan ends within a junction that it could have waited for."""
     if s - s0 < 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2):
         return True
     for b in range(len(boxes)):
@@ -125,7 +125,7 @@ def _hits(
     pose: tuple[float, float, float], v: float, step: int, track: Floats, other: Floats, moving: Floats, ego: Floats,
     margins: Floats, yields_mps2: float, pushy: bool,
 ) -> bool:  # fmt: skip
-    """Does the ego at `pose` hit somebody, who moves on by one step of his own?
+    """Return whether the ego at `pose` hits somebody, who moves on by one step of his own.
 
     `other` is length, width, 1 for a leader, 1 for somebody within the margins from the start; `moving` is his clock
     and his speed, both are updated: the clock runs slower for who brakes.
@@ -162,7 +162,7 @@ def _hits(
 def _others(
     path: Floats, s0: float, near: Ints, forecast: Floats, sizes: Floats, leads: Ints, ego: Floats, margins: Floats
 ) -> Floats:
-    """The `other` rows of `_hits`."""
+    """Return the `other` rows of `_hits`."""
     found = np.empty((len(near), 4))
     x, y, yaw = _pose(path, s0)
     for j in range(len(near)):

@@ -22,7 +22,7 @@ entry = numba.njit(cache=True)
 
 
 def sources_digest() -> int:
-    """A number that changes with any file whose code or constants end up in a kernel; below 2**62."""
+    """Return a number that changes with any file whose code or constants end up in a kernel; below 2**62."""
     digest = hashlib.blake2b(digest_size=8)
     for file in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(file.read_bytes())

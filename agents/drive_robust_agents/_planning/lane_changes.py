@@ -24,7 +24,7 @@ _BESIDE_M = 60.0
 
 
 class LaneChanges:
-    """The lane changes of the route, one after the other, each as soon as somebody says that it is free."""
+    """The lane changes of the route, one after the other, each as soon as it is found free."""
 
     def __init__(self, scene: StaticScene) -> None:
         self._scene = scene
@@ -39,7 +39,7 @@ class LaneChanges:
         return self._left[0] if self._left else None
 
     def candidate(self, row: float, speed_mps: float) -> Floats | None:
-        """The profile that changes lanes now, or None when that would be too early."""
+        """Return the profile that changes lanes now, or None when that would be too early."""
         change = self.pending
         if change is None or row < max(change.first + 1, change.start - _EARLY_M):
             return None
@@ -49,18 +49,18 @@ class LaneChanges:
         return self._changed(change, row, end)
 
     def adopt(self, profile: Floats) -> None:
-        """The next change is under way along `profile`, the latest candidate."""
+        """Take `profile`, the latest candidate, as the change that is under way."""
         self.busy_until_row = self._ends_row
         self._left.pop(0)
         self._settled = profile
         self.profile = self._waiting()
 
     def stop_row(self) -> float:
-        """The row that the front bumper must not pass in the lane that is to be left."""
+        """Return the row that the front bumper must not pass in the lane that is to be left."""
         return math.inf if self.pending is None else self.pending.last - _STOP_BEFORE_END_M
 
     def traffic_mps(self, traffic: Traffic, row: float) -> float | None:
-        """Mean speed of who drives in the lane to be taken, near the ego; None when there is nobody or it is early."""
+        """Return the mean speed near the ego in the lane to be taken; None when it is empty or it is early."""
         change = self.pending
         if change is None or row < max(change.first - 30.0, change.start - _EARLY_M):
             return None
@@ -73,7 +73,7 @@ class LaneChanges:
         return float(speeds.mean()) if len(speeds) else None
 
     def _waiting(self) -> Floats:
-        """The profile that stays in the lane until the next change begins."""
+        """Return the profile that stays in the lane until the next change begins."""
         change = self.pending
         if change is None:
             return self._settled
@@ -98,11 +98,11 @@ class Siren:
 
     @property
     def active(self) -> bool:
-        """Is the ego out of the way now?"""
+        """Whether the ego is out of the way now."""
         return self._aside is not None
 
     def shifts(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> list[Floats]:
-        """Profiles to be added to the lane's own, best first, that free the lane; none while nobody wants past."""
+        """Return profiles, best first, that free the lane when added to its own; none while nobody wants to pass."""
         if self.active:
             return []
         ahead = self._metres_ahead(traffic, frame)
@@ -116,7 +116,7 @@ class Siren:
         self._aside = profile
 
     def profile(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> Floats | None:
-        """What is added to the lane's own profile now, or None."""
+        """Return what is added to the lane's own profile now, or None."""
         if self._aside is None:
             return None
         ahead = self._metres_ahead(traffic, frame)
@@ -135,7 +135,7 @@ class Siren:
 
 
 def _free_sides_m(scene: StaticScene, row: float) -> list[float]:
-    """Sideways metres that free the lane: to the lane on the right, to the one on the left, else to the right edge."""
+    """Return sideways metres that free the lane: to the right lane, to the left one, else to the right edge."""
     found = []
     for side, sign in (("right", 1.0), ("left", -1.0)):
         lane, same_way = scene.neighbour(row, side)

@@ -21,14 +21,14 @@ _SWING_FROM_M, _SWING_BELOW_MPS = 1.2, 4.0
 
 
 def blend(rows: Floats, start: float, end: float) -> Floats:
-    """0 before `start`, 1 after `end`, smooth between."""
+    """Return 0 before `start`, 1 after `end`, smooth between."""
     t = np.clip((rows - start) / max(end - start, 1e-6), 0.0, 1.0)
     smooth: Floats = t * t * (3.0 - 2.0 * t)
     return smooth
 
 
 def _swing(rows: Floats, start: float, sideways_m: float) -> Floats:
-    """0 to 1 as `blend`, but on two arcs of the narrowest circle that the ego can drive: out of a parking space."""
+    """Return 0 to 1 as `blend`, on two arcs of the narrowest circle that the ego can drive: out of a parking space."""
     radius = max(_SWING_RADIUS_M, 0.5 * sideways_m)
     half = math.sqrt(radius**2 - (radius - 0.5 * sideways_m) ** 2)
     x = np.clip(rows - start, 0.0, 2.0 * half)
@@ -39,14 +39,14 @@ def _swing(rows: Floats, start: float, sideways_m: float) -> Floats:
 
 
 def shift_length_m(speed_mps: float, sideways_m: float) -> float:
-    """Metres that a smooth shift takes: turning circle at low speed, lateral acceleration at high speed."""
+    """Return the metres that a smooth shift takes: turning circle at low speed, lateral acceleration at high speed."""
     return max(math.sqrt(6.0 * abs(sideways_m) / _BEND_PER_M), speed_mps * math.sqrt(2.4 * abs(sideways_m)), 4.0)
 
 
 def path_of(
     scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float = 0.0
 ) -> Floats:
-    """(n, 3) x, y, yaw: from where the ego is onto the profile, then along it.
+    """Return (n, 3) x, y, yaw: from where the ego is onto the profile, then along it.
 
     `drift` is the metres to the right that the ego's heading gains in a metre of the route.
     """
@@ -54,7 +54,7 @@ def path_of(
 
 
 def line_of(scene: StaticScene, offsets: Floats) -> Floats:
-    """(n, 3) x, y, yaw: the line that runs so many metres to the right of the route."""
+    """Return (n, 3) x, y, yaw: the line that runs so many metres to the right of the route."""
     route, found = scene.route, np.empty((scene.count, 3))
     found[:, 0] = route[:, 0] - offsets * scene.sines
     found[:, 1] = route[:, 1] + offsets * scene.cosines
@@ -68,7 +68,10 @@ def line_of(scene: StaticScene, offsets: Floats) -> Floats:
 def _return(
     scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float
 ) -> Floats:
-    """The profile with a smooth way onto it: on arcs out of a parking space, else on a cubic that fits the heading."""
+    """Return the profile with a smooth way onto it.
+
+    The way runs on arcs out of a parking space, else on a cubic that fits the heading.
+    """
     here = int(min(max(row, 0.0), scene.count - 2.0))
     slope = float(profile[here + 1] - profile[here])
     away = right_m - float(profile[here] + (row - here) * slope)

@@ -43,11 +43,11 @@ class Obstacle:
 
     @property
     def moving(self) -> bool:
-        """Does it crawl, rather than stand?"""
+        """Whether it crawls, rather than stands."""
         return self.speed_mps > 0.5
 
     def joined(self, other: Obstacle) -> Obstacle:
-        """Both as one."""
+        """Return both as one obstacle."""
         return Obstacle(
             min(self.first_row, other.first_row),
             max(self.last_row, other.last_row),
@@ -73,7 +73,7 @@ class Pass:
 
 
 def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
-    """The first thing ahead that has to be passed on the way along the lane's profile, or None."""
+    """Return the first thing ahead that has to be passed on the way along the lane's profile, or None."""
     boxes = traffic.boxes
     slow = (boxes[:, 3] < _CRAWL_MPS) & (boxes[:, 6] < _STARTS_MPS2) & (traffic.kinds != ActorKind.PEDESTRIAN)
     if not slow.any():
@@ -107,7 +107,7 @@ def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: fl
 
 
 def ways_around(scene: StaticScene, ahead: Obstacle, row: float, right_m: float, *, speed_mps: float) -> list[Pass]:
-    """Passes on the left, then on the right; `right_m` is where the ego is, beside the middle of its lane."""
+    """Return passes on the left, then on the right; the ego is `right_m` beside the middle of its lane."""
     half, found = scene.size[1] / 2.0, []
     for side, sign, edge in (("left", -1.0, ahead.left_m), ("right", 1.0, ahead.right_m)):
         lane, same_way = scene.neighbour(max(ahead.first_row, row), side)

@@ -22,7 +22,7 @@ _SAME_LANE_M = 1.7
 
 @entry
 def project(line: Floats, first: int, last: int, x: float, y: float) -> tuple[float, float]:
-    """(row, metres to the right) of the nearest place among the rows `first`..`last` of a line (n, >=3)."""
+    """Return (row, metres to the right) of the nearest place among the rows `first`..`last` of a line (n, >=3)."""
     first, last = max(0, min(first, len(line) - 1)), max(1, min(last, len(line)))
     best, at = 1e18, first
     for k in range(first, last):
@@ -37,7 +37,7 @@ def project(line: Floats, first: int, last: int, x: float, y: float) -> tuple[fl
 
 @entry
 def project_all(line: Floats, first: int, last: int, actors: Floats) -> Floats:
-    """`project` for every row of `actors` (x and y come first): (k, 2)."""
+    """Apply `project` to every row of `actors` (x and y come first): (k, 2)."""
     found = np.empty((len(actors), 2))
     for i in range(len(actors)):
         found[i, 0], found[i, 1] = project(line, first, last, actors[i, X], actors[i, Y])
@@ -48,7 +48,7 @@ def project_all(line: Floats, first: int, last: int, actors: Floats) -> Floats:
 def nearest_ahead(
     route: Floats, progress: int, ego: tuple[float, float, float, float], actors: Floats
 ) -> tuple[float, float]:
-    """(bumper-to-bumper metres, speed along the route) of the first body in the ego's corridor, or (inf, 0).
+    """Return (bumper-to-bumper metres, speed along the route) of the first body in the ego's corridor, or (inf, 0).
 
     `ego` is x, y, length, width; `actors` (k, >=6) holds x, y, yaw, speed, length, width.
     """
@@ -71,7 +71,7 @@ def nearest_ahead(
 
 @entry
 def leaders(path: Floats, s0: float, actors: Floats) -> Ints:
-    """1 for everybody ahead in the ego's own corridor who drives the same way: they may brake at any moment."""
+    """Return 1 for everybody ahead in the ego's own corridor who drives the same way: they may brake at any moment."""
     found = np.zeros(len(actors), dtype=np.int64)
     row = int(max(s0, 0.0))
     for i in range(len(actors)):
@@ -85,7 +85,7 @@ def leaders(path: Floats, s0: float, actors: Floats) -> Ints:
 
 @entry
 def crossed_boxes(path: Floats, boxes: Floats, moving: Floats) -> Ints:
-    """1 for every junction (first row, last row of `path`) that somebody else is about to drive through.
+    """Return 1 for every junction (first row, last row of `path`) that somebody else is about to drive through.
 
     `moving` is (k, steps, 4): the tracks of everybody but those who lead or follow the ego.
     """

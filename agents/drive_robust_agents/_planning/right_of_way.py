@@ -31,7 +31,7 @@ class RightOfWay:
         self._stopped_at: set[int] = set()
 
     def stop_row(self, scene: StaticScene, frame: WorldState, row: float) -> float:
-        """The row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
+        """Return the row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
         nearest, v = math.inf, frame.ego.speed_mps
         for index, at in scene.stops:
             if not -2.0 < at - row < _LOOK_M:
@@ -49,7 +49,7 @@ class RightOfWay:
         return nearest
 
     def keep_clear(self, scene: StaticScene, traffic: Traffic, path: Floats, leads: Ints) -> Floats:
-        """(m, 2) first and last row of the junctions in which the ego must not come to rest: others cross them."""
+        """Return (m, 2): first and last row of the junctions, crossed by others, in which the ego must not rest."""
         if len(scene.boxes) == 0:
             return scene.boxes
         moving = (traffic.boxes[:, 3] > 0.5) & (leads == 0)

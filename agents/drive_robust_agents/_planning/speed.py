@@ -66,12 +66,12 @@ class Situation:
     stop_row: float
 
     def path(self, profile: Floats) -> Floats:
-        """The path from where the ego is onto a profile: see `lateral.path_of`."""
+        """Return the path from where the ego is onto a profile: see `lateral.path_of`."""
         return path_of(self.scene, profile, self.row, self.right_m, speed_mps=self.speed_mps, drift=self.drift)
 
 
 def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf) -> bool:
-    """Can a path be driven up to a row, or at least for `within_s` seconds, hindering nobody much?"""
+    """Return whether a path can be driven up to a row, or for `within_s` seconds, without hindering others much."""
     plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
@@ -90,7 +90,7 @@ class SpeedChoice:
         self._pushing = False
 
     def choose(self, now: Situation, path: Floats, stop_row: float, *, cruise_mps: float, hurry: bool) -> float:
-        """Acceleration in m/s2; when nothing stays out of trouble, the one that does so longest.
+        """Choose the acceleration in m/s2; when nothing stays out of trouble, the one that does so longest.
 
         `hurry` asks for more than comfort, while the ego is where it must not linger.
         """
@@ -146,12 +146,12 @@ class _SpeedTrial:
             self.tiers += ((_LEAST_MARGINS, False),)
 
     def survives(self, acceleration: float) -> bool:
-        """Does going on for a moment leave the way to stop?"""
+        """Return whether going on for a moment leaves the way to stop."""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
         return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
     def seconds(self, accelerations: Floats, margins: Floats, *, wary: bool) -> Floats:
-        """Seconds until trouble for each: either going through is safe to the end, or a moment later stopping is.
+        """Return the seconds until trouble for each: going through to the end, or stopping a moment later.
 
         `wary`: those ahead may brake hard at any moment.
         """

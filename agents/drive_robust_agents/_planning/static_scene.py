@@ -46,7 +46,7 @@ class LaneGraph:
                 self._before.setdefault(k, []).append(lane.index)
 
     def learn(self, rows: Ints) -> None:
-        """Somebody drives at each of these rows of `points` (-1: nobody): remember which way was taken at a fork."""
+        """Remember which way was taken at a fork: somebody drives at each of these rows of `points` (-1: nobody)."""
         for row in rows:
             if row < 0:
                 continue
@@ -57,13 +57,13 @@ class LaneGraph:
                     self.after[k] = lane
 
     def fork(self) -> LaneGraph:
-        """The same lanes with a memory of its own."""
+        """Return the same lanes with a memory of its own."""
         other = copy.copy(self)
         other.after = self.after.copy()
         return other
 
     def before(self, lane: int) -> int:
-        """The lane that leads straightest into this one, or -1."""
+        """Return the lane that leads straightest into this one, or -1."""
         options = self._before.get(lane, [])
         plain = [k for k in options if not self.lanes[k].junction]
         return (plain or options or [-1])[0]
@@ -111,17 +111,17 @@ class StaticScene:
         self.changes = self._changes()
 
     def fork(self) -> StaticScene:
-        """The same scene; what its `graph` learns about traffic from here on is its own."""
+        """Return the same scene; what its `graph` learns about traffic from here on is its own."""
         other = copy.copy(self)
         other.graph = self.graph.fork()
         return other
 
     def lane_at(self, row: float) -> Lane:
-        """The lane under a row."""
+        """Return the lane under a row."""
         return self.lane_map.lanes[int(self.lanes[int(np.clip(row, 0, self.count - 1))])]
 
     def neighbour(self, row: float, side: str) -> tuple[Lane | None, bool]:
-        """(the driving lane on that side of the one under a row or None, whether it leads the same way)."""
+        """Return (the driving lane on that side of the one under a row or None, whether it leads the same way)."""
         lane = self.lane_at(row)
         index, same = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
         if index < 0 or self.lane_map.lanes[index].kind is not LaneKind.DRIVING:
@@ -141,14 +141,14 @@ class StaticScene:
         return _longest_connector(self.lane_map, found)
 
     def _boxes(self) -> Floats:
-        """(m, 2): first and last row of every junction on the route."""
+        """Return (m, 2): first and last row of every junction on the route."""
         inside = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
         boxes: Floats = edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
         return boxes
 
     def _stops(self) -> tuple[tuple[int, float], ...]:
-        """(number, row) of every stop line on the route."""
+        """Return (number, row) of every stop line on the route."""
         found = []
         for line in self.lane_map.stop_lines:
             away = np.hypot(self.route[:, 0] - line.x_m, self.route[:, 1] - line.y_m)
@@ -183,7 +183,7 @@ class StaticScene:
         return Change(first, last, start, end, np.nan_to_num(offsets[0]), np.nan_to_num(offsets[1]))
 
     def _offsets(self, k: int, lane: int) -> Floats:
-        """Metres to the right of the route to the centre line through `lane`; NaN where that line is not beside it."""
+        """Return how far right of the route the centre line through `lane` runs, metres; NaN where it is not beside."""
         chain, graph = [lane], self.graph
         while (earlier := graph.before(chain[0])) >= 0 and earlier not in chain and len(chain) < 8:
             chain.insert(0, earlier)
@@ -204,7 +204,7 @@ class StaticScene:
 
 
 def _prolonged(route: Floats) -> Floats:
-    """The route and a straight piece behind its end."""
+    """Return the route and a straight piece behind its end."""
     x, y, yaw, limit = route[-1]
     ahead = np.arange(1.0, _BEYOND_M + 1.0)
     more = [x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), np.full(len(ahead), yaw), np.full(len(ahead), limit)]
@@ -212,7 +212,7 @@ def _prolonged(route: Floats) -> Floats:
 
 
 def _straightest(lanes: tuple[Lane, ...], lane: Lane) -> int:
-    """The successor that turns least, or -1."""
+    """Return the successor that turns least, or -1."""
     options = lane.successors
     if not options:
         return -1
@@ -220,7 +220,7 @@ def _straightest(lanes: tuple[Lane, ...], lane: Lane) -> int:
 
 
 def _longest_connector(lane_map: LaneMap, found: Ints) -> Ints:
-    """Within a junction the connectors that share their first metres take turns: keep the one that follows best."""
+    """Keep the connector that follows best where several of a junction share their first metres and alternate."""
     cleaned: Ints = found.copy()
     for k in range(len(found) - 2, -1, -1):
         here, there = lane_map.lanes[cleaned[k]], lane_map.lanes[cleaned[k + 1]]

@@ -29,7 +29,7 @@ A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL = range(7)
 
 @entry
 def lane_under(points: Floats, owner: Ints, x: float, y: float, yaw: float, reach_m: float) -> tuple[int, float]:
-    """(row of `points`, metres to the right of it) of the nearest lane that leads about where `yaw` does, or (-1, 0).
+    """Return (row of `points`, metres to its right) of the nearest lane that leads about where `yaw` does, or (-1, 0).
 
     `points` is (p, 3): the centre lines of all lanes, one after the other; `owner` is the lane of each.
     """
@@ -53,7 +53,9 @@ def lane_under(points: Floats, owner: Ints, x: float, y: float, yaw: float, reac
 def tracks(
     actors: Floats, follows: Ints, points: Floats, owner: Ints, first: Ints, after: Ints, steps: int
 ) -> tuple[Floats, Ints]:
-    """Where everybody will be: (k, steps + 1, 4) of x, y, yaw, speed every `STEP_S`, and the row of the lane of each.
+    """Predict where everybody will be.
+
+    Gives (k, steps + 1, 4) of x, y, yaw, speed every `STEP_S`, and the row of the lane of each.
 
     Who has `follows` 1 goes along the lane underneath (`points`, `owner` as in `lane_under`; `first` is where each lane
     begins in `points`, `after` the lane that is taken behind it, or -1), keeping or finishing a sideways movement.

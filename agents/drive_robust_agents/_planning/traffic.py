@@ -62,7 +62,7 @@ class Traffic:
         graph.learn(under)
 
     def _doubt(self) -> None:
-        """Who accelerates hard may also stop doing so: those are there twice, the second time at constant speed."""
+        """List those who accelerate hard twice, the second time at constant speed: they may also stop doing so."""
         hard = np.abs(self.boxes[:, 6]) > _HARD_MPS2
         if hard.any():
             steady = self.boxes[hard]

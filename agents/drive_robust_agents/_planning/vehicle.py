@@ -1,6 +1,6 @@
 """The vehicle that the agents here are made for: the embedded world's.
 
-What a control does to its vehicle is what the maker of an agent knows; no agent asks the simulator.
+Whoever makes an agent knows what a control does to the vehicle; no agent asks the simulator.
 """
 
 from __future__ import annotations

@@ -1,1 +1,4 @@
-"""What stands around the networks: route planner, controllers, filter, memory. Numbers in, numbers out; no torch."""
+"""What stands around the networks: the agents' bases, route planner, controllers, filter, memory.
+
+Only `learned_agent` and `bev_agent` load networks; the others turn numbers into numbers, without torch.
+"""

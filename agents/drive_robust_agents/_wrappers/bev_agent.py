@@ -1,4 +1,4 @@
-"""What the two agents that look around with six cameras have in common: their inputs, and how they drive by waypoints.
+"""The base of the two agents with six cameras: their inputs, and how they drive by waypoints.
 
 They follow the wrappers of Bench2DriveZoo (`team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`).
 """
@@ -48,7 +48,7 @@ class BevAgent(LearnedAgent):
     remembers: ClassVar[Mapping[str, tuple[int, ...]]]
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Six cameras all around."""
+        """Return six cameras all around."""
         return CAMERAS
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -57,7 +57,7 @@ class BevAgent(LearnedAgent):
         self._controller, self._memory = WaypointController(self.tuning), Memory(self.remembers)
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-        """(6, 2) from the outputs of one row; for agents that change the plan after the network."""
+        """Return the plan (6, 2) from the outputs of one row; for agents that change it after the network."""
         return outputs["waypoints"]
 
     def _look(self, observation: Observation) -> NetworkRow:

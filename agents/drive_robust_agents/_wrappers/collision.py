@@ -28,7 +28,7 @@ _STILL_M = 1e-3
 def clear_of(
     plan: NDArray[np.floating], occupied: NDArray[np.floating], centres: NDArray[np.floating], *, from_share: float
 ) -> Floats:
-    """The plan (T, 2) moved to where the cost is lower; a plan with nothing near it is given back as it is.
+    """Move the plan (T, 2) to where the cost is lower; a plan with nothing near it is given back as it is.
 
     `occupied` (K, rows, columns) says how likely cells with `centres` (rows, columns, 2) are filled now and every
     0.5 s; waypoint t (from 1) is kept off map t, or the last there is. Cells from `from_share` on are filled. Metres.
@@ -43,7 +43,7 @@ def clear_of(
 
 
 def _settled(start: Floats, cells: Floats) -> Floats:
-    """Where a waypoint comes to rest among filled cells (n, 2)."""
+    """Return where a waypoint comes to rest among filled cells (n, 2)."""
     point, cost = start, _cost(start, start, cells)
     for _ in range(_STEPS):
         step = _newton(point, start, cells)
@@ -67,7 +67,7 @@ def _cost(point: Floats, start: Floats, cells: Floats) -> float:
 
 
 def _newton(point: Floats, start: Floats, cells: Floats) -> Floats:
-    """The damped Newton step, at most half a metre: negative curvatures are lifted, so that it always leads down."""
+    """Return the damped Newton step, at most half a metre; negative curvatures are lifted, so that it leads down."""
     away = (point - cells) / _SPREAD_M**2
     bells = _HEIGHT * np.exp((away**2).sum(axis=1) * (-0.5 * _SPREAD_M**2))
     slope = 2.0 * (point - start) - (bells[:, None] * away).sum(axis=0)

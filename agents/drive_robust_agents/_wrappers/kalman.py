@@ -48,7 +48,7 @@ class PositionFilter:
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
 
     def step(self, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, last: Control) -> PoseEstimate:
-        """The estimate for this tick from its measurements and the control that the agent gave in the last one.
+        """Estimate the pose in this tick from its measurements and the agent's control of the last one.
 
         A compass that says NaN is left out.
         """
@@ -69,7 +69,7 @@ class PositionFilter:
 
 
 def _predicted(state: PoseEstimate, last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
-    """One tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
+    """Predict one tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
     tangent = math.tan(last.steer * STEER_MAX_RAD)
     slip = math.atan(0.5 * tangent)
@@ -93,7 +93,7 @@ def _predicted(state: PoseEstimate, last: Control, spread: _Matrix) -> tuple[lis
 
 
 def _corrected(state: list[float], spread: _Matrix, k: int, away: float) -> tuple[list[float], _Matrix]:
-    """By one measured number, `away` from what was expected: measurement noises are independent of each other."""
+    """Correct by one measured number, `away` from the expected one: measurement noises are independent."""
     row = spread[k]
     total = row[k] + _MEASURED[k]
     gain = [spread[i][k] / total for i in range(4)]

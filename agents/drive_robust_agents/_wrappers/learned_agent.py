@@ -1,4 +1,4 @@
-"""What the learned agents have in common: they look, one network answers for all of them at once, they follow."""
+"""The base of the learned agents: each looks, one network answers for all of them at once, each follows."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class LearnedAgent(ABC):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        """`network` or, without one, what `Policy.of` makes of the others."""
+        """Take `network` or, without one, make it from the others with `Policy.of`."""
         self._network = network or Policy.of(
             self.name,
             type(self).build,
@@ -71,12 +71,12 @@ class LearnedAgent(ABC):
 
     @classmethod
     def check(cls) -> None:
-        """Raises `UsageError` where the weights that ship are missing or not what their manifest says."""
+        """Raise `UsageError` where the weights that ship are missing or not what their manifest says."""
         Policy.check(cls.name, cls.build)
 
     @abstractmethod
     def sensors(self) -> Sequence[CameraSpec]:
-        """The cameras of the rig."""
+        """Return the cameras of the rig."""
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
@@ -89,7 +89,7 @@ class LearnedAgent(ABC):
 
     @classmethod
     def act_batch(cls, agents: Sequence[LearnedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
-        """`act` for agents that share a network and are made alike, in one run of it."""
+        """Act for agents that share a network and are made alike, in one run of it."""
         seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
         inputs = {name: np.stack([one.inputs[name] for one in seen]) for name in seen[0].inputs}
         outputs = agents[0]._network.run(agents[0]._method, **inputs)
@@ -99,21 +99,21 @@ class LearnedAgent(ABC):
         ]
 
     def plan(self) -> PlannedPath:
-        """Path, target points and waypoints behind the last control."""
+        """Return path, target points and waypoints behind the last control."""
         return self._planned
 
     @abstractmethod
     def _look(self, observation: Observation) -> NetworkRow:
-        """What the network is asked in this tick."""
+        """Return what the network is asked in this tick."""
 
     @abstractmethod
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """The control of what the network said to this row. Sets what `plan` shows."""
+        """Turn the outputs for this row into a control, and set what `plan` shows."""
 
     def _target(self, x_m: float, y_m: float) -> Target:
-        """Where the route goes on from a position in its frame. Once a tick: it drops what has been reached."""
+        """Return where the route goes on from a position in its frame. Once a tick: it drops what has been reached."""
         if self._planner is None:
             raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
         return self._planner.step(x_m, y_m)

@@ -30,7 +30,9 @@ CAN_BUS = ("speed", "yaw rate", "forward acceleration", "right acceleration", "f
 
 
 def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats:
-    """Where the ego is now, seen from where it was: (n, 3) forward m, right m, yaw rad of two (n, 3) arrays of poses.
+    """Return the pose of now seen from that of before.
+
+    Gives (n, 3) forward m, right m, yaw rad from two (n, 3) arrays of poses.
 
     A point (x, y) in the frame of now lies at R(yaw) (x, y) + (forward, right) in the frame of then.
     """
@@ -41,7 +43,7 @@ def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats
 
 
 def can_bus(speed: Floats, imu: Floats, motion: Floats) -> Floats:
-    """(n, 6) as `CAN_BUS` from speed (n,), IMU (n, 3: forward, right, yaw rate) and `motion_between` (n, 3)."""
+    """Return (n, 6) as `CAN_BUS` from speed (n,), IMU (n, 3: forward, right, yaw rate) and `motion_between` (n, 3)."""
     return np.column_stack([speed, imu[:, 2], imu[:, 0], imu[:, 1], motion[:, 0], motion[:, 1]]).astype(np.float32)
 
 
@@ -54,7 +56,7 @@ class Sensed(NamedTuple):
 
     @staticmethod
     def of(observation: Observation) -> Sensed:
-        """Of one tick, unfiltered, as the published wrappers take it."""
+        """Return the pose of one tick, unfiltered, as the published wrappers take it."""
         yaw = observation.compass.yaw_rad
         return Sensed(observation.gps.x_m, observation.gps.y_m, 0.0 if math.isnan(yaw) else yaw)
 
@@ -70,7 +72,7 @@ class Memory:
         self._kept: deque[tuple[int, Sensed, Mapping[str, Floats]]] = deque()
 
     def recall(self, tick: int) -> tuple[Sensed | None, Mapping[str, Floats]]:
-        """The youngest memory that is 0.5 s old, with its pose; None and zeros when there is none, or only older ones.
+        """Return the youngest memory that is 0.5 s old, with its pose; None and zeros without one.
 
         Where ticks are left out, one of up to 1 s is taken.
         """

@@ -61,7 +61,7 @@ class PathController:
         self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
 
     def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Pedals:
-        """The controls for this tick; at least one point of a path and `speed_to` + 1 waypoints."""
+        """Return the controls for this tick; takes at least one point of a path and `speed_to` + 1 waypoints."""
         tuning = self.tuning
         (x0, y0), (x1, y1) = speed_points[tuning.speed_from], speed_points[tuning.speed_to]
         desired = math.hypot(x1 - x0, y1 - y0) / (_STEP_S * (tuning.speed_to - tuning.speed_from))
@@ -85,7 +85,7 @@ class Creep:
         self._stood, self._left = 0, 0
 
     def step(self, speed_mps: float) -> bool:
-        """True when this tick is to be driven with `THROTTLE` and without brake. Call it once a tick."""
+        """Return whether this tick is to be driven with `THROTTLE` and without brake. Call it once a tick."""
         self._stood = self._stood + 1 if speed_mps < self.STANDS_MPS else 0
         if self._stood > self.AFTER_TICKS:
             self._stood, self._left = 0, self.FOR_TICKS
@@ -95,7 +95,7 @@ class Creep:
 
 
 def along(path: Sequence[Point], distance_m: float) -> Point:
-    """The point so many metres along a path that begins at the vehicle; its last point when it is shorter.
+    """Return the point so many metres along a path that begins at the vehicle; its last point when it is shorter.
 
     >>> along([(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], 2.25)
     (2.0, 0.25)

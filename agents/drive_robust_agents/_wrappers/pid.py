@@ -55,7 +55,7 @@ class WindowedPid:
         self._errors = deque([0.0] * gains.window, maxlen=gains.window)
 
     def step(self, error: float) -> float:
-        """The control for the error of this tick."""
+        """Return the control for the error of this tick."""
         errors, gains = self._errors, self._gains
         change = error - errors[-1]
         errors.append(error)
@@ -120,7 +120,7 @@ class WaypointController:
         self._turn, self._speed = WindowedPid(tuning.turn), WindowedPid(tuning.speed)
 
     def step(self, waypoints: Sequence[Point], speed_mps: float, target: Point) -> Pedals:
-        """The controls for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
+        """Return the controls for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
         tuning = self.tuning
         aim, desired = self._aim(waypoints)
         (before_x, before_y), (last_x, last_y) = waypoints[-2], waypoints[-1]
@@ -138,7 +138,7 @@ class WaypointController:
         return Pedals(throttle, steer, 1.0 if brake else 0.0, desired, by_target)
 
     def _aim(self, waypoints: Sequence[Point]) -> tuple[Point, float]:
-        """(where to steer for, wanted speed in m/s)."""
+        """Return (where to steer for, wanted speed in m/s)."""
         aim, best, length, pairs = waypoints[0], math.inf, 0.0, min(self.tuning.speed_pairs, len(waypoints) - 1)
         for number, (start, end) in enumerate(pairwise(waypoints)):
             if number < pairs:
@@ -150,7 +150,7 @@ class WaypointController:
 
 
 def capped_throttle(tuning: WaypointTuning, speed_mps: float, steer: float) -> float:
-    """The most throttle that an agent allows itself, by the measured speed: a speedometer that reads low lifts it."""
+    """Return the most throttle that an agent allows itself at the measured speed: a low reading lifts it."""
     if speed_mps > tuning.coast_above_mps:
         return 0.0
     free = tuning.free_turning_mps if abs(steer) > tuning.turning else tuning.free_mps
@@ -158,7 +158,7 @@ def capped_throttle(tuning: WaypointTuning, speed_mps: float, steer: float) -> f
 
 
 def turn_of(point: Point) -> float:
-    """The direction of a point (forward, right) in units of 90 degrees, right positive, -2..2.
+    """Return the direction of a point (forward, right) in units of 90 degrees, right positive, -2..2.
 
     A point nearer than half a metre has no direction worth steering for: 0.
 

@@ -30,7 +30,7 @@ class Target(NamedTuple):
     next_command: RoadOption
 
     def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """((forward, right), (forward, right)) of both points in metres, from a pose in the route's frame."""
+        """Return ((forward, right), (forward, right)) of both points in metres, from a pose in the route's frame."""
         return to_ego(self.x_m - x_m, self.y_m - y_m, yaw_rad), to_ego(
             self.next_x_m - x_m, self.next_y_m - y_m, yaw_rad
         )
@@ -63,7 +63,7 @@ class RoutePlanner:
         """How many points are behind: may be read, kept, and set back to return to a moment of the episode."""
 
     def step(self, x_m: float, y_m: float) -> Target:
-        """The target for a measured position (metres, route's frame)."""
+        """Return the target for a measured position (metres, route's frame)."""
         points, first = self._points, self.dropped
         reached, farthest, along = first, -1.0, 0.0
         for k in range(first + 1, len(points)):
@@ -79,7 +79,7 @@ class RoutePlanner:
 
 
 def to_ego(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
-    """(forward, right) metres of a difference in the route's frame; a compass that says NaN counts as 0."""
+    """Return (forward, right) metres of a difference in the route's frame; a compass that says NaN counts as 0."""
     yaw = 0.0 if math.isnan(yaw_rad) else yaw_rad
     c, s = math.cos(yaw), math.sin(yaw)
     return c * dx_m + s * dy_m, c * dy_m - s * dx_m

@@ -19,7 +19,7 @@ _COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Command line; exit code 4 for what cannot be used, 130 when interrupted."""
+    """Run the command line; the exit code is 4 for what cannot be used, 130 when interrupted."""
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch is imported: its threads spin otherwise
     given = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training", description=__doc__)

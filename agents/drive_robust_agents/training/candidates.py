@@ -23,7 +23,7 @@ _ON_ONNX = "-onnx"
 
 
 class CandidateFactory:
-    """Makes agents of one weight file. Code, configuration and weights tell its episodes from those of others."""
+    """A factory of agents with one weight file. Their code, configuration and weights key their episodes."""
 
     def __init__(self, agent: str, file: Path) -> None:
         cls = default_registry().entry("agents", agent).load()
@@ -36,7 +36,7 @@ class CandidateFactory:
         self.configuration = getattr(cls, "configuration", None)
 
     def __call__(self) -> Agent:
-        """A new agent. Raises `UsageError` for weights that are refused."""
+        """Return a new agent. Raises `UsageError` for weights that are refused."""
         return self._make(weights=self._file)
 
     def check(self) -> None:
@@ -45,12 +45,12 @@ class CandidateFactory:
 
 
 def candidate_name(agent: str, file: Path) -> str:
-    """What to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
+    """Return what to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
     return f"candidate:{agent}={file.absolute()}"
 
 
 def candidate(argument: str) -> CandidateFactory:
-    """The factory of `AGENT=FILE`. Raises `UsageError`."""
+    """Return the factory of `AGENT=FILE`. Raises `UsageError`."""
     agent, equals, file = argument.partition("=")
     if not equals or not Path(file).is_file():
         raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")

@@ -1,7 +1,7 @@
-"""Collects data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
+"""Collect data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
 
 What is written follows from the arguments alone, not from the number of workers or from how often the run was broken
-off: shards that are complete are skipped, one that is not is done again.
+off: complete shards are skipped, others are done again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["Collected", "Collection", "add_arguments", "collect", "collection_of
 
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
-"""More routes come behind those that are there."""
+"""These may grow later: more routes come behind those that are there."""
 _DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator")
 
 
@@ -51,7 +51,7 @@ class Collection:
     settings: tuple[str, ...] = ()
 
     def check(self) -> None:
-        """Raises `UsageError` for what cannot be collected."""
+        """Raise `UsageError` for what cannot be collected."""
         agent_rig(self.agent)
         training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
         for name in ("episodes", "shard_routes"):
@@ -71,7 +71,7 @@ class Collection:
             agent_of(self._mixture)  # an agent that cannot be made is said at once
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
-        """All shards of it."""
+        """Return all shards of the collection."""
         keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
         step, seed, mixture = self.shard_routes, self.data_seed, self._mixture
         return tuple(
@@ -86,23 +86,23 @@ class Collection:
 
 @dataclass(frozen=True, slots=True)
 class Collected:
-    """What the folder holds of it now."""
+    """What a folder holds of a collection now."""
 
     rows: int
     shards: int
 
 
-def collect(wish: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
+def collect(collection: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
     """Collect into a folder, going on where an earlier run stopped.
 
-    With one worker everything happens in this process. Raises `UsageError` for a wish that cannot be, and for a folder
-    that holds something else.
+    With one worker everything happens in this process. Raises `UsageError` for a collection that cannot be made, and
+    for a folder that holds something else.
     """
-    wish.check()
+    collection.check()
     if workers < 1:
         raise UsageError(f"--workers is {workers}, expected at least 1.")
-    _claim(wish, out)
-    shards = wish.shards(out)
+    _claim(collection, out)
+    shards = collection.shards(out)
     done = {shard.number: found for shard in shards if (found := _done(shard)) is not None}
     rows, left = sum(int(found["rows"]) for found in done.values()), [s for s in shards if s.number not in done]
     with _Bar(len(shards), len(done), shown=progress) as bar:
@@ -113,16 +113,20 @@ def collect(wish: Collection, out: Path, *, workers: int = 1, progress: bool = T
 
 
 def _done(shard: Shard) -> dict[str, Any] | None:
-    """What `done.json` says of a shard that is complete and holds these routes."""
+    """Return what `done.json` says of a shard that is complete and holds these routes."""
     found = read_done(shard.folder, shard.number)
     return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
 
 
-def _claim(wish: Collection, out: Path) -> None:
+def _claim(collection: Collection, out: Path) -> None:
     """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
-    asked: dict[str, Any] = {**asdict(wish), "types": sorted(wish.types), "settings": list(wish.settings)}
+    asked: dict[str, Any] = {
+        **asdict(collection),
+        "types": sorted(collection.types),
+        "settings": list(collection.settings),
+    }
     asked["simulator"] = EmbeddedSimulator.version
-    asked["cameras"] = [asdict(camera) for camera in agent_rig(wish.agent).cameras]
+    asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
         there = json.loads(file.read_text(encoding="utf-8"))
@@ -137,7 +141,7 @@ def _claim(wish: Collection, out: Path) -> None:
 
 
 def draws_of(folder: Path) -> dict[str, Any]:
-    """Which routes and moments are in a folder, for a manifest: seeds and numbers; empty for frames of another origin.
+    """Return which routes and moments are in a folder, for a manifest; empty for frames of another origin.
 
     `expert_share` is below 1 where an agent drove, too; which one is left out, as its weights are somebody's file.
     """
@@ -171,7 +175,7 @@ class _Bar:
         self._progress.stop()
 
     def add(self, written: WrittenShard) -> None:
-        """One more shard."""
+        """Count one more shard."""
         self._rows += written.rows
         self._bytes += written.size_bytes
         seconds = self._progress.tasks[0].elapsed or 1.0
@@ -181,7 +185,7 @@ class _Bar:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `collect`."""
+    """Add the options of `collect`."""
     parser.add_argument("--agent", required=True, help="whose cameras: tcp, uniad, vad or simlingo")
     parser.add_argument("--out", type=Path, required=True, help="folder of the data; goes on where it stopped")
     parser.add_argument("--route-seed", type=int, default=1, help="seed of the route generator, never 0")
@@ -201,7 +205,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def collection_of(given: argparse.Namespace) -> Collection:
-    """The options as a `Collection`."""
+    """Turn the options into a `Collection`."""
     return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
         given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
@@ -220,7 +224,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.collect", description=__doc__)
     add_arguments(parser)
     given = parser.parse_args(argv)

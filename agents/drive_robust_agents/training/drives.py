@@ -1,4 +1,4 @@
-"""Closed loop for choosing weights: the package's own campaign, guarded processes and store, on held-out routes."""
+"""Drive held-out routes to choose weights, by the package's own campaign, worker processes and store."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def drive(
 
 
 def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:
-    """Driving score (0 to 100) and success rate (0 to 1) with 95 % intervals, and both for each scenario type."""
+    """Return driving score (0 to 100) and success rate (0 to 1) with 95 % intervals, also by scenario type."""
     scores, successes = [driving_score(one) for one in results], [float(is_success(one)) for one in results]
     types: dict[str, list[EpisodeResult]] = {}
     for one in results:
@@ -109,7 +109,7 @@ def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:
 
 
 def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> dict[str, Any]:
-    """RD = 1 - DS / clean DS, paired by route, with Fieller's 95 % interval.
+    """Return RD = 1 - DS / clean DS, paired by route, with Fieller's 95 % interval.
 
     None where clean driving scores nothing, and for a bound that the episodes do not give.
     """
@@ -122,7 +122,7 @@ def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResul
 
 
 class _ProgressBar:
-    """A bar (see `runner.scheduler.Listener`)."""
+    """A progress bar that listens to the scheduler (see `runner.scheduler.Listener`)."""
 
     def __init__(self, total: int) -> None:
         columns = (TextColumn("drive"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -137,18 +137,18 @@ class _ProgressBar:
         self._progress.stop()
 
     def started(self, task: EpisodeRequest) -> None:
-        """Nothing to show yet."""
+        """Show nothing yet."""
 
     def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
-        """One more."""
+        """Count one more."""
         self._progress.advance(self._bar)
 
     def reused(self, task: EpisodeRequest) -> None:
-        """One that was driven before."""
+        """Count one that was driven before."""
         self._progress.advance(self._bar)
 
     def ticked(self) -> None:
-        """The bar redraws itself."""
+        """Do nothing: the bar redraws itself."""
 
 
 def _scorable(result: EpisodeResult | None) -> EpisodeResult:

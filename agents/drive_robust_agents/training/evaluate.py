@@ -29,7 +29,7 @@ _CLEAN = "clean"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `evaluate`."""
+    """Add the options of `evaluate`."""
     parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose weights")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--run", type=Path, help="all candidates of a training; the result goes into its folder")
@@ -98,7 +98,7 @@ def _files(given: argparse.Namespace) -> list[Path]:
 
 
 def _routes(spec: str) -> tuple[str, Sequence[Route]]:
-    """What they are called in a manifest, and the routes."""
+    """Return the routes, and what a manifest calls them."""
     if spec.isdecimal() and int(spec) < 100:  # a number of three digits is the id of a route
         return f"held-out (generator seed {VALIDATION_SEED}), {spec} of each type", validation_routes(
             per_type=int(spec)
@@ -107,7 +107,7 @@ def _routes(spec: str) -> tuple[str, Sequence[Route]]:
 
 
 def _print(found: dict[str, Any], console: Console) -> None:
-    """One line for each candidate and setting, then the best one's scenario types."""
+    """Print one line for each candidate and setting, then the best one's scenario types."""
     table = Table(title=f"{found['agent']}: {found['routes']}", box=SIMPLE_HEAD, pad_edge=False)
     for column in ("weights", "setting", "DS", "95 %", "SR", "95 %", "RD", "95 %"):
         table.add_column(column, justify="left" if column in ("weights", "setting") else "right")

@@ -70,7 +70,7 @@ class InstructionScore(NamedTuple):
 def scores(
     run: Run, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
 ) -> list[InstructionScore]:
-    """What is examined in up to so many scenes for each row of the table.
+    """Examine up to so many scenes for each row of the table.
 
     They are drawn from the validation episodes, or from `everything` where no frame was trained on.
     """
@@ -85,7 +85,7 @@ def scores(
 
 
 def examine(run: Run, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0) -> list[bool]:
-    """For each row: does this instruction move the plan the right way (with `safety`: leave it alone)?"""
+    """Return for each row whether the instruction moves the plan the right way (with `safety`: leaves it alone)."""
     generator = draws("wording", kind.value, seed)
     right = []
     for start in range(0, len(arrays["speed"]), _CHUNK):
@@ -102,7 +102,7 @@ def examine(run: Run, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0
 
 
 def obeys(told: Instruction, before: Sequence[NDArray[Any]], after: Sequence[NDArray[Any]]) -> bool:
-    """Do path (20, 2) and waypoints (10, 2) differ from those `before` as told, by more than chance would move them?"""
+    """Return whether path (20, 2) and waypoints (10, 2) differ from those `before` as told, by more than chance."""
     longer = _length_m(after[1]) - _length_m(before[1])
     if told.kind is Kind.FASTER:
         return longer > LEAST_M
@@ -118,7 +118,7 @@ def obeys(told: Instruction, before: Sequence[NDArray[Any]], after: Sequence[NDA
 
 
 def table(found: Sequence[InstructionScore]) -> str:
-    """Lines for people."""
+    """Return the lines of the table."""
     lines = [f"{'instruction':<24}{'scenes':>8}{'right':>8}{'share':>8}   95 % interval"]
     for score in found:
         share = f"{100.0 * score.share:.1f} %" if score.scenes else "-"
@@ -148,7 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _fitting(frames: Frames, order: NDArray[np.int64], kind: Kind, *, safety: bool) -> NDArray[np.int64]:
-    """Of the rows those in which the instruction makes a difference, in the same order."""
+    """Return the rows in which the instruction makes a difference, in the same order."""
     few = frames.arrays(("speed", "future", "path", "facts"), order)
     fits = []
     for speed, future, path, facts in zip(few["speed"], few["future"], few["path"], few["facts"], strict=True):
@@ -184,7 +184,7 @@ def _last_mps(waypoints: NDArray[Any]) -> float:
 
 
 def _aside_m(before: NDArray[Any], after: NDArray[Any]) -> float:
-    """How far to the right of the end of one path the end of the other lies, metres."""
+    """Return how far to the right of the end of one path the end of the other lies, metres."""
     along = before[-1] - before[-4]
     along = along / max(float(np.linalg.norm(along)), 1e-6)
     away = after[-1] - before[-1]

@@ -18,7 +18,7 @@ _PACKAGE = Path(drive_robust_agents.__file__).parent / "weights"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `publish`."""
+    """Add the options of `publish`."""
     parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose weights")
     parser.add_argument("--run", type=Path, required=True, help="folder of the training, evaluated before")
     parser.add_argument("--version", required=True, help="new weights, same network: 1.1; another network or rig: 2.0")

@@ -1,6 +1,6 @@
 """`reproduce`: from nothing to weights such as those that ship: data, training, rounds of DAgger, a choice.
 
-Each step is one of the other commands, printed before it runs. All of them go on where they stopped, so does this one.
+Each step is one of the other commands, printed before it runs. Each goes on where it stopped, and so does this one.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Curriculum:
 
     @property
     def routes(self) -> int:
-        """Of the expert's own drives."""
+        """How many routes the expert drives itself."""
         return _TYPES * self.per_type
 
 
@@ -52,7 +52,7 @@ CURRICULA: Mapping[str, Curriculum] = MappingProxyType(
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `reproduce`."""
+    """Add the options of `reproduce`."""
     parser.add_argument("--agent", required=True, choices=sorted(CURRICULA), help="whose weights")
     parser.add_argument("--out", type=Path, required=True, help="folder of everything; goes on where it stopped")
     parser.add_argument("--share", type=float, default=1.0, help="of the routes and frames, for a first look")
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> int:
-    """All steps in order; the exit code of the first one that fails. Raises `UsageError`."""
+    """Run all steps in order; return the exit code of the first one that fails. Raises `UsageError`."""
     from drive_robust_agents.training.__main__ import main
 
     if not 0.0 < given.share <= 1.0:
@@ -77,7 +77,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def commands(given: argparse.Namespace) -> Iterator[list[str]]:
-    """The arguments of each step; a later one asks for the results of those before."""
+    """Return the arguments of each step; a later one asks for the results of those before."""
     whole, agent, out = CURRICULA[given.agent], ["--agent", given.agent], given.out
     workers = ["--workers", str(given.workers)]
     data = [out / "expert"]
@@ -111,7 +111,7 @@ def _run(given: argparse.Namespace, number: int) -> Path:
 
 
 def _best(given: argparse.Namespace, number: int) -> Path:
-    """The weights that drove best after that round."""
+    """Return the weights that drove best after that round."""
     run = _run(given, number)
     found = json.loads((run / "evaluation.json").read_text(encoding="utf-8"))
     file: str = found["candidates"][found["best"]]["file"]

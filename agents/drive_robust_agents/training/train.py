@@ -32,7 +32,7 @@ _SHARES = (0.6, 0.8, 1.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of `train`."""
+    """Add the options of `train`."""
     parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose network")
     parser.add_argument("--frames", type=Path, nargs="+", required=True, help="folders that `collect` wrote")
     parser.add_argument("--run", type=Path, required=True, help="folder of the training; goes on where it stopped")
@@ -90,7 +90,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
-    """At which steps the weights are written out, and into which folders: closed loop decides which ones ship."""
+    """Return at which steps the weights are written out, and into which folders."""
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
@@ -126,7 +126,7 @@ def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch:
 
 
 def _seconds_per_step(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed) -> float:
-    """Of a network that is thrown away."""
+    """Measure the seconds per step with a network that is thrown away."""
     net = channels_last(recipe.make()).to(given.device).train()
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-5, fused=True)
     times = []

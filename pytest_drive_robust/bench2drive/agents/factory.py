@@ -13,7 +13,7 @@ from pytest_drive_robust.bench2drive import agents as official_agents
 from pytest_drive_robust.bench2drive.agents.adapter import OfficialAgent
 from pytest_drive_robust.bench2drive.agents.loading import load_agent_class
 from pytest_drive_robust.bench2drive.agents.reference import Reference
-from pytest_drive_robust.runner.cache_key.sources import code_digest
+from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
 __all__ = ["OfficialAgentFactory", "leaderboard_agent"]
 

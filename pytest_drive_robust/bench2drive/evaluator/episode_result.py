@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from pytest_drive_robust.bench2drive.evaluator.drive import DrivenRoute
 from pytest_drive_robust.bench2drive.evaluator.setting_json import DT_S
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
@@ -38,8 +40,6 @@ def episode_result(
 
 
 def _broken(driven: DrivenRoute, episode: Episode, scenario: str, versions: Mapping[str, str]) -> EpisodeResult:
-    import numpy as np
-
     return EpisodeResult(
         episode=episode,
         scenario=scenario,

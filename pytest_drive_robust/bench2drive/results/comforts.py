@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.motion_log import find_log, motion_from, read_log
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
-from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, comfort_of
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.metrics.comfort import Motion
+from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
 
 __all__ = ["Comforts"]
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
@@ -15,10 +14,8 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.perturbations.base import Perturbation, Setting
-    from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["ResultsExecutor", "ResultsSource", "parse_results", "read_setting"]
 
@@ -54,8 +51,6 @@ def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = No
 
 def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
     """As `Setting.parse`; `latency 200 ms` is understood as `200 ms latency` too."""
-    from pytest_drive_robust.perturbations.base import Setting
-
     try:
         return Setting.parse(sentence, known)
     except RequirementError:

@@ -33,7 +33,7 @@ __all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
 
 _TURN_TICKS = (20, 60)
 _STUCK_S = 15.0
-"""A learner that stands so long teaches nothing new."""
+"""Nothing new is learnt from a learner that has stood so long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +50,12 @@ class Mixture:
     settings: tuple[str, ...] = ()
 
     def setting(self, rng: np.random.Generator) -> Setting:
-        """That of an episode. Raises `RequirementError` for a sentence that is none."""
+        """Draw the setting of an episode. Raises `RequirementError` for a sentence that is none."""
         return Setting.parse(self.settings[rng.integers(len(self.settings))]) if self.settings else Setting.CLEAN
 
 
 def agent_of(mixture: Mixture) -> Agent:
-    """A new agent. Raises `UsageError` where it does not load."""
+    """Return a new agent. Raises `UsageError` where it does not load."""
     registry = default_registry()
     if mixture.driver.endswith(".safetensors"):
         file = Path(mixture.driver)
@@ -67,7 +67,7 @@ def agent_of(mixture: Mixture) -> Agent:
 
 
 def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np.bool_]:
-    """(ticks,) true where the agent drives; each turn of 1 to 3 s is the expert's with probability `beta`."""
+    """Return (ticks,) true where the agent drives; each turn of 1 to 3 s is the expert's with probability `beta`."""
     mine, at = np.zeros(ticks, dtype=bool), 0
     while at < ticks:
         last = at + int(rng.integers(_TURN_TICKS[0], _TURN_TICKS[1] + 1))
@@ -77,28 +77,28 @@ def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np
 
 
 def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: int, seed: int) -> list[Sample]:
-    """The samples of one episode: kept moments up to the first fault, labelled by what the expert does from there.
+    """Drive an episode and return its samples: kept moments up to the first fault, labelled by the expert.
 
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    course = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
-    simulator = course.simulator
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
     turns = agent_turns(draws(data_seed, route.id, seed, "turns"), TICK_CAP + 1, mixture.beta)
     rng = draws(data_seed, route.id, seed, "moments")
     phase, found = int(rng.integers(KEEP_TICKS)), list[Sample]()
     agent_reset(agent, simulator.plan(), seed)
-    while not course.over:
+    while not episode.over:
         tick, ego = simulator.frame.tick, simulator.frame.ego
         seen = failures.observe(simulator.observe())
-        course.told = seen.gps
+        episode.told = seen.gps
         if tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng):
-            sample = sample_branch(course, None, DAGGER)
+            sample = sample_branch(episode, None, DAGGER)
             found += [sample] if sample is not None else []
-        course.targets()
-        wanted, said = course.act(), None
+        episode.targets()
+        wanted, said = episode.act(), None
         if failures.wants_inference(tick):
             truth = private_truth(simulator.truth()) if is_privileged(agent) else None
             said = agent_act(agent, replace(seen.private(), truth=truth))

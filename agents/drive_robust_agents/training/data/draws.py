@@ -10,7 +10,7 @@ __all__ = ["draws"]
 
 
 def draws(*names: object) -> np.random.Generator:
-    """A generator named by (data seed, route, what it is for, ...); the same names give the same numbers."""
+    """Return a generator named by (data seed, route, what it is for, ...); the same names give the same numbers."""
     text = "\x1f".join(str(name) for name in names).encode()
     key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=key))

@@ -1,4 +1,4 @@
-"""One episode under way, with an expert that drives or watches: what samples are taken from."""
+"""An episode under way with an expert that drives or watches; samples are taken from it."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ TICK_CAP, STUCK_S = 4000, 40.0
 
 @dataclass(slots=True)
 class ExpertEpisode:
-    """One episode under way: the world, the expert that watches or drives it, and the two route planners.
+    """An episode under way: the world, the expert that watches or drives it, and the two route planners.
 
-    `told` is where the planners think that the ego is; None: where it is.
+    `told` is where the planners think that the ego is; None means where it really is.
     """
 
     simulator: EmbeddedSimulator
@@ -43,7 +43,7 @@ class ExpertEpisode:
     def begin(
         cls, route: Route, *, seed: int, cameras: Sequence[CameraSpec] = (), stuck_s: float = STUCK_S
     ) -> ExpertEpisode:
-        """The first moment of an episode."""
+        """Start an episode and return its first moment."""
         simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s))
         simulator.reset(route, seed=seed, cameras=cameras)
         expert, plan = Expert(), simulator.plan()
@@ -54,20 +54,20 @@ class ExpertEpisode:
 
     @property
     def over(self) -> bool:
-        """Has the episode ended, or has anybody broken a rule?"""
+        """Whether the episode has ended or somebody has broken a rule."""
         return self.simulator.done is not None or faults(self.simulator) > 0
 
     def targets(self) -> tuple[Target, Target]:
-        """What the planners say here; they drop what is reached, as in every tick."""
+        """Ask the planners for their targets here; they drop what is reached, as in every tick."""
         at = self.told or self.simulator.frame.ego
         return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
 
     def act(self) -> Control:
-        """The expert's control for this moment."""
+        """Return the expert's control for this moment."""
         return self.expert.act(seen_by_expert(self.simulator))
 
     def here(self, targets: tuple[Target, Target]) -> ExpertMoment:
-        """This moment; the expert has acted in it."""
+        """Return this moment; the expert has acted in it."""
         return ExpertMoment(self.simulator.truth(), self.expert.intent(), targets, self.night)
 
     def step(self, recorded: Control, applied: Control) -> None:
@@ -78,7 +78,7 @@ class ExpertEpisode:
 
 
 def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
-    """What the expert acts on; nothing is drawn for it."""
+    """Return what the expert acts on; nothing is drawn for it."""
     frame = simulator.frame
     tick, ego = frame.tick, frame.ego
     return Observation(
@@ -92,7 +92,7 @@ def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
 
 
 def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:
-    """How many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
+    """Return how many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
     state = simulator.world.state
     events = state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND]
     outside = lanes and state.criteria[c.C_OUTSIDE_M] > 0.0

@@ -1,4 +1,4 @@
-"""What a sentence about a moment can be made of: the numbers behind SimLingo's commentary."""
+"""The numbers behind SimLingo's commentary: facts about a moment from which its sentence is made."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _SIREN_M = 70.0
 
 
 def fact_labels(here: ExpertMoment) -> NDArray[np.float32]:
-    """(16,) float32: the numbers of `FACTS`."""
+    """Return (16,) float32: the numbers of `FACTS`."""
     truth, intent, ego = here.truth, here.intent, here.ego
     scene, row = intent.scene, intent.row
     actors, kinds = truth.frame.actors, truth.frame.actors[:, WorldState.KIND]
@@ -72,7 +72,7 @@ def fact_labels(here: ExpertMoment) -> NDArray[np.float32]:
 
 
 def _light(here: ExpertMoment) -> tuple[float, float]:
-    """(state, metres) of the next stop line on the route that still means something."""
+    """Return (state, metres) of the next stop line on the route that still means something."""
     intent, frame = here.intent, here.truth.frame
     front = intent.row + 0.5 * here.ego.length_m
     for index, at in sorted(intent.scene.stops, key=lambda stop: stop[1]):

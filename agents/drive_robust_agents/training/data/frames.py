@@ -55,7 +55,7 @@ _EPISODES_PER_FOLDER = 10_000_000
 
 
 def shard_name(number: int) -> str:
-    """`"shard-00012"`."""
+    """Return the folder name of a shard, as in `"shard-00012"`."""
     return f"shard-{number:05d}"
 
 
@@ -82,7 +82,7 @@ def write_shard(folder: Path, number: int, rows: Sequence[Mapping[str, NDArray[A
 
 
 def read_done(folder: Path, number: int) -> dict[str, Any] | None:
-    """What `done.json` of a shard says, or None when the shard is not complete."""
+    """Return what `done.json` of a shard says, or None when the shard is not complete."""
     file = folder / shard_name(number) / DONE
     if not file.is_file():
         return None
@@ -123,7 +123,7 @@ class Frames:
         return int(self._starts[-1])
 
     def column(self, name: str) -> NDArray[Any]:
-        """One array of all rows, copied: for small ones. Raises `UnknownNameError`."""
+        """Return one array of all rows, copied: for small ones. Raises `UnknownNameError`."""
         column = np.concatenate([self._map(k, name) for k in range(len(self._shards))])
         if name == "episode":
             places = np.repeat([place for place, _ in self._shards], np.diff(self._starts))
@@ -131,7 +131,7 @@ class Frames:
         return column
 
     def arrays(self, names: Sequence[str], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-        """The rows of these numbers (in any order, also twice) of some arrays, copied. Raises `UnknownNameError`."""
+        """Return the rows of these numbers (in any order, also twice) of some arrays. Raises `UnknownNameError`."""
         rows = np.asarray(rows, dtype=np.int64)
         shards = np.searchsorted(self._starts, rows, side="right") - 1
         found = {}
@@ -147,7 +147,7 @@ class Frames:
         return found
 
     def split(self, share: float = 0.05) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(training rows, validation rows): whole episodes, about `share` of them for validation, always the same."""
+        """Return (training rows, validation rows): whole episodes, always the same; about `share` validate."""
         episodes = self.column("episode")
         numbers = np.unique(episodes)
         text = [hashlib.blake2b(f"split {number}".encode(), digest_size=8).digest() for number in numbers]

@@ -1,4 +1,4 @@
-"""What a learner should answer at one moment: where the expert drives from here, and what it does and sees.
+"""Labels of one moment: where the expert drives from here, and what it does and sees.
 
 All points are in the ego frame of the moment: x forward, y right, metres; yaw clockwise. Perception (boxes, map
 vectors) is in `perception`, what sentences are made of in `facts`.
@@ -30,12 +30,12 @@ Row = Mapping[str, NDArray[Any]]
 """One sample: an array for each name."""
 
 FUTURE_TICKS = tuple(range(5, 61, 5))
-"""The future is told at these ticks from now: 0.25, 0.5 ... 3 s."""
+"""The future is labelled at these ticks from now: 0.25, 0.5 ... 3 s."""
 BRANCH_TICKS = FUTURE_TICKS[-1]
 CONTROL_TICKS = (0, 10, 20, 30, 40)
 PATH_POINTS = 24
 LOOK_M = 100.0
-"""What is farther ahead than this is not there."""
+"""Whatever is farther ahead than this is left out."""
 _DT_S = 0.05
 _BODY = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 
@@ -56,14 +56,14 @@ class ExpertMoment:
 
 
 def to_ego(ego: EgoState, points: Floats) -> Floats:
-    """(n, 2) points of the route's frame as seen from the ego, metres (forward, right)."""
+    """Return (n, 2) points of the route's frame as seen from the ego, metres (forward, right)."""
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
     away = points[..., :2] - (ego.x_m, ego.y_m)
     return np.stack([away[..., 0] * c + away[..., 1] * s, away[..., 1] * c - away[..., 0] * s], axis=-1)
 
 
 def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
-    """What is known without the future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
+    """Return what is known without the future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
     ego = here.ego
     targets = [target.seen_from(ego.x_m, ego.y_m, ego.yaw_rad) for target in here.targets]
     gap_m, gap_mps = gap_ahead(here)
@@ -79,10 +79,10 @@ def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
 
 
 def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
-    """`future`, `future_ok` and `controls` of a drive that begins with the moment.
+    """Return `future`, `future_ok` and `controls` of a drive that begins with the moment.
 
-    `frames` holds one frame a tick; `controls` holds what the expert answered to each but perhaps the last. A drive
-    shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
+    `frames` holds one state of the world a tick; `controls` holds what the expert answered to each but perhaps the
+    last. A drive shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
     """
     ego = frames[0].ego
     poses, ok = np.empty((len(FUTURE_TICKS), 4)), np.zeros(len(FUTURE_TICKS), dtype=bool)
@@ -100,7 +100,7 @@ def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> 
 
 
 def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
-    """(24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3), from the place on it that is beside the ego."""
+    """Return (24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3), counted from beside the ego."""
     at, _ = project(line, int(row) - 6, int(row) + 14, ego.x_m, ego.y_m)
     k = int(np.clip(at, 0, len(line) - 2))
     x, y, yaw = line[-1]
@@ -113,7 +113,7 @@ def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
 
 
 def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
-    """(metres from the front bumper, speed along the way) of the nearest thing on the expert's way.
+    """Return (metres from the front bumper, speed along the way) of the nearest thing on the expert's way.
 
     That is somebody in its corridor, or the place where it has to wait. With nothing within 100 m: 100 and the ego's
     own speed.
@@ -128,7 +128,7 @@ def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
 
 
 def body_ahead(here: ExpertMoment, actors: Floats) -> tuple[float, float]:
-    """(metres bumper to bumper, speed along the way) of the first of these actors in the corridor."""
+    """Return (metres bumper to bumper, speed along the way) of the first of these actors in the corridor."""
     ego, intent = here.ego, here.intent
     bodies = np.ascontiguousarray(actors[:, _BODY])
     found = nearest_ahead(intent.line, int(intent.row), (ego.x_m, ego.y_m, ego.length_m, ego.width_m), bodies)
@@ -136,7 +136,7 @@ def body_ahead(here: ExpertMoment, actors: Floats) -> tuple[float, float]:
 
 
 def _goes_on(ego: EgoState, seconds: float) -> EgoState:
-    """The ego later, at its speed and on its curvature."""
+    """Return the ego later, at its speed and on its curvature."""
     turn = ego.yaw_rate_radps * seconds
     half = 0.5 * turn
     chord = ego.speed_mps * seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)

@@ -12,13 +12,13 @@ __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
-"""So many of the episodes have bursts."""
+"""The share of episodes that have bursts."""
 _WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 
 
 def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
-    """(ticks,) strength (-1..1) of the noise in each tick: bursts of 0.5 to 1 s with 2 to 8 s of none between them.
+    """Return the strength (-1..1) of the noise in each tick: bursts of 0.5 to 1 s, then 2 to 8 s of none.
 
     All zero in the episodes without noise.
     """
@@ -34,6 +34,6 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
 
 
 def burst_steer(strength: float, speed_mps: float) -> float:
-    """What is added to the steering (-1..1): up to 0.12 rad of wheel, at speed no more than pulls with 3 m/s2."""
+    """Return what to add to the steering (-1..1): up to 0.12 rad of wheel, and at speed up to 3 m/s2."""
     most = min(_WHEEL_RAD, _LATERAL_MPS2 * WHEELBASE_M / max(speed_mps, 1.0) ** 2)
     return strength * most / STEER_MAX_RAD

@@ -15,7 +15,7 @@ _DRIVEN = (0, 3)
 def earlier_rows(
     episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any], *, lag_ticks: int = 10
 ) -> NDArray[np.int64]:
-    """For each of n frames the row of one `lag_ticks` before it in the same episode, -1 where there is none.
+    """Return for each of n frames the row of one `lag_ticks` before it in the same episode, or -1.
 
     All three are (n,). Only what was really driven (source 0 or 3) can be remembered. A frame from a shifted pose
     remembers the way that it was shifted from: its pose is known, so the memory can be moved to fit; but what it is

@@ -1,4 +1,4 @@
-"""What there is to see: boxes of the actors that a camera can see, where they go, and the lines of the map."""
+"""Labels of perception: boxes of the actors that a camera can see, where they go, and the lines of the map."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROUTE, LANE, STRIPED, SOLID, STOP, CROSSWALK = range(6)
 _AHEAD_M, _BEHIND_M, _ASIDE_M = 64.0, 24.0, 32.0
 _LANES_BEHIND_M = 16.0
 _FASTEST_M = 20.0
-"""Nobody gets farther than this in half a second: it is another actor with the same number."""
+"""No actor gets farther than this in half a second: beyond, it is another one with the same number."""
 _SHORTEST_M = 3.0
 _BEND_M_PER_RAD = 15.0
 """A bend of one radian gets as many points as so many metres of straight line."""
@@ -30,7 +30,7 @@ _ROUTE_ROWS = (30, 110)
 
 
 def box_labels(frames: Sequence[WorldState], seen: Collection[int]) -> dict[str, NDArray[Any]]:
-    """`boxes` (24, 9) and `box_future` (24, 6, 2) of the actors in `seen`, nearest first, in the ego frame of now."""
+    """Return `boxes` (24, 9) and `box_future` (24, 6, 2) of the actors in `seen`, nearest first, in the ego frame."""
     ego, actors = frames[0].ego, frames[0].actors
     places = to_ego(ego, actors[:, [WorldState.X, WorldState.Y]])
     inside = (places[:, 0] < _AHEAD_M) & (places[:, 0] > -_BEHIND_M) & (np.abs(places[:, 1]) < _ASIDE_M)
@@ -55,7 +55,7 @@ def box_labels(frames: Sequence[WorldState], seen: Collection[int]) -> dict[str,
 
 
 def _track(frames: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
-    """(6, 2): the places of one actor after 0.5 ... 3 s; NaN once it is gone."""
+    """Return (6, 2): the places of one actor after 0.5 ... 3 s; NaN once it is gone."""
     found = np.full((len(BOX_TICKS), 2), np.nan)
     last: Floats | None = None
     for k, tick in enumerate((0, *BOX_TICKS)):
@@ -92,7 +92,7 @@ class MapLines:
         self._boxes = np.array([[*line.min(axis=0), *line.max(axis=0)] for _, line in self._lines])
 
     def labels(self, here: ExpertMoment) -> dict[str, NDArray[Any]]:
-        """`lanes` (12, 6, 2), `lane_kind` (12,): the route, stop lines in force, crosswalks, then what is nearest."""
+        """Return `lanes` (12, 6, 2), `lane_kind` (12,): the route, stop lines in force, crosswalks, then nearest."""
         ego, lights = here.ego, here.truth.frame.lights
         row = here.truth.progress
         route = here.truth.route[max(0, row - _ROUTE_ROWS[0]) : row + _ROUTE_ROWS[1], :2]
@@ -120,7 +120,7 @@ class MapLines:
 
 
 def _middle(corners: Floats) -> Floats:
-    """The middle line of a crosswalk (4, 2), the way that people walk, in steps of about half a metre."""
+    """Return the middle line of a crosswalk (4, 2), the way that people walk, in steps of about half a metre."""
     sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
     first = 0 if sides[0] + sides[2] < sides[1] + sides[3] else 1
     a, b = (0.5 * (corners[k] + corners[(k + 1) % 4]) for k in (first, first + 2))
@@ -130,7 +130,7 @@ def _middle(corners: Floats) -> Floats:
 
 
 def _beside(centre: Floats, right_m: float) -> Floats:
-    """The line that runs so many metres to the right of (n, 3) x, y, yaw."""
+    """Return the line that runs so many metres to the right of (n, 3) x, y, yaw."""
     return np.column_stack(
         [centre[:, 0] - right_m * np.sin(centre[:, 2]), centre[:, 1] + right_m * np.cos(centre[:, 2])]
     )
@@ -139,7 +139,7 @@ def _beside(centre: Floats, right_m: float) -> Floats:
 def _cut(
     lines: Sequence[tuple[int, Floats]], ego: EgoState, *, shortest_m: float = _SHORTEST_M
 ) -> list[tuple[int, Floats]]:
-    """The pieces within the window, each as 6 points in the ego frame; too short ones are left out."""
+    """Return the pieces within the window, each as 6 points in the ego frame; too short ones are left out."""
     found = []
     for kind, line in lines:
         points = to_ego(ego, line)
@@ -153,7 +153,7 @@ def _cut(
 
 
 def _six(line: Floats) -> Floats:
-    """Six points along a line, closer to each other where it bends."""
+    """Return six points along a line, closer to each other where it bends."""
     steps = np.diff(line, axis=0)
     turns = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])), prepend=np.nan))
     weights = np.hypot(*steps.T) + _BEND_M_PER_RAD * np.nan_to_num(turns)
@@ -163,12 +163,12 @@ def _six(line: Floats) -> Floats:
 
 
 def _nearest(pieces: list[tuple[int, Floats]]) -> list[tuple[int, Floats]]:
-    """Nearest to the ego first."""
+    """Sort the nearest to the ego first."""
     return sorted(pieces, key=lambda piece: _distance(piece[1]))
 
 
 def _distance(points: Floats) -> float:
-    """From the ego to the polyline, along its segments."""
+    """Return the distance from the ego to the polyline, along its segments."""
     a, b = points[:-1], points[1:]
     step = b - a
     share = np.clip(-(a * step).sum(axis=1) / np.maximum((step * step).sum(axis=1), 1e-9), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Shards written by several processes, in whatever order they are ready."""
+"""Write shards in several processes, in whatever order they are ready."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def written(shards: Sequence[Shard], workers: int) -> Iterator[WrittenShard]:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Processes that begin meanwhile do not hear Ctrl-C, not even before their first line."""
+    """Keep Ctrl-C from processes that begin meanwhile, even before their first line runs."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -62,7 +62,7 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin(stop: Event) -> None:
-    """In a worker: end at once when the parent says so or is gone. A shard under way is done again later."""
+    """Prepare a worker: it ends at once when the parent says so or is gone, and its shard is done again later."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     for ends in (stop.wait, parent.join):

@@ -1,4 +1,4 @@
-"""Poses beside the expert's way, from which a learner has to know the way back too."""
+"""Poses beside the expert's way: a learner has to know the way back from them, too."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NEAR_M = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where an ego is put: metres and radians in the route's frame, m/s. `start`: at rest, though the way was free."""
+    """Where an ego is put: metres and radians in the route's frame, m/s; with `start` it is at rest on a free way."""
 
     x_m: float
     y_m: float
@@ -34,12 +34,12 @@ class Pose:
 
     @classmethod
     def of(cls, ego: EgoState) -> Pose:
-        """Where the ego is."""
+        """Return the pose of the ego."""
         return cls(ego.x_m, ego.y_m, ego.yaw_rad, ego.speed_mps)
 
 
 def draw_pose(ego: EgoState, rng: np.random.Generator) -> Pose:
-    """0.3 to 1.5 m aside and up to 15 degrees turned; a third up to 3 m/s slower or faster, a tenth at rest."""
+    """Draw a pose 0.3 to 1.5 m aside and up to 15 degrees turned; a third up to 3 m/s off, a tenth at rest."""
     most = min(YAW_RAD, _ASIDE_MPS / max(ego.speed_mps, 1.0))
     right = float(rng.uniform(*LATERAL_M)) * (1.0 if rng.random() < 0.5 else -1.0)
     yaw = ego.yaw_rad + float(rng.uniform(-most, most))
@@ -55,7 +55,7 @@ def draw_pose(ego: EgoState, rng: np.random.Generator) -> Pose:
 
 
 class FreeSpace:
-    """Where an ego has room: on the roads of a map, between whoever is there."""
+    """The free space for an ego: on the roads of a map, between the actors."""
 
     def __init__(self, lane_map: LaneMap) -> None:
         lanes = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]
@@ -64,7 +64,7 @@ class FreeSpace:
         self._buildings = lane_map.buildings[:, :5]
 
     def is_free(self, frame: WorldState, pose: Pose) -> bool:
-        """Are all corners of the ego on the road, and does it keep a hand's breadth from all that is solid?"""
+        """Return whether all corners of the ego are on the road, a hand's breadth away from all that is solid."""
         length, width = frame.ego.length_m, frame.ego.width_m
         if not self._on_road(_corners(pose.x_m, pose.y_m, pose.yaw_rad, length, width)):
             return False
@@ -89,7 +89,7 @@ def _corners(x: float, y: float, yaw: float, length: float, width: float) -> Flo
 
 
 def _overlap(a: Floats, b: Floats) -> bool:
-    """Do two boxes (x, y, yaw, length, width) overlap? Separating axes."""
+    """Return whether two boxes (x, y, yaw, length, width) overlap, by separating axes."""
     corners = _corners(*map(float, a)), _corners(*map(float, b))
     for yaw in (a[2], b[2]):
         for angle in (yaw, yaw + math.pi / 2.0):

@@ -46,7 +46,7 @@ def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Floats, pat
 
 
 def action_of(speed_mps: float, speeds: Floats) -> Action:
-    """What a driver does whose speed is and will be that."""
+    """Name what a driver does who has this speed now and these speeds next."""
     if speed_mps < STANDS_MPS:
         return Action.REMAIN if float(np.max(speeds)) < STANDS_MPS else Action.GO
     if float(np.min(speeds)) < STANDS_MPS:
@@ -58,7 +58,7 @@ def action_of(speed_mps: float, speeds: Floats) -> Action:
 
 
 def hindrances(facts: Mapping[str, float], speed_mps: float) -> list[tuple[float, Reason]]:
-    """(metres, reason) of everything ahead that asks for less speed, nearest first."""
+    """Return (metres, reason) of everything ahead that asks for less speed, nearest first."""
     reach = _reach_m(speed_mps)
     found = []
     light = _LIGHTS.get(LightState(int(facts["light"]))) if facts["light"] >= 0.0 else None
@@ -75,7 +75,7 @@ def hindrances(facts: Mapping[str, float], speed_mps: float) -> list[tuple[float
 
 
 def turn_ahead_rad(path: Floats) -> float:
-    """How much a path (n, 2) turns from its beginning to its end."""
+    """Return how much a path (n, 2) turns from its beginning to its end."""
     steps = np.diff(np.asarray(path, dtype=np.float64), axis=0)
     angles = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     return float(np.max(np.abs(angles - angles[0])))
@@ -97,5 +97,5 @@ def _why_slower(facts: Mapping[str, float], speed_mps: float, path: Floats, *, s
 
 
 def _reach_m(speed_mps: float) -> float:
-    """Within how many metres a thing ahead matters at this speed."""
+    """Return within how many metres a thing ahead matters at this speed."""
     return 8.0 + 2.5 * max(speed_mps, 0.0)

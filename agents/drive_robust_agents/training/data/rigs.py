@@ -1,6 +1,6 @@
 """What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors.
 
-ExpertMoment, and not in the agents' own modules, because data is collected by processes that do not import torch.
+It stands here and not in the agents' own modules because processes that collect data do not import torch.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["AGENT_RIGS", "AgentRig", "agent_rig"]
 
 @dataclass(frozen=True, slots=True)
 class AgentRig:
-    """`cameras` of the agent; `perception`: are boxes and map vectors among the labels?"""
+    """The `cameras` of an agent; `perception` says whether boxes and map vectors are among its labels."""
 
     cameras: tuple[CameraSpec, ...]
     perception: bool
@@ -34,11 +34,11 @@ AGENT_RIGS: Mapping[str, AgentRig] = MappingProxyType(
         "vad": AgentRig(_AROUND, perception=True),
     }
 )
-"""By the name of the agent."""
+"""The rig of each agent by its name."""
 
 
 def agent_rig(agent: str) -> AgentRig:
-    """The agent_rig of an agent. Raises `UnknownNameError`."""
+    """Return the rig of an agent. Raises `UnknownNameError`."""
     if agent not in AGENT_RIGS:
         raise UnknownNameError.of("learned agent", agent, AGENT_RIGS)
     return AGENT_RIGS[agent]

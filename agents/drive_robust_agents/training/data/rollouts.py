@@ -1,7 +1,6 @@
 """Drives of the expert, and branches off them: every sample is a moment with what the expert does from there.
 
-A branch leaves the episode: the world is put back afterwards, and a fork of the expert drives in it, so the episode
-goes on as if nothing had been.
+A branch leaves no trace in the episode: a fork of the expert drives in it, and the world is put back afterwards.
 """
 
 from __future__ import annotations
@@ -31,14 +30,14 @@ ON_WAY, SHIFTED, START, DAGGER = range(4)
 """Values of the column `source`."""
 KEEP_TICKS = 5
 _STANDING_MPS, _STANDING_SHARE = 0.1, 0.4
-"""Of the moments in which the ego stands, this share is kept."""
+"""The share that is kept of the moments in which the ego stands."""
 _TRIES = 3
 _MOVES_MPS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A moment, and the drive that begins with it: `frames` one a tick, `controls` the answers to them."""
+    """A moment, and the drive that begins with it: `frames`, a state a tick, and `controls`, the answers to them."""
 
     here: ExpertMoment
     frames: Sequence[WorldState]
@@ -48,22 +47,22 @@ class Sample:
 
 
 def is_kept(speed_mps: float, rng: np.random.Generator) -> bool:
-    """Is a moment kept? Of those in which the ego stands only some are."""
+    """Return whether a moment is kept; of those in which the ego stands only some are."""
     return speed_mps >= _STANDING_MPS or bool(rng.random() < _STANDING_SHARE)
 
 
-def branch(course: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[WorldState], list[Control]] | None:
-    """Let `expert` (a fork) drive on for 3 s from the world as it is: the moment, a frame a tick, the controls.
+def branch(episode: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[WorldState], list[Control]] | None:
+    """Let `expert` (a fork) drive on for 3 s from the world as it is: the moment, a state a tick, the controls.
 
-    It ends early where the episode does. None where somebody gets hurt or a rule is broken: nothing to learn from.
-    Neither the planners nor the world are put back.
+    It ends early where the episode does. Returns None where somebody gets hurt or a rule is broken. Neither the
+    planners nor the world are put back.
     """
-    simulator = course.simulator
-    before, targets = faults(simulator, lanes=False), course.targets()
+    simulator = episode.simulator
+    before, targets = faults(simulator, lanes=False), episode.targets()
     frames, controls, here = [simulator.frame], [], None
     while len(frames) <= BRANCH_TICKS and simulator.done is None:
         control = expert.act(seen_by_expert(simulator))
-        here = here or ExpertMoment(simulator.truth(), expert.intent(), targets, course.night)
+        here = here or ExpertMoment(simulator.truth(), expert.intent(), targets, episode.night)
         frames.append(simulator.step(control))
         controls.append(control)
         if faults(simulator, lanes=False) > before or simulator.done is End.DEVIATED:
@@ -71,16 +70,16 @@ def branch(course: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[Wo
     return None if here is None else (here, frames, controls)
 
 
-def sample_branch(course: ExpertEpisode, pose: Pose | None, source: int) -> Sample | None:
-    """The sample of a branch from a pose (None: from where the ego is); the course is as before afterwards."""
-    simulator, kept = course.simulator, course.simulator.snapshot()
-    dropped = [planner.dropped for planner in course.planners]
+def sample_branch(episode: ExpertEpisode, pose: Pose | None, source: int) -> Sample | None:
+    """Return the sample of a branch from a pose (None: from where the ego is); the episode is as before afterwards."""
+    simulator, kept = episode.simulator, episode.simulator.snapshot()
+    dropped = [planner.dropped for planner in episode.planners]
     tick = simulator.frame.tick
     if pose is not None:
         simulator.place_ego(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad, speed_mps=pose.speed_mps)
-    found = branch(course, course.expert.fork())
+    found = branch(episode, episode.expert.fork())
     simulator.restore(kept)
-    for planner, count in zip(course.planners, dropped, strict=True):
+    for planner, count in zip(episode.planners, dropped, strict=True):
         planner.dropped = count
     if found is None:
         return None
@@ -89,62 +88,62 @@ def sample_branch(course: ExpertEpisode, pose: Pose | None, source: int) -> Samp
     return Sample(here, frames, controls, START if started else source, tick)
 
 
-def shifted(course: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
-    """A sample from a pose beside the way, or None where three draws found no room or no good end."""
-    frame = course.simulator.frame
+def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
+    """Return a sample from a pose beside the way, or None where three draws found no room or no good end."""
+    frame = episode.simulator.frame
     for _ in range(_TRIES):
         pose = draw_pose(frame.ego, rng)
-        if course.room.is_free(frame, pose):
-            found = sample_branch(course, pose, SHIFTED)
+        if episode.room.is_free(frame, pose):
+            found = sample_branch(episode, pose, SHIFTED)
             if found is not None:
                 return found
     return None
 
 
 def drive_expert(route: Route, *, data_seed: int, seed: int) -> list[Sample]:
-    """The samples of one episode of the expert, in the order of time; those with a fault in their future are left out.
+    """Return the samples of an episode of the expert in the order of time, without those with a fault ahead.
 
     `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own.
     """
-    course = ExpertEpisode.begin(route, seed=seed)
+    episode = ExpertEpisode.begin(route, seed=seed)
     noise = burst_plan(draws(data_seed, route.id, seed, "noise"), TICK_CAP + BRANCH_TICKS)
     rng = draws(data_seed, route.id, seed, "moments")
     phase = int(rng.integers(KEEP_TICKS))
     beside: list[Sample] = []
     on_way: list[ExpertMoment] = []
-    while not course.over:
-        tick, ego = course.simulator.frame.tick, course.simulator.frame.ego
+    while not episode.over:
+        tick, ego = episode.simulator.frame.tick, episode.simulator.frame.ego
         keep = tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng)
         clean = not noise[tick : tick + BRANCH_TICKS].any()
         if keep:
-            more = shifted(course, rng)
+            more = shifted(episode, rng)
             beside += [more] if more is not None else []
             if not clean:
-                more = sample_branch(course, None, ON_WAY)
+                more = sample_branch(episode, None, ON_WAY)
                 beside += [more] if more is not None else []
-        targets = course.targets()
-        control = course.act()
+        targets = episode.targets()
+        control = episode.act()
         if keep and clean:
-            on_way.append(course.here(targets))
+            on_way.append(episode.here(targets))
         steer = float(np.clip(control.steer + burst_steer(noise[tick], ego.speed_mps), -1.0, 1.0))
-        course.step(control, Control(control.throttle, steer, control.brake))
-    course.frames.append(course.simulator.frame)
-    first = course.frames[0].tick
-    driven = [_on_way(course, here, here.truth.frame.tick - first) for here in on_way]
-    last = _last_good_tick(course)
+        episode.step(control, Control(control.throttle, steer, control.brake))
+    episode.frames.append(episode.simulator.frame)
+    first = episode.frames[0].tick
+    driven = [_on_way(episode, here, here.truth.frame.tick - first) for here in on_way]
+    last = _last_good_tick(episode)
     return sorted((one for one in (*driven, *beside) if one.tick <= last), key=lambda one: (one.tick, one.source))
 
 
-def _on_way(course: ExpertEpisode, here: ExpertMoment, at: int) -> Sample:
-    """The sample whose future is what was driven."""
-    frames, controls = course.frames[at : at + BRANCH_TICKS + 1], course.controls[at : at + BRANCH_TICKS]
+def _on_way(episode: ExpertEpisode, here: ExpertMoment, at: int) -> Sample:
+    """Return the sample whose future is what was driven."""
+    frames, controls = episode.frames[at : at + BRANCH_TICKS + 1], episode.controls[at : at + BRANCH_TICKS]
     return Sample(here, frames, controls, ON_WAY, here.truth.frame.tick)
 
 
-def _last_good_tick(course: ExpertEpisode) -> int:
-    """The last tick whose next 3 s hold no fault."""
-    tick = course.simulator.frame.tick
-    if faults(course.simulator) == 0 and course.simulator.done is End.COMPLETED:
+def _last_good_tick(episode: ExpertEpisode) -> int:
+    """Return the last tick whose next 3 s hold no fault."""
+    tick = episode.simulator.frame.tick
+    if faults(episode.simulator) == 0 and episode.simulator.done is End.COMPLETED:
         return tick
-    stood = round(STUCK_S / 0.05) if course.simulator.done in (End.STUCK, End.BLOCKED) else 0
+    stood = round(STUCK_S / 0.05) if episode.simulator.done in (End.STUCK, End.BLOCKED) else 0
     return tick - stood - BRANCH_TICKS - 1

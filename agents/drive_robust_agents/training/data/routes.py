@@ -41,7 +41,7 @@ class RouteKey:
 
 
 def training_keys(*, seed: int = 1, per_type: int = 20, types: Collection[str] = ()) -> tuple[RouteKey, ...]:
-    """`per_type` routes of each of these types (none: of all); any first part holds the types in equal shares.
+    """Return `per_type` routes of each of these types (none: of all); any first part holds the types in equal shares.
 
     Raises `UsageError` for the seeds of evaluation and validation, and for numbers and types that cannot be drawn.
     """
@@ -57,17 +57,17 @@ def training_keys(*, seed: int = 1, per_type: int = 20, types: Collection[str] =
 
 
 def validation_keys(*, per_type: int = 1) -> tuple[RouteKey, ...]:
-    """Routes that are neither trained nor judged on. Raises `UsageError` for a number that cannot be drawn."""
+    """Return routes that are neither trained nor judged on. Raises `UsageError` for a number that cannot be drawn."""
     return _keys(VALIDATION_SEED, per_type)
 
 
 def validation_routes(*, per_type: int = 1) -> tuple[Route, ...]:
-    """The routes of `validation_keys` that can be laid."""
+    """Return the routes of `validation_keys` that can be laid."""
     return tuple(route for route in map(draw, validation_keys(per_type=per_type)) if route is not None)
 
 
 def draw(key: RouteKey) -> Route | None:
-    """The route of a key, or None where the generator finds no place for its scenario."""
+    """Return the route of a key, or None where the generator finds no place for its scenario."""
     kind = SCENARIOS[SCENARIO_NAMES[key.tag]]
     try:
         return draw_route(kind, number=key.number, seed=key.seed, route_id=key.id)

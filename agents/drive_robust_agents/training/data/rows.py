@@ -1,4 +1,4 @@
-"""From samples to rows of arrays: labels, and the pictures that the agent's cameras take of each moment."""
+"""Turn samples into rows of arrays: labels, and the pictures of the agent's cameras."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEEN_PX = 4
 
 
 class RigCameras:
-    """The cameras of an agent in one episode; what they see follows from the frame alone.
+    """The cameras of an agent in one episode; what they see follows from the state of the world alone.
 
     So moments can be drawn in any order, and only those that are kept. `way` is the (n, 4) route of the ground truth.
     """
@@ -36,11 +36,11 @@ class RigCameras:
         self._rig = CameraRig(lane_map, route.weather, cameras, around=way[:, :2])
 
     def look(self, frame: WorldState) -> dict[str, NDArray[Any]]:
-        """`cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
+        """Return `cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
         return {f"cam_{name}": pixels.copy() for name, pixels in self._rig.render(frame).items()}
 
     def seen(self, frame: WorldState) -> set[int]:
-        """The numbers (`WorldState.ID`) of the actors that some camera shows."""
+        """Return the numbers (`WorldState.ID`) of the actors that some camera shows."""
         found: set[int] = set()
         for passes in self._rig.render_passes(frame, ("instance",)).values():
             numbers = passes["instance"].astype(np.int64).ravel()
@@ -50,7 +50,7 @@ class RigCameras:
 
 
 def rows(samples: Sequence[Sample], route: Route, agent_rig: AgentRig, *, tag: int, episode: int) -> Iterator[Row]:
-    """One row for each sample, as in the contract of `frames`."""
+    """Return one row for each sample, as in the contract of `frames`."""
     if not samples:
         return
     truth = samples[0].here.truth

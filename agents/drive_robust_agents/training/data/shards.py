@@ -35,7 +35,7 @@ class Shard:
 
 @dataclass(frozen=True, slots=True)
 class WrittenShard:
-    """What became of a shard."""
+    """The result of writing a shard."""
 
     number: int
     rows: int
@@ -61,7 +61,7 @@ def write(shard: Shard) -> WrittenShard:
 
 
 def _driver(shard: Shard) -> Callable[[Route, int], list[Sample]]:
-    """Drives an episode of a route with a seed."""
+    """Return what drives an episode of a route with a seed."""
     if shard.mixture is None:
         return lambda route, seed: drive_expert(route, data_seed=shard.data_seed, seed=seed)
     mixture, agent = shard.mixture, agent_of(shard.mixture)

@@ -35,19 +35,19 @@ class Source(Protocol):
     """Frames on disk or in memory: rows of named arrays."""
 
     def __len__(self) -> int:
-        """How many rows there are."""
+        """Return how many rows there are."""
         ...
 
     def column(self, name: str) -> NDArray[Any]:
-        """One small array of all rows."""
+        """Return one small array of all rows."""
         ...
 
     def arrays(self, names: Sequence[str], rows: Rows) -> dict[str, NDArray[Any]]:
-        """The named arrays at these rows, in their order, copied."""
+        """Return the named arrays at these rows, in their order, copied."""
         ...
 
     def split(self) -> tuple[Rows, Rows]:
-        """Rows to train on and to validate on, whole episodes each."""
+        """Return rows to train on and to validate on, whole episodes each."""
         ...
 
 
@@ -72,7 +72,7 @@ class Feed:
         self._epoch: tuple[int, Rows] = (-1, np.zeros(0, np.int64))
 
     def rows(self, step: int) -> Rows:
-        """The rows of the batch of a step, 0 and up."""
+        """Return the rows of the batch of a step, 0 and up."""
         first, size = step * self._batch, len(self.training)
         parts: list[Rows] = []
         while (missing := self._batch - sum(map(len, parts))) > 0:
@@ -81,11 +81,11 @@ class Feed:
         return np.concatenate(parts)
 
     def make(self, step: int) -> Batch:
-        """The batch of a step."""
+        """Return the batch of a step."""
         return self._made(self.rows(step), step)
 
     def batches(self, begin: int, end: int) -> Iterator[Batch]:
-        """The batches of the steps from `begin` to before `end`."""
+        """Return the batches of the steps from `begin` to before `end`."""
         waiting: deque[Future[Batch]] = deque()
         with ThreadPoolExecutor(self._threads, thread_name_prefix="feed") as pool:
             try:
@@ -100,7 +100,7 @@ class Feed:
                     future.cancel()
 
     def validating(self, most: int) -> Iterator[Batch]:
-        """Batches of up to `most` evenly chosen frames of the episodes that are never trained on, not augmented."""
+        """Return batches of up to `most` evenly chosen frames of validation episodes, not augmented."""
         count = min(most, len(self.validation))
         chosen = self.validation[np.linspace(0, len(self.validation) - 1, count).astype(np.int64)]
         for begin in range(0, count, self._batch):
@@ -122,7 +122,7 @@ class Feed:
         return arrays
 
     def _sorted(self, names: Sequence[str], rows: Rows) -> dict[str, NDArray[Any]]:
-        """Arrays at rows, each row read once and in the order of the disk."""
+        """Read arrays at rows, each row once and in the order of the disk."""
         unique, places = np.unique(rows, return_inverse=True)
         return {name: values[places] for name, values in self._source.arrays(names, unique).items()}
 
@@ -134,7 +134,7 @@ class Feed:
 
 
 def _parts(source: Source) -> tuple[Rows, Rows]:
-    """Rows to train and to validate on; where the split holds back nothing, the last episode validates."""
+    """Return rows to train and to validate on; where the split holds back nothing, the last episode validates."""
     training, validation = source.split()
     if len(validation):
         return training, validation

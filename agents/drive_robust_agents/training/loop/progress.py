@@ -49,7 +49,7 @@ class Display:
         self._progress.stop()
 
     def step(self, done: int, parts: Mapping[str, Tensor | float], rate: float) -> None:
-        """`done` steps are over; the last had these losses."""
+        """Show that `done` steps are over and which losses the last one had."""
         now = time.monotonic()
         if now - self._shown < self._every_s and done < self._total:
             return
@@ -66,6 +66,6 @@ class Display:
             self._console.print(f"{done}/{self._total} {words}, {left_min:.1f} min left", soft_wrap=True)
 
     def validated(self, step: int, parts: Mapping[str, float]) -> None:
-        """A line with the losses on frames that are not trained on."""
+        """Print a line with the losses on frames that are not trained on."""
         losses = " ".join(f"{name} {value:.3f}" for name, value in parts.items())
         self._progress.console.print(f"step {step}: validation {losses}", soft_wrap=True, highlight=False)

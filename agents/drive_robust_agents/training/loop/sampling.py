@@ -27,7 +27,7 @@ _FLOOR = 0.02
 
 
 def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
-    """(n,) weights of frames, about 1: the largest of its buckets counts, standing and staying is thinned."""
+    """Return (n,) weights of frames, about 1: the largest of its buckets counts, standing and staying is thinned."""
     speed = columns["speed"].astype(np.float64)
     future = columns["future"].astype(np.float64)
     moved = np.hypot(future[:, -1, 0], future[:, -1, 1])
@@ -44,7 +44,7 @@ def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
 
 
 def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -> Floats:
-    """The weights, raised for every scenario type whose share is below a floor; they sum to one.
+    """Return the weights, raised for every scenario type whose share is below a floor; they sum to one.
 
     With k types the floor is at most 0.9 / k. Types above it give in proportion to what they have.
     """
@@ -65,7 +65,7 @@ def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -
 
 
 def draw_epoch(weights: Floats, generator: np.random.Generator) -> NDArray[np.int64]:
-    """(n,) row numbers in random order: each row comes `n * weight` times, rounded up or down by chance."""
+    """Return (n,) row numbers in random order: each row comes `n * weight` times, rounded up or down by chance."""
     count = len(weights)
     edges = np.cumsum(weights) * count / weights.sum()
     edges[-1] = count  # rounding must not lose the last one

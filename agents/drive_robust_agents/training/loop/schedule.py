@@ -13,14 +13,14 @@ _WARM_UP, _FIRST, _LAST = 0.1, 1.0 / 25.0, 1e-3
 
 
 def cycle(progress: float) -> float:
-    """One cycle, 0 to 1 of a stage: a cosine up from a twenty-fifth in the first tenth, then down to a thousandth."""
+    """Return the rate at 0 to 1 of a stage: a cosine up from 1/25 in the first tenth, then down to 1/1000."""
     if progress < _WARM_UP:
         return _FIRST + (1.0 - _FIRST) * 0.5 * (1.0 - math.cos(math.pi * progress / _WARM_UP))
     return _LAST + (1.0 - _LAST) * 0.5 * (1.0 + math.cos(math.pi * (progress - _WARM_UP) / (1.0 - _WARM_UP)))
 
 
 def stage_at(stages: Sequence[TrainingStage], step: int, total: int) -> tuple[int, float]:
-    """The number of the stage that a step (0 to `total - 1`) belongs to, and how far it is into that stage (0 to 1)."""
+    """Return the number of the stage of a step (0 to `total - 1`), and how far into it the step is (0 to 1)."""
     shares = [stage.share for stage in stages]
     done = 0.0
     for number, share in enumerate(shares):
@@ -32,6 +32,6 @@ def stage_at(stages: Sequence[TrainingStage], step: int, total: int) -> tuple[in
 
 
 def learning_rate(stages: Sequence[TrainingStage], step: int, total: int, peak: float) -> float:
-    """The learning rate of a step."""
+    """Return the learning rate of a step."""
     number, progress = stage_at(stages, step, total)
     return peak * stages[number].lr_factor * cycle(progress)

@@ -43,7 +43,7 @@ class States:
             old.unlink()
 
     def latest(self) -> dict[str, Any] | None:
-        """The facts of the last state, None when there is no state."""
+        """Return the facts of the last state, or None when there is no state."""
         files = self._files()
         if not files:
             return None

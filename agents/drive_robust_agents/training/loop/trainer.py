@@ -132,7 +132,7 @@ class Trainer:
         self._states.save(self.step, self.net, self.average.net, self._optimizer, {"settings": asdict(self.options)})
 
     def validate(self) -> dict[str, float]:
-        """The parts of the loss of the mean weights on frames of episodes that are never trained on."""
+        """Return the parts of the mean weights' loss on frames of episodes that are never trained on."""
         sums: dict[str, float] = {}
         rows = 0
         for batch in self.feed.validating(_VALIDATED_FRAMES):
@@ -146,7 +146,7 @@ class Trainer:
         return {name: value / rows for name, value in sums.items()}
 
     def _advance(self, batch: Mapping[str, Tensor]) -> Mapping[str, Tensor | float]:
-        """One step; what the loss was made of."""
+        """Make one step; return the parts of its loss."""
         options = self.options
         self._enter_stage()
         torch.manual_seed(int(draws("torch", options.seed, self.step).integers(1 << 62)))
@@ -219,7 +219,7 @@ class Trainer:
 
 
 def _optimizer(net: nn.Module, options: TrainingOptions) -> torch.optim.AdamW:
-    """AdamW in one fused kernel; no decay of biases, scales and embeddings of one row."""
+    """Make AdamW in one fused kernel; biases, scales and embeddings of one row do not decay."""
     groups = list(_groups(net, options.weight_decay))
     return torch.optim.AdamW(groups, lr=options.lr, fused=True)
 

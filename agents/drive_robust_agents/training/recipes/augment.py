@@ -28,7 +28,7 @@ _FIELD = 1 << 22
 
 
 def tcp_hard(images: Pixels, generator: np.random.Generator, strength: float = 1.0) -> None:
-    """TCP's set, each part for three in ten images: blocks and pixels go missing more with `strength`, 0 to 1.
+    """Apply TCP's set, each part to three in ten images; `strength` (0 to 1) drops more blocks and pixels.
 
     Up to 4 % (at strength 0) or 20 % (at 1) of the pixels and of the blocks; a block is 8 to 20 % of the image's
     sides. (imgaug reads these figures as the size of the coarse mask, which gives blocks of 5 to 12 pixels; at a
@@ -58,7 +58,7 @@ def tcp_hard(images: Pixels, generator: np.random.Generator, strength: float = 1
 
 
 def simlingo_mild(images: Pixels, generator: np.random.Generator) -> None:
-    """SimLingo's set: colours, blur, noise and up to a tenth of single pixels; no block ever goes missing."""
+    """Apply SimLingo's set: colours, blur, noise and up to a tenth of single pixels; no block goes missing."""
 
     def change(image: Pixels) -> None:
         chance = generator.random(6)
@@ -79,7 +79,7 @@ def simlingo_mild(images: Pixels, generator: np.random.Generator) -> None:
 
 
 def photometric_gridmask(images: Pixels, generator: np.random.Generator) -> None:
-    """UniAD's and VAD's: brightness, contrast, colours per image, then GridMask (0.7) over all cameras of a sample.
+    """Apply UniAD's and VAD's set: brightness, contrast, colours per image, then GridMask (0.7) over all cameras.
 
     Photometric distortion of each camera: brightness +-32, contrast and saturation 0.5 to 1.5, each for every second.
     GridMask: squares of half a period are blanked, period 2 pixels up to the image's height, as published with
@@ -108,7 +108,7 @@ def photometric_gridmask(images: Pixels, generator: np.random.Generator) -> None
 
 
 def occlude(images: Pixels, generator: np.random.Generator, *, chance: float, most: float) -> None:
-    """Deployment's mud: for some images a black rectangle of up to `most` of either side, at a random place."""
+    """Put a black rectangle of up to `most` of either side at a random place of some images."""
 
     def change(image: Pixels) -> None:
         if generator.random() >= chance:
@@ -131,7 +131,7 @@ def _each(images: Pixels, change: Callable[[Pixels], None]) -> None:
 
 
 def _grey(share: float) -> Matrix:
-    """Towards grey; a negative share saturates."""
+    """Blend towards grey; a negative share saturates."""
     matrix = np.eye(4)
     matrix[:3, :3] = (1.0 - share) * np.eye(3) + share * _GREY
     return matrix
@@ -165,7 +165,7 @@ def _blur(image: Pixels, sigma_px: float) -> None:
 
 @functools.cache
 def _normal_field() -> tuple[Pixels, Pixels]:
-    """Positive and negative parts of standard normal numbers times 40, a few million of them, always the same."""
+    """Return positive and negative parts of standard normal numbers times 40, a few million, always the same."""
     drawn = np.random.Generator(np.random.Philox(7)).standard_normal(_FIELD, dtype=np.float32) * 40.0
     return np.clip(drawn, 0, 255).astype(np.uint8), np.clip(-drawn, 0, 255).astype(np.uint8)
 
@@ -182,7 +182,7 @@ def _cut(field: Pixels, shape: tuple[int, ...], generator: np.random.Generator) 
 
 
 def _add_noise(image: Pixels, generator: np.random.Generator, deviation: float) -> None:
-    """Gaussian, `deviation` as a share of the range, each channel on its own."""
+    """Add Gaussian noise, `deviation` as a share of the range, to each channel on its own."""
     up, down = _normal_field()
     rise, start = _cut(up, image.shape, generator)
     fall = down[start : start + image.size].reshape(image.shape)
@@ -197,7 +197,7 @@ def _drop_pixels(image: Pixels, generator: np.random.Generator, share: float) ->
 
 
 def _drop_blocks(image: Pixels, generator: np.random.Generator, share: float) -> None:
-    """Cells of a coarse grid go black; a cell is 8 to 20 % of the image's sides, the grid lies anywhere."""
+    """Blacken cells of a coarse grid that lies anywhere; a cell is 8 to 20 % of the image's sides."""
     rows, columns = image.shape[:2]
     side = generator.uniform(0.08, 0.2)
     cells = int(np.ceil(1.0 / side)) + 1

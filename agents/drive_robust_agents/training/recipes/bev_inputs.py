@@ -20,7 +20,7 @@ from drive_robust_agents.training.recipes.failures import gps_errors, hang, misr
 __all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remembered"]
 
 Recall = Callable[[Tensor, Tensor], Mapping[str, Tensor]]
-"""From pictures and can bus to what is remembered of them."""
+"""Turns pictures and can bus into what is remembered of them."""
 
 _IMAGES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")
@@ -37,7 +37,7 @@ _TWO_FIXES = math.sqrt(2.0)
 def bev_inputs(
     arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool, *, robust: bool = False
 ) -> dict[str, Tensor]:
-    """What `BevAgent` documents, without `old_bev`, and what `remembered` needs to make it.
+    """Return the inputs that `BevAgent` documents, without `old_bev`, and what `remembered` needs to make it.
 
     In training only half of the rows that have an earlier frame get it: it saves time, and the others teach to drive
     without a memory. The movement in the can bus is what speed and yaw rate make of half a second, not the difference
@@ -80,7 +80,7 @@ def bev_inputs(
 
 
 def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -> NDArray[np.float32]:
-    """(n, 3) the movement of the last `seconds` as `motion_between` would give it, from speed (n,) and IMU (n, 3)."""
+    """Return (n, 3): the movement of the last `seconds`, as `motion_between`, from speed (n,) and IMU (n, 3)."""
     turned = imu[:, 2] * seconds
     way = np.maximum((speed - 0.5 * imu[:, 0] * seconds) * seconds, 0.0)
     return np.column_stack([way * np.cos(turned / 2.0), way * np.sin(turned / 2.0), turned]).astype(np.float32)
@@ -89,7 +89,7 @@ def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -
 def remembered(
     net: nn.Module, recall: Recall, shapes: Mapping[str, tuple[int, ...]], batch: Mapping[str, Tensor]
 ) -> dict[str, Tensor]:
-    """What `recall` makes of the frame 0.5 s before: (N, *shape) of each name, zeros for rows that know of none.
+    """Return what `recall` makes of the frame 0.5 s before: (N, *shape) of each name, zeros for rows that know of none.
 
     Without gradient and with `net` in evaluation mode, as published; afterwards every module is as it was.
     """

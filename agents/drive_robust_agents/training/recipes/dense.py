@@ -1,7 +1,7 @@
-"""A picture from above as labels: what lies in each cell of the bird's-eye grid.
+"""Labels from above: what lies in each cell of the bird's-eye grid.
 
-It is the cheapest gradient that camera features can get, from the first step on, while sets of queries still quarrel
-about who stands for what (after the segmentation heads of BEVFormer-like networks).
+It is the cheapest gradient that camera features can get, from the first step on, while the matching of queries to
+labels still changes (after the segmentation heads of BEVFormer-like networks).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _KINDS = 6
 
 
 def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor, sizes: Tensor) -> Tensor:
-    """(N, 8, cells) of 0 and 1, by `CHANNELS`, for centres and sizes of cells (cells, 2), metres.
+    """Return (N, 8, cells) of 0 and 1, by `CHANNELS`, for centres and sizes of cells (cells, 2), metres.
 
     `boxes` is (N, B, 9), `lanes` (N, V, P, 2) with NaN for none, `lane_kind` (N, V), as in the samples. A body fills
     the cells whose centre it nearly covers, a line those whose centre is about half a cell away from it.
@@ -35,13 +35,13 @@ def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor
 
 
 def dense_loss(logits: Tensor, targets: Tensor, *, heavier: float = 4.0) -> Tensor:
-    """Binary cross-entropy where a filled cell counts `heavier` times as much as an empty one."""
+    """Compute binary cross-entropy where a filled cell counts `heavier` times as much as an empty one."""
     weight = targets.new_tensor(heavier)
     return functional.binary_cross_entropy_with_logits(logits, targets, pos_weight=weight)
 
 
 def _inside(boxes: Tensor, cells: Tensor, wider: Tensor) -> Tensor:
-    """(N, B, cells): the centre of the cell lies in the body, made wider on all sides."""
+    """Return (N, B, cells): the centre of the cell lies in the body, made wider on all sides."""
     away = cells - boxes[..., None, :2]
     sin, cos = boxes[..., None, 2], boxes[..., None, 3]
     along = (cos * away[..., 0] + sin * away[..., 1]).abs()
@@ -52,7 +52,7 @@ def _inside(boxes: Tensor, cells: Tensor, wider: Tensor) -> Tensor:
 
 
 def _distance(lanes: Tensor, cells: Tensor) -> Tensor:
-    """(N, V, cells) metres from each line, infinity for none."""
+    """Return (N, V, cells) metres from each line, infinity for none."""
     nearest = lanes.new_full((*lanes.shape[:2], len(cells)), torch.inf)
     for k in range(lanes.shape[2] - 1):
         start, end = lanes[:, :, None, k], lanes[:, :, None, k + 1]

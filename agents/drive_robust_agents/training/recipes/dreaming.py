@@ -1,7 +1,7 @@
 """Action dreaming: what a driver would do who was told something else, made kinematically from one real moment.
 
-One picture becomes many samples: (instruction, path, speeds). The instruction then is the only thing that tells them
-apart, so the network has to listen. Nobody reacts to the dream: it is a replay (SimLingo, section on action dreaming;
+One picture becomes many samples: (instruction, path, speeds). Only the instruction tells them apart, so the
+network has to listen. No actor reacts to the dream: it is a replay (SimLingo, section on action dreaming;
 `dataset_generation/dreamer_data`, re-written from its idea). Ego frame: x forward, y right, metres.
 """
 
@@ -38,8 +38,9 @@ _USUAL = frozenset({Kind.FASTER, Kind.SLOWER, Kind.STOP, Kind.LEFT, Kind.RIGHT})
 
 @dataclass(frozen=True, slots=True)
 class DreamStart:
-    """What a dream begins with: the expert's line (n >= 20, 2) one point a metre, its speed now and its speeds every
-    0.25 s from now on (n >= 10), and the facts by name.
+    """The start of a dream: the expert's line, its speed now, its speeds from now on, and the facts by name.
+
+    The line is (n >= 20, 2), one point a metre; the speeds are (n >= 10) at every 0.25 s.
     """
 
     line: Floats
@@ -56,7 +57,7 @@ class Dream(NamedTuple):
 
 
 def applicable(moment: DreamStart, *, safety: bool) -> list[Kind]:
-    """Which instructions make a difference here. Without `safety` a lane is only offered where there is one."""
+    """Return which instructions make a difference here. Without `safety` a lane is only offered where there is one."""
     facts, kinds = moment.facts, [Kind.FASTER, Kind.SPEED, Kind.OFF_LEFT, Kind.OFF_RIGHT]
     mean_mps = float(np.mean(moment.speeds[:WAYPOINTS]))
     kinds += [Kind.SLOWER] if mean_mps > _MOVES_MPS else []
@@ -69,7 +70,7 @@ def applicable(moment: DreamStart, *, safety: bool) -> list[Kind]:
 
 
 def draw_instruction(moment: DreamStart, rng: np.random.Generator, *, safety: bool) -> Instruction:
-    """One of the applicable instructions in any wording; those that people give most come twice as often."""
+    """Return one of the applicable instructions in any wording; those that people give most come twice as often."""
     kinds = applicable(moment, safety=safety)
     weights = np.array([2.0 if kind in _USUAL else 1.0 for kind in kinds])
     kind = kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
@@ -83,7 +84,7 @@ def draw_instruction(moment: DreamStart, rng: np.random.Generator, *, safety: bo
 
 
 def dream(told: Instruction, moment: DreamStart) -> Dream:
-    """What who obeys would drive."""
+    """Return what somebody who obeys would drive."""
     line, aside = _rolled_in(moment.line), _aside(told.kind, moment)
     return Dream(
         _along(_shifted(moment.line, aside), np.arange(1.0, PATH_POINTS + 1.0), first=False),
@@ -92,7 +93,7 @@ def dream(told: Instruction, moment: DreamStart) -> Dream:
 
 
 def is_safe(told: Instruction, moment: DreamStart) -> bool:
-    """May this be obeyed? Lane changes only into lanes, more speed only where nothing is in the way; never a crash."""
+    """Return whether this may be obeyed: lane changes only into lanes, more speed only with nothing ahead, no crash."""
     if told.kind in (Kind.SLOWER, Kind.STOP):
         return True
     if told.kind in _LANES:
@@ -112,7 +113,7 @@ def is_safe(told: Instruction, moment: DreamStart) -> bool:
 
 
 def _speeds(told: Instruction, moment: DreamStart) -> Floats:
-    """(11,) m/s at 0, 0.25 ... 2.5 s."""
+    """Return (11,) m/s at 0, 0.25 ... 2.5 s."""
     now, told_mps = moment.speed_mps, told.mps
     wanted: Floats = np.concatenate([[now], moment.speeds[:WAYPOINTS]])
     if told.kind in (Kind.FASTER, Kind.CRASH):
@@ -132,7 +133,7 @@ def _speeds(told: Instruction, moment: DreamStart) -> Floats:
 
 
 def _aside(kind: Kind, moment: DreamStart) -> Floats:
-    """(n,) metres to the right of each point of the line."""
+    """Return (n,) metres to the right of each point of the line."""
     metres = np.arange(1.0, len(moment.line) + 1.0)
     if kind in (Kind.OFF_LEFT, Kind.OFF_RIGHT):
         side = -1.0 if kind is Kind.OFF_LEFT else 1.0
@@ -157,7 +158,7 @@ def _shifted(line: Floats, aside: Floats) -> Floats:
 
 
 def _rolled_in(line: Floats) -> Floats:
-    """The way of a vehicle that begins at the origin and settles onto the line."""
+    """Return the way of a vehicle that begins at the origin and settles onto the line."""
     off = line[1] - 2.0 * line[0]
     fading = np.exp(-np.arange(1.0, len(line) + 1.0) / _SETTLE_M)
     rolled: Floats = line + fading[:, None] * off
@@ -165,13 +166,13 @@ def _rolled_in(line: Floats) -> Floats:
 
 
 def _driven(line: Floats, speeds: Floats) -> Floats:
-    """(10, 2): where who drives at these speeds is every 0.25 s."""
+    """Return (10, 2): where who drives at these speeds is every 0.25 s."""
     metres = np.cumsum(0.5 * STEP_S * (speeds[1:] + speeds[:-1]))
     return _along(line, metres, first=True)
 
 
 def _along(line: Floats, metres: Floats, *, first: bool) -> Floats:
-    """Points so many metres along a line, which goes on straight; from the origin, or from a metre before its start."""
+    """Return points so many metres along a line that goes on straight, from the origin or a metre before its start."""
     start = np.zeros(2) if first else 2.0 * line[0] - line[1]
     end = line[-1] + 100.0 * (line[-1] - line[-2])
     points = np.concatenate([start[None], line, end[None]])
@@ -180,7 +181,7 @@ def _along(line: Floats, metres: Floats, *, first: bool) -> Floats:
 
 
 def _things_ahead(facts: Mapping[str, float]) -> list[str]:
-    """What of `THINGS` can be crashed into here; bicycles and pedestrians are one fact and can both be said."""
+    """Return what of `THINGS` can be crashed into here; bicycles and pedestrians are one fact and can both be said."""
     near = {"vehicle": facts["lead_m"], "obstacle": facts["obstacle_m"]}
     near |= {"pedestrian": facts["walker_m"], "bicycle": facts["walker_m"]}
     return [thing for thing in THINGS if near[thing] < _NEAR_M]

@@ -1,7 +1,7 @@
 """What deployment does to the inputs of a network, for `train --robust`: some rows of a batch suffer, others do not.
 
-Labels stay those of the truth, so that a network learns to look through what is wrong. Equal generators give equal
-failures.
+Labels stay those of the truth, so that a network learns to be right in spite of wrong inputs. Equal generators give
+equal failures.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ Floats = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
 MOST_HIDDEN = 0.85
-"""Of either side of an image; the paper hides up to 0.8."""
+"""The largest share of either side of an image that is hidden; the paper hides up to 0.8."""
 
 _SHARE = 1.0 / 3.0
-"""Of the rows suffer from each failure but mud, which is in every second one."""
+"""The share of rows that suffer from each failure but mud, which is in every second one."""
 
 _MOST_GPS_M = 15.0
 _HANGS = 0.4
@@ -28,14 +28,14 @@ _HANGS = 0.4
 
 
 def gps_errors(rows: int, generator: np.random.Generator) -> NDArray[np.float64]:
-    """(rows, 2) metres by which positions are off: 0 to 15 m of deviation, the same in both directions."""
+    """Return (rows, 2) metres by which positions are off: 0 to 15 m of deviation, the same in both directions."""
     deviation = generator.uniform(0.0, _MOST_GPS_M, (rows, 1)) * (generator.random((rows, 1)) < _SHARE)
     errors: NDArray[np.float64] = deviation * generator.standard_normal((rows, 2))
     return errors
 
 
 def misread(speed: Floats, generator: np.random.Generator) -> Floats:
-    """What the speedometer says: for some rows a fraction of the truth, around 0.2 to 1, and some noise.
+    """Return what the speedometer says: for some rows a fraction of the truth, around 0.2 to 1, and some noise.
 
     Speeds are (N,), or (ticks, N): the fraction belongs to the row, the noise to the reading.
     """
@@ -45,9 +45,9 @@ def misread(speed: Floats, generator: np.random.Generator) -> Floats:
 
 
 def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) -> None:
-    """Every camera of every second row (N, cameras, H, W, 3) loses a rectangle, each at a place of its own.
+    """Black out a rectangle of every camera of every second row (N, cameras, H, W, 3), each at its own place.
 
-    So does its picture of before: mud stays. Both are changed in place.
+    Its picture of before loses the same one: mud stays. Both are changed in place.
     """
     rows = generator.random(len(images)) < 0.5
     for pictures in (images, old_images):
@@ -57,14 +57,14 @@ def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) ->
 
 
 def hang(images: Pixels, old_images: Pixels, known: NDArray[np.bool_], generator: np.random.Generator) -> None:
-    """Some cameras of some rows (N, cameras, H, W, 3) still show the picture of before, where it is `known`."""
+    """Let some cameras of some rows (N, cameras, H, W, 3) show the picture of before, where it is `known`."""
     rows, cameras = images.shape[:2]
     hung = (generator.random((rows, cameras)) < _HANGS) & ((generator.random(rows) < _SHARE) & known)[:, None]
     images[hung] = old_images[hung]
 
 
 def late(future: Floats, generator: np.random.Generator) -> Floats:
-    """The expert's drive (N, 12, 4) as it looks from where some cars will be when a late control arrives.
+    """Return the expert's drive (N, 12, 4) as it looks from where some cars will be when a late control arrives.
 
     The delay is one or two columns (0.25 or 0.5 s); positions and yaw are those of the car then. The last columns,
     which nobody drove, repeat the last step.
@@ -77,7 +77,7 @@ def late(future: Floats, generator: np.random.Generator) -> Floats:
 
 
 def _seen_later(future: Floats, delay: int) -> Floats:
-    """(12, 4): the drive from the pose in column `delay - 1`, in that pose's frame."""
+    """Return (12, 4): the drive from the pose in column `delay - 1`, in that pose's frame."""
     x, y, yaw, _ = future[delay - 1]
     ahead = np.concatenate([future[delay:], np.repeat(future[-1:], delay, axis=0)])
     ahead[-delay:, :2] += np.arange(1, delay + 1)[:, None] * (future[-1, :2] - future[-2, :2])

@@ -34,7 +34,7 @@ class TrainingStage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Defaults:
-    """RunOptions of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
+    """Options of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
 
     batch: int = 64
     lr: float = 1e-3
@@ -63,20 +63,20 @@ class TrainingRecipe(Protocol):
         ...
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """A new network of a plain specification, or of the one that ships."""
+        """Return a new network of a plain specification, or of the one that ships."""
         ...
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """Inputs (augmented in training) and targets of a batch; every tensor has the batch as its first axis."""
+        """Return inputs (augmented in training) and targets; every tensor has the batch as its first axis."""
         ...
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """The loss and its parts for people, each without gradient."""
+        """Return the loss, and its parts to show, each without gradient."""
         ...
 
 
 def recipe_of(agent: str, *, robust: bool = False) -> TrainingRecipe:
-    """The recipe of an agent; `robust`: with the deployment failures as augmentation. Raises `UnknownNameError`."""
+    """Return an agent's recipe; `robust` adds deployment failures as augmentation. Raises `UnknownNameError`."""
     if agent not in RECIPES:
         raise UnknownNameError.of("learned agent", agent, RECIPES)
     made = getattr(import_module(f"{__package__}.{agent}"), RECIPES[agent])

@@ -57,7 +57,7 @@ Floats = NDArray[np.float32]
 MIX = {"comment": 0.24, "given": 0.06, "follow": 0.42, "safety": 0.2, "command": 0.08}
 """Kinds of the second prompt. As published, a fifth of the commentary is given in the prompt, four are to be said."""
 _SILENT = 0.5
-"""So often an answer that could be said is not, because the agent can also be told to be silent."""
+"""How often an answer that could be said is left out, because the agent can also be told to be silent."""
 _BETA_M = 0.25
 """Errors below this count by their square, others by their length."""
 
@@ -108,11 +108,11 @@ class SimLingoRecipe:
         return agent_rig(self.name).cameras
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """A new network."""
+        """Return a new network."""
         return SimLingoNet.build(asdict(SimLingoSpec()) if spec is None else spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """Inputs and `true_...` targets of the driving prompt; `talk_...` those of the second prompts.
+        """Return inputs and `true_...` targets of the driving prompt; `talk_...` those of the second prompts.
 
         Row k of the second prompts belongs to image k modulo the number of images.
         """
@@ -141,7 +141,7 @@ class SimLingoRecipe:
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in numbers.items()}
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """The sum of all parts; metres and nats for people."""
+        """Return the sum of all parts, and metres and nats to show."""
         assert isinstance(net, SimLingoNet)
         seen = net.see(batch["image"])
         speed, target = batch["speed"], batch["target"]
@@ -171,7 +171,7 @@ def talk(
     mix: Mapping[str, float] = MIX,
     reads_mps: float | None = None,
 ) -> TalkPrompt:
-    """A second prompt for a sample, of a kind by `mix`; `quiet`: what could be said is often left out.
+    """Return a second prompt for a sample, of a kind by `mix`; `quiet`: what could be said is often left out.
 
     `reads_mps` is what the speedometer says, the truth when left out: prompts tell it, answers and dreams do not.
     """
@@ -200,7 +200,7 @@ def talk(
 
 
 def _sensed(speed: Floats, target: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
-    """Speeds (N,) and target points (N, 2, 2) as a failing speedometer and a filtered, failing GPS give them."""
+    """Return speeds (N,) and target points (N, 2, 2) as a failing speedometer and a filtered, failing GPS give them."""
     reads = misread(speed, generator)
     off = _NOISE_LEFT * gps_errors(len(speed), generator)
     off[:, 0] += _LAG_S * (speed - reads)
@@ -208,7 +208,7 @@ def _sensed(speed: Floats, target: Floats, generator: np.random.Generator) -> tu
 
 
 def _talking(told: list[TalkPrompt], own: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The arrays of the second prompts; without any they have no rows."""
+    """Return the arrays of the second prompts; without any they have no rows."""
     rows = np.arange(len(told)) % max(len(own["speed"]), 1)
     path, waypoints, ok = (own[f"true_{name}"][rows].copy() for name in ("path", "waypoints", "ok"))
     silence = (PAD,) * ANSWER_SLOTS
@@ -227,7 +227,7 @@ def _talking(told: list[TalkPrompt], own: Mapping[str, NDArray[Any]]) -> dict[st
 
 
 def _off(driven: Driving, batch: Mapping[str, Tensor], which: str) -> tuple[Tensor, Tensor]:
-    """Smooth L1 of the path and of those waypoints that somebody drove, metres, summed over x and y."""
+    """Return the smooth L1 of the path and of those waypoints that somebody drove, metres, summed over x and y."""
     path, waypoints, ok = (batch[f"{which}_{name}"] for name in ("path", "waypoints", "ok"))
     off_path = functional.smooth_l1_loss(driven.path.float(), path, beta=_BETA_M, reduction="none").sum(2)
     off = functional.smooth_l1_loss(driven.waypoints.float(), waypoints, beta=_BETA_M, reduction="none").sum(2)

@@ -56,11 +56,11 @@ class TcpRecipe:
         return agent_rig(self.name).cameras
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """A new network."""
+        """Return a new network."""
         return TcpNet.build(asdict(TcpSpec()) if spec is None else spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """Inputs named as `TcpNet.forward` wants them, targets named `true_...`."""
+        """Return inputs named as `TcpNet.forward` wants them, targets named `true_...`."""
         image = np.array(arrays["cam_front"])
         speed, target = arrays["speed"].astype(np.float32), arrays["target"][:, 0, 0].astype(np.float32)
         future, ok = arrays["future"].astype(np.float32), arrays["future_ok"]
@@ -85,7 +85,7 @@ class TcpRecipe:
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in numbers.items()}
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """The weighted sum, and metres and nats for people."""
+        """Return the weighted sum, and metres and nats to show."""
         inputs = {name: batch[name] for name in ("image", "speed", "target", "command")}
         out: dict[str, Tensor] = net(**inputs, full=True)
         off = (out["waypoints"].float() - batch["true_waypoints"]).abs().sum(2) * 0.5
@@ -100,13 +100,13 @@ class TcpRecipe:
 
 
 def beta_nll(alpha: Tensor, beta: Tensor, value: Tensor) -> Tensor:
-    """Minus the logarithm of the Beta density of values between 0 and 1, element by element."""
+    """Return minus the logarithm of the Beta density of values between 0 and 1, element by element."""
     constant = torch.lgamma(alpha) + torch.lgamma(beta) - torch.lgamma(alpha + beta)
     return constant - (alpha - 1.0) * value.log() - (beta - 1.0) * (1.0 - value).log()
 
 
 def _actions(controls: NDArray[Any]) -> Floats:
-    """(N, 5, 3) throttle, steering, brake -> (N, 5, 2) steering and acceleration, 0 to 1, away from the ends."""
+    """Return (N, 5, 3) throttle, steering, brake -> (N, 5, 2) steering and acceleration, 0 to 1, away from the ends."""
     controls = controls.astype(np.float32)
     signed = np.stack([controls[..., 1], controls[..., 0] - controls[..., 2]], axis=-1)
     actions: Floats = np.clip(0.5 * (signed + 1.0), _EDGE, 1.0 - _EDGE)
@@ -114,7 +114,7 @@ def _actions(controls: NDArray[Any]) -> Floats:
 
 
 def _freedom(gap: NDArray[Any], speed: Floats) -> Floats:
-    """(N,) 0 to 1: how much of the way that this speed wants is free. It stands for the expert's value function."""
+    """Return (N,) 0 to 1: how much of the way that this speed wants is free, for the expert's value function."""
     distance, other = gap[:, 0].astype(np.float32), gap[:, 1].astype(np.float32)
     wanted = _FREE_M + _FREE_S * speed + np.maximum(speed - other, 0.0) ** 2 / 8.0
     free: Floats = 1.0 - np.exp(-np.maximum(distance, 0.0) / wanted)

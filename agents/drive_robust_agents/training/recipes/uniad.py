@@ -80,16 +80,16 @@ class UniadRecipe:
         return agent_rig(self.name).cameras
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """A new network."""
+        """Return a new network."""
         return UniadNet.build(asdict(UniadSpec()) if spec is None else spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """The inputs of `bev_inputs`, and the labels as they are, by their names with `true_` before."""
+        """Return the inputs of `bev_inputs`, and the labels as they are, by their names with `true_` before."""
         labels = {f"true_{name}": torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in _LABELS}
         return bev_inputs(arrays, generator, training, robust=self.robust) | labels
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """The weighted sum and its parts; while the later heads rest, only what is seen is scored."""
+        """Return the weighted sum and its parts; while the later heads rest, only what is seen is scored."""
         uniad = cast("UniadNet", net)
         now, front = uniad.look(batch["images"], batch["can_bus"])
         spec = uniad.spec
@@ -106,7 +106,7 @@ class UniadRecipe:
 
 
 def _seen(net: UniadNet, seen: Perceived, batch: Mapping[str, Tensor]) -> tuple[dict[str, Tensor], Match]:
-    """The losses of perception, and which query stands for which box."""
+    """Return the losses of perception, and which query stands for which box."""
     bev, boxes, kind = net.spec.bev, batch["true_boxes"], batch["true_lane_kind"]
     lines = draw(cells_of(on_lines(batch["true_lanes"]), bev), bev.cells)
     bodies = draw(cells_of(in_boxes(boxes, boxes[..., :2]), bev), bev.cells)
@@ -125,7 +125,7 @@ def _seen(net: UniadNet, seen: Perceived, batch: Mapping[str, Tensor]) -> tuple[
 
 
 def _planned(net: UniadNet, seen: Perceived, found: Match, batch: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The losses of motion, occupancy and plan; `metres` is the mean error of the plan, for people."""
+    """Return the losses of motion, occupancy and plan; `metres` is the mean error of the plan, to show."""
     boxes, futures = batch["true_boxes"], batch["true_box_future"]
     pose, ok = batch["true_future"][:, _HALF_SECONDS].float(), batch["true_future_ok"][:, _HALF_SECONDS]
     motions = net.foresee(seen)

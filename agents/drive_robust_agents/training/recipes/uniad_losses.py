@@ -33,7 +33,7 @@ _LIGHT_M = 60.0
 
 
 def heat_loss(logits: Tensor, heat: Tensor) -> Tensor:
-    """CenterNet's focal loss (Zhou et al. 2019) of (N, cells), per object: beside a centre a mistake costs less."""
+    """Compute CenterNet's focal loss (Zhou et al. 2019) of (N, cells), per object; beside a centre it is smaller."""
     p = logits.sigmoid()
     centre = heat == 1.0
     hit = -functional.logsigmoid(logits) * (1.0 - p) ** 2
@@ -42,7 +42,7 @@ def heat_loss(logits: Tensor, heat: Tensor) -> Tensor:
 
 
 def painted(logits: Tensor, truth: Tensor) -> Tensor:
-    """Binary cross-entropy (a filled cell counts four times) plus dice of (n, cells), each a mean over n."""
+    """Compute binary cross-entropy (a filled cell counts four times) plus dice of (n, cells), each a mean over n."""
     weight = truth.new_tensor(4.0)
     entropy = functional.binary_cross_entropy_with_logits(logits, truth, pos_weight=weight)
     p = logits.sigmoid()
@@ -51,7 +51,10 @@ def painted(logits: Tensor, truth: Tensor) -> Tensor:
 
 
 def mask_loss(logits: Tensor, masks: Tensor, truth: Tensor, kind: Tensor) -> tuple[Tensor, Tensor]:
-    """(class loss, mask loss) of lanes: logits (N, Q, 6), masks (N, Q, cells), truth (N, V, cells), kind (N, V)."""
+    """Return (class loss, mask loss) of lanes.
+
+    Takes logits (N, Q, 6), masks (N, Q, cells), truth (N, V, cells) and kind (N, V).
+    """
     valid, classes = (kind >= 0) & (truth.sum(-1) > 0.0), kind.clamp(min=0).long()
     with torch.no_grad():
         p = masks.sigmoid()
@@ -64,7 +67,9 @@ def mask_loss(logits: Tensor, masks: Tensor, truth: Tensor, kind: Tensor) -> tup
 
 
 def motion_loss(paths: Tensor, spread: Tensor, logits: Tensor, way: Tensor) -> Tensor:
-    """The mode (n, M, T, 2) nearest to the way (n, T, 2; NaN: unknown) learns it and to be likely; metres, own frame.
+    """Compute the loss of modes (n, M, T, 2) against ways (n, T, 2; NaN: unknown), metres, own frame.
+
+    The mode nearest to the way learns it, and to be likely.
 
     Negative log-likelihood of a two-dimensional normal distribution; `spread` (n, M, T, 3) as in `Motions`.
     """
@@ -86,13 +91,16 @@ def motion_loss(paths: Tensor, spread: Tensor, logits: Tensor, way: Tensor) -> T
 
 
 def occupancy_loss(whose: Tensor, anyone: Tensor, truth: Tensor, known: Tensor) -> Tensor:
-    """Of agents (N, K, T, cells) where `known` (N, K), and of anyone (N, T, cells), against truth (N, K, T, cells)."""
+    """Compute the loss of agents' cells where `known` (N, K), and of anyone's, against truth.
+
+    Shapes are (N, K, T, cells) for agents and truth, (N, T, cells) for anyone.
+    """
     together = painted(anyone.flatten(0, 1), truth.amax(1).flatten(0, 1))
     return together + painted(whose[known].flatten(0, 1), truth[known].flatten(0, 1))
 
 
 def collision_loss(plan: Tensor, true_pose: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
-    """UniAD's collision losses: how much the ego's box, widened, overlaps others on a plan (N, T, 2); a scalar.
+    """Return UniAD's collision losses: how much the widened ego overlaps others on a plan (N, T, 2); a scalar.
 
     `true_pose` (N, T, 3: x, y, yaw) is the expert's: its yaw turns the ego's box, and where the expert itself comes as
     near, nothing is asked.
@@ -114,13 +122,13 @@ def collision_loss(plan: Tensor, true_pose: Tensor, boxes: Tensor, futures: Tens
 
 
 def _away(points: Tensor, futures: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
-    """Distances (N, B, T, 2) along and across the ego between points (N, T, 2) and others (N, B, T, 2)."""
+    """Return distances (N, B, T, 2) along and across the ego between points (N, T, 2) and others (N, B, T, 2)."""
     dx, dy = (futures.nan_to_num(_FAR_M) - points[:, None]).unbind(-1)
     return torch.stack((cos * dx + sin * dy, cos * dy - sin * dx), dim=-1).abs()
 
 
 def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
-    """What the ego's query should know (no part of the published losses): the light ahead, and how near things are.
+    """Compute the loss of the ego query's hints: the light ahead, and how near things are. It is not published.
 
     `facts` (N, 16) as `training.data.facts`: light, metres to its line, to a leader, ..., to a walker, to an obstacle.
     """
@@ -132,7 +140,7 @@ def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
 
 
 def pairs_table(found: Match, rows: int, targets: int) -> tuple[Tensor, Tensor]:
-    """For the first `targets` labels of each row, the query that was matched: (N, K) queries, (N, K) whether any."""
+    """Return the query matched to each of the first `targets` labels of a row: (N, K) queries, (N, K) whether any."""
     queries = torch.zeros(rows, targets, dtype=torch.int64, device=found.rows.device)
     known = torch.zeros(rows, targets, dtype=torch.bool, device=found.rows.device)
     near = found.targets < targets

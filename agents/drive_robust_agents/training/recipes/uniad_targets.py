@@ -35,7 +35,7 @@ _BESIDE = 0.6
 
 
 def cells_of(points: Tensor, spec: BevSpec, *, finer: int = 1) -> Tensor:
-    """Numbers of the cells that hold points (..., 2): (...) int64, `cells * finer**2` for those outside or NaN."""
+    """Return the cells that hold points (..., 2): (...) int64, `cells * finer**2` for those outside or NaN."""
     rows, columns = spec.rows * finer, spec.columns * finer
     row = ((rows_of(points[..., 0], spec) + 1.0) * (0.5 * rows)).floor()
     column = ((columns_of(points[..., 1], spec) + 1.0) * (0.5 * columns)).floor()
@@ -45,13 +45,13 @@ def cells_of(points: Tensor, spec: BevSpec, *, finer: int = 1) -> Tensor:
 
 
 def draw(cells: Tensor, count: int) -> Tensor:
-    """Which of `count` cells hold at least one of the dots (..., dots): (..., count) of 0 and 1."""
+    """Return which of `count` cells hold at least one of the dots (..., dots): (..., count) of 0 and 1."""
     field = torch.zeros(*cells.shape[:-1], count + 1, device=cells.device)
     return field.scatter_(-1, cells, 1.0)[..., :count]
 
 
 def in_boxes(boxes: Tensor, centres: Tensor) -> Tensor:
-    """Dots (..., B, 52, 2) in boxes (N, B, 9) moved to `centres` (N, ..., B, 2); NaN in boxes that are not there."""
+    """Return dots (..., B, 52, 2) in boxes (N, B, 9) moved to `centres` (N, ..., B, 2); NaN in missing boxes."""
     along = torch.linspace(-0.5, 0.5, _ALONG, device=boxes.device)
     aside = torch.linspace(-0.5, 0.5, _ASIDE, device=boxes.device)
     unit = torch.stack(torch.meshgrid(along, aside, indexing="ij"), dim=-1).flatten(0, 1)
@@ -66,14 +66,14 @@ def in_boxes(boxes: Tensor, centres: Tensor) -> Tensor:
 
 
 def on_lines(lanes: Tensor) -> Tensor:
-    """Dots (N, V, (P - 1) * 24, 2) along lines (N, V, P, 2)."""
+    """Return dots (N, V, (P - 1) * 24, 2) along lines (N, V, P, 2)."""
     share = torch.linspace(0.0, 1.0, _DOTS, device=lanes.device)[:, None]
     start, end = lanes[:, :, :-1, None], lanes[:, :, 1:, None]
     return (start + share * (end - start)).flatten(2, 3)
 
 
 def heat_of(boxes: Tensor, spec: BevSpec) -> Tensor:
-    """(N, cells): 1 where the middle of a box is, 0.6 in the cells around it, 0 elsewhere (after CenterNet)."""
+    """Return (N, cells): 1 where the middle of a box is, 0.6 in the cells around it, 0 elsewhere (after CenterNet)."""
     valid = boxes[..., 8:] > 0.5
     centres = torch.where(valid, boxes[..., :2], torch.full_like(boxes[..., :2], torch.nan))
     peak = draw(cells_of(centres, spec), spec.cells).reshape(len(boxes), spec.rows, spec.columns)
@@ -82,7 +82,10 @@ def heat_of(boxes: Tensor, spec: BevSpec) -> Tensor:
 
 
 def from_above(bodies: Tensor, lines: Tensor, boxes: Tensor, kind: Tensor) -> Tensor:
-    """(N, 8, cells) as `dense.CHANNELS`, of bodies (N, B, cells) in boxes (N, B, 9) and lines (N, V, cells) by kind."""
+    """Return (N, 8, cells) as `dense.CHANNELS`.
+
+    Takes bodies (N, B, cells) in boxes (N, B, 9) and lines (N, V, cells) by kind.
+    """
     vehicle = (boxes[..., 7] <= ActorKind.EMERGENCY)[..., None]
     drawn = [bodies * vehicle, bodies * ~vehicle]
     drawn += [lines * (kind == number)[..., None] for number in range(LINE_KINDS)]
@@ -90,13 +93,13 @@ def from_above(bodies: Tensor, lines: Tensor, boxes: Tensor, kind: Tensor) -> Te
 
 
 def occupied_by(boxes: Tensor, futures: Tensor, spec: BevSpec) -> Tensor:
-    """(N, B, 1 + T, 4 * cells): where each body is now and at its places (N, B, T, 2), on cells of half the size."""
+    """Return (N, B, 1 + T, 4 * cells), half-size cells: where each body is now and at its places (N, B, T, 2)."""
     where = torch.cat((boxes[:, :, None, :2], futures), dim=2).transpose(1, 2)
     return draw(cells_of(in_boxes(boxes, where), spec, finer=2), 4 * spec.cells).transpose(1, 2)
 
 
 def own_way(boxes: Tensor, futures: Tensor) -> Tensor:
-    """(N, B, T, 2): where others go, metres along their own directions (forward, right) from where they are."""
+    """Return (N, B, T, 2): where others go, metres along their own directions (forward, right) from where they are."""
     dx, dy = (futures - boxes[:, :, None, :2]).unbind(-1)
     sin, cos = boxes[:, :, None, 2], boxes[:, :, None, 3]
     return torch.stack((cos * dx + sin * dy, cos * dy - sin * dx), dim=-1)

@@ -59,13 +59,13 @@ class VadRecipe:
         return CAMERAS
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """A new network."""
+        """Return a new network."""
         return VadNet.build(plain_spec(VadSpec()) if spec is None else spec)
 
     def batch(
         self, arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool
     ) -> dict[str, Tensor]:
-        """The inputs of `bev_inputs`, and `plan` (N, 6, 2), `plan_ok` (N, 6), boxes, lanes, facts of the samples."""
+        """Return the inputs of `bev_inputs`, `plan` (N, 6, 2), `plan_ok` (N, 6), boxes, lanes and facts."""
         inputs = bev_inputs(arrays, generator, training, robust=self.robust)
         future = arrays["future"][:, _EVERY - 1 :: _EVERY, :2]
         targets = {
@@ -80,7 +80,7 @@ class VadRecipe:
         return inputs | {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in targets.items()}
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """The sum of all parts."""
+        """Return the sum of all parts."""
         assert isinstance(net, VadNet)
         encoder, shape = net.encoder, (net.encoder.spec.width, net.encoder.spec.rows, net.encoder.spec.columns)
         memory = remembered(encoder, lambda *frame: {"bev": encoder.look(*frame)}, {"bev": shape}, batch)
@@ -100,7 +100,7 @@ class VadRecipe:
 
 
 def plan_loss(plan: Tensor, batch: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """L1 of waypoints and of steps [m], and the three constraints; where the future is not known nothing counts."""
+    """Return the L1 of waypoints and steps [m], and the three constraints; unknown futures do not count."""
     known = batch["plan_ok"][..., None]
     off = plan - batch["plan"]
     count = (2.0 * known.sum()).clamp(min=1.0)

@@ -21,7 +21,7 @@ SOLID_EDGE, ROUTE_LANE = 3, 0
 
 
 def collision_loss(plans: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
-    """Bodies nearer than 3 m along and 1.5 m aside of a waypoint at its time: by how much, each direction; (N,)."""
+    """Return by how much bodies come nearer than 3 m along and 1.5 m aside to a waypoint at its time; (N,)."""
     there = ~futures.isnan().any(-1) & (boxes[..., 8] > 0.5)[..., None]
     away = (plans[:, None] - futures.nan_to_num(_FAR_M)).abs()
     close = there & (away[..., 0] < _AHEAD_M) & (away[..., 1] < _ASIDE_M)
@@ -31,13 +31,13 @@ def collision_loss(plans: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
 
 
 def boundary_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
-    """Waypoints nearer than 1 m to the edge of the road: by how much; (N,)."""
+    """Return by how much waypoints come nearer than 1 m to the edge of the road; (N,)."""
     off, _ = _nearest(plans, lanes, lane_kind == SOLID_EDGE)
     return (_EDGE_M - off).clamp(min=0.0).mean(1)
 
 
 def direction_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
-    """The angle (rad) between each step and the route's lane, where it moves and is within 2 m of the lane; (N,)."""
+    """Return the angle (rad) between steps and the route's lane, where they move within 2 m of it; (N,)."""
     start = torch.cat([torch.zeros_like(plans[:, :1]), plans[:, :-1]], dim=1)
     step = plans - start
     off, along = _nearest(plans, lanes, lane_kind == ROUTE_LANE)
@@ -49,7 +49,7 @@ def direction_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
 
 
 def _nearest(plans: Tensor, lanes: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """(metres (N, T) from the nearest piece of the wanted lines, its direction (N, T, 2)); far away without one."""
+    """Return metres (N, T) from the nearest piece of the wanted lines and its direction (N, T, 2); far without one."""
     start, piece = lanes[:, :, :-1].flatten(1, 2), lanes.diff(dim=2).flatten(1, 2)
     good = wanted[..., None].expand(-1, -1, lanes.shape[2] - 1).flatten(1)
     good = (good & ~(start + piece).isnan().any(-1))[:, None]

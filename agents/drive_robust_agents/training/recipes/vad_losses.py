@@ -23,7 +23,7 @@ _NUMBERS = 7
 
 
 def focal(logits: Tensor, targets: Tensor, *, alpha: float = 0.25, gamma: float = 2.0) -> Tensor:
-    """The focal loss of 0/1 targets (Lin et al. 2017), summed."""
+    """Return the focal loss of 0/1 targets (Lin et al. 2017), summed."""
     entropy = functional.binary_cross_entropy_with_logits(logits, targets, reduction="none")
     p = logits.sigmoid()
     wrong = targets + p - 2.0 * targets * p
@@ -32,7 +32,7 @@ def focal(logits: Tensor, targets: Tensor, *, alpha: float = 0.25, gamma: float 
 
 
 def focal_cost(logits: Tensor, classes: Tensor, *, alpha: float = 0.25, gamma: float = 2.0) -> Tensor:
-    """What it would cost that a query (N, Q, C) is of a class (N, T): (N, Q, T)."""
+    """Return the cost of a query (N, Q, C) being of a class (N, T): (N, Q, T)."""
     p = logits.sigmoid()
     here = -alpha * (1.0 - p) ** gamma * functional.logsigmoid(logits)
     not_here = -(1.0 - alpha) * p**gamma * functional.logsigmoid(-logits)
@@ -40,7 +40,7 @@ def focal_cost(logits: Tensor, classes: Tensor, *, alpha: float = 0.25, gamma: f
 
 
 def class_of(kind: Tensor) -> Tensor:
-    """What agent queries tell apart, of `ActorKind`s: 0 vehicle, 1 bicycle, 2 pedestrian, 3 obstacle."""
+    """Return the class of agent queries for `ActorKind`s: 0 vehicle, 1 bicycle, 2 pedestrian, 3 obstacle."""
     plain = torch.full_like(kind, 3)
     plain = torch.where(kind == ActorKind.PEDESTRIAN, torch.full_like(kind, 2), plain)
     plain = torch.where(kind == ActorKind.BICYCLE, torch.full_like(kind, 1), plain)
@@ -48,12 +48,12 @@ def class_of(kind: Tensor) -> Tensor:
 
 
 def box_labels(boxes: Tensor) -> Tensor:
-    """(N, B, 7) as the agent head tells them: x, y, sin, cos, log length, log width, speed."""
+    """Return (N, B, 7) as the agent head tells them: x, y, sin, cos, log length, log width, speed."""
     return torch.cat([boxes[..., :4], boxes[..., 4:6].clamp(min=0.1).log(), boxes[..., 6:7]], dim=-1)
 
 
 def agent_loss(logits: Sequence[Tensor], boxes: Sequence[Tensor], target: Tensor) -> tuple[Tensor, Tensor, Match]:
-    """(class loss, box loss, the match of the last layer). Speeds count a fifth, as published."""
+    """Return (class loss, box loss, the match of the last layer). Speeds count a fifth, as published."""
     classes, labels, valid = class_of(target[..., 7]), box_labels(target), target[..., 8] > 0.5
     weight = labels.new_tensor([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2])
     kind_loss, box_loss = labels.new_zeros(()), labels.new_zeros(())
@@ -71,7 +71,7 @@ def agent_loss(logits: Sequence[Tensor], boxes: Sequence[Tensor], target: Tensor
 
 
 def path_loss(paths: Tensor, logits: Tensor, target: Tensor, futures: Tensor, found: Match) -> Tensor:
-    """The best of the modes (N, Q, M, T, 2) learns the way of each matched agent, and to be the most likely one."""
+    """Compute the loss of the best mode of (N, Q, M, T, 2): it learns the agent's way, and to be the likeliest."""
     future = futures[found.rows, found.targets] - target[found.rows, found.targets, None, :2]
     there = ~future.isnan().any(-1)
     off = (paths[found.rows, found.queries] - future.nan_to_num(0.0)[:, None]).abs().sum(-1) * there[:, None]
@@ -84,7 +84,7 @@ def path_loss(paths: Tensor, logits: Tensor, target: Tensor, futures: Tensor, fo
 
 
 def lane_loss(logits: Sequence[Tensor], lines: Sequence[Tensor], target: Tensor, kind: Tensor) -> tuple[Tensor, Tensor]:
-    """(class loss, points loss): L1 of the points in the better of both orders, and the cosine of their directions."""
+    """Return (class loss, points loss): L1 of the points in the better order, and the cosine of their directions."""
     valid = kind >= 0
     classes = kind.clamp(min=0).long()
     both = torch.stack([target, target.flip(2)], dim=2).nan_to_num(0.0)

@@ -72,7 +72,7 @@ def test_a_row_alone_agrees_with_the_batch_up_to_rounding(policy: Policy) -> Non
     assert np.abs(together[2:3] - alone).max() < 1e-5
 
 
-def test_agents_share_a_network_and_other_wishes_get_another(policy: Policy, file: Path) -> None:
+def test_agents_share_a_network_and_other_arguments_get_another(policy: Policy, file: Path) -> None:
     assert Policy.of("tcp", TcpNet.build, weights=str(file)) is policy
     other = Policy.of("tcp", TcpNet.build, weights=file, control=False)
     assert other is not policy
@@ -101,7 +101,7 @@ def test_inputs_are_not_touched_and_outputs_are_the_callers(policy: Policy) -> N
 
 
 @pytest.mark.parametrize(
-    ("wish", "told"),
+    ("arguments", "told"),
     [
         ({"engine": "onxx"}, "engine='onxx': expected one of 'torch', 'onnx'. Did you mean 'onnx'"),
         ({"dtype": "int8"}, "dtype='int8'"),
@@ -111,9 +111,9 @@ def test_inputs_are_not_touched_and_outputs_are_the_callers(policy: Policy) -> N
         ({"engine": "onnx", "dtype": "bfloat16"}, "dtype='bfloat16': expected float32"),
     ],
 )
-def test_a_wish_that_cannot_be_is_refused(file: Path, wish: dict[str, Any], told: str) -> None:
+def test_arguments_that_cannot_be_are_refused(file: Path, arguments: dict[str, Any], told: str) -> None:
     with pytest.raises(UsageError) as refused:
-        Policy.of("tcp", TcpNet.build, weights=file, **wish)
+        Policy.of("tcp", TcpNet.build, weights=file, **arguments)
     assert told in str(refused.value)
 
 

@@ -105,11 +105,11 @@ def fake_write(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
 
 def test_shards_that_are_complete_are_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = fake_write(monkeypatch)
-    wish = Collection("tcp", routes=6, shard_routes=2)
-    assert collect(wish, tmp_path, progress=False).rows == 3
+    collection = Collection("tcp", routes=6, shard_routes=2)
+    assert collect(collection, tmp_path, progress=False).rows == 3
     (tmp_path / "shard-00001" / "done.json").unlink()
     asked.clear()
-    assert collect(wish, tmp_path, progress=False).rows == 3
+    assert collect(collection, tmp_path, progress=False).rows == 3
     assert asked == [("1-301", "1-401")]
 
 

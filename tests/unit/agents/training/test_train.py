@@ -12,7 +12,6 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
-from result_factory import make_result
 
 import drive_robust_agents.tcp
 from drive_robust_agents._nets.manifest import read_manifest
@@ -22,10 +21,7 @@ from drive_robust_agents.training import evaluate as evaluating
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import AGENT_RIGS
-from drive_robust_agents.training.drives import degradation, summary
 from drive_robust_agents.training.recipes.recipe import recipe_of
-from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -173,26 +169,3 @@ def test_candidates_are_driven_and_the_best_is_named(run: Path, tmp_path: Path) 
     assert [Path(one["file"]) for one in found["candidates"]] == files
     assert evaluating.evaluate("tcp", files, settings=["clean"], **driving) == found  # out of the store
     json.dumps(found, allow_nan=False)
-
-
-def results(*completion: float) -> list[EpisodeResult]:
-    ends = [End.COMPLETED if value == 100.0 else End.STUCK for value in completion]
-    return [make_result(str(k), completion_pct=completion[k], end=end) for k, end in enumerate(ends)]
-
-
-def test_a_summary_holds_means_and_intervals_around_them() -> None:
-    found = summary(results(100.0, 100.0, 40.0, 80.0))
-    low, high = found["driving_score_interval"]
-    assert found["driving_score"] == pytest.approx(80.0)
-    assert low < found["driving_score"] < high <= 100.0
-    low, high = found["success_rate_interval"]
-    assert 0.0 < low < found["success_rate"] < high < 1.0
-    assert sum(kind["episodes"] for kind in found["by_type"].values()) == 4
-
-
-def test_degradation_is_paired_and_unknown_bounds_are_none() -> None:
-    found = degradation(results(100.0, 80.0, 90.0), results(50.0, 40.0, 45.0))
-    assert found["rd"] == pytest.approx(0.5)
-    assert found["rd_interval"] == pytest.approx([0.5, 0.5], abs=1e-6)
-    assert degradation(results(50.0), results(25.0))["rd_interval"] == [None, 1.0]
-    assert degradation(results(0.0, 0.0), results(1.0, 0.0)) == {"rd": None, "rd_interval": None}

@@ -46,10 +46,10 @@ def mixture(beta: float, *settings: str) -> Mixture:
 def test_a_faulty_agent_is_stopped_at_its_first_fault_and_labelled_by_the_expert() -> None:
     agent = Floored()
     samples = drive_mixture(route_of(WAY), agent=agent, mixture=mixture(0.0), data_seed=0, seed=0)
-    course = ExpertEpisode.begin(route_of(WAY), seed=0)
-    while not course.over:
-        course.simulator.step(Control(1.0, 0.15, 0.0))
-    fault = course.simulator.frame.tick
+    episode = ExpertEpisode.begin(route_of(WAY), seed=0)
+    while not episode.over:
+        episode.simulator.step(Control(1.0, 0.15, 0.0))
+    fault = episode.simulator.frame.tick
     assert len(agent.seen) == fault
     assert samples
     assert all(sample.source == DAGGER and sample.tick < fault for sample in samples)

@@ -6,16 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from privileged_scene import actor, observation, street
-from training_drives import route_of, samples_of
+from privileged_scene import actor, street
+from training_drives import first_moment, route_of, samples_of
 
-from drive_robust_agents._wrappers.route_planner import MIN_M, MIN_SIMLINGO_M, RoutePlanner, Target
-from drive_robust_agents.expert import Expert
+from drive_robust_agents._wrappers.route_planner import MIN_M, MIN_SIMLINGO_M, RoutePlanner
 from drive_robust_agents.training.data.expert_episode import ExpertEpisode
 from drive_robust_agents.training.data.facts import FACTS, NO_LIGHT, fact_labels
 from drive_robust_agents.training.data.labels import (
     FUTURE_TICKS,
-    ExpertMoment,
     gap_ahead,
     motion_labels,
     path_ahead,
@@ -23,23 +21,10 @@ from drive_robust_agents.training.data.labels import (
     way_labels,
 )
 from drive_robust_agents.training.data.rollouts import ON_WAY, Sample
-from pytest_drive_robust import Control, GlobalPlan, RoadOption
-from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, LightState, WorldState
+from pytest_drive_robust import Control
+from pytest_drive_robust.domain.truth import EgoState, LightState, WorldState
 
 LIGHT = "VanillaSignalizedTurnEncounterRedLight"
-NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0, RoadOption.STRAIGHT)
-
-
-def here_in(truth: GroundTruth) -> ExpertMoment:
-    """The moment in which the expert sees this for the first time."""
-    expert = Expert()
-    expert.reset(GlobalPlan(()), 0)
-    expert.act(observation(truth))
-    return ExpertMoment(truth, expert.intent(), (NOWHERE, NOWHERE), night=False)
-
-
-def facts(truth: GroundTruth) -> dict[str, float]:
-    return dict(zip(FACTS, fact_labels(here_in(truth)).tolist(), strict=True))
 
 
 def out_of(ego: EgoState, points: np.ndarray) -> np.ndarray:
@@ -122,8 +107,8 @@ def test_the_path_goes_on_straight_behind_the_end_of_the_line() -> None:
 
 
 def test_targets_and_commands_are_those_of_the_planners_of_the_agents(samples: tuple[Sample, ...]) -> None:
-    course = ExpertEpisode.begin(route_of(LIGHT), seed=0)
-    planners = [RoutePlanner(course.simulator.plan(), min_m=m) for m in (MIN_M, MIN_SIMLINGO_M)]
+    episode = ExpertEpisode.begin(route_of(LIGHT), seed=0)
+    planners = [RoutePlanner(episode.simulator.plan(), min_m=m) for m in (MIN_M, MIN_SIMLINGO_M)]
     way = [sample for sample in samples if sample.source == ON_WAY]
     frames = {frame.tick: frame for sample in way for frame in sample.frames}
     kept = {sample.tick: sample for sample in way}
@@ -151,53 +136,20 @@ def test_speed_imu_and_pose_are_the_truth(samples: tuple[Sample, ...]) -> None:
     assert labels["pose"].tolist() == [ego.x_m, ego.y_m, ego.yaw_rad]
 
 
-# --- gap and facts ---
+# --- gap ---
 
 
 def test_the_gap_is_that_to_the_car_ahead() -> None:
-    gap_m, gap_mps = gap_ahead(here_in(street(actor(50.0, 0.0, speed_mps=4.0), speed_mps=8.0)))
+    gap_m, gap_mps = gap_ahead(first_moment(street(actor(50.0, 0.0, speed_mps=4.0), speed_mps=8.0)))
     assert gap_m == pytest.approx(50.0 - 20.0 - 0.5 * (4.892 + 4.6), abs=0.05)
     assert gap_mps == pytest.approx(4.0)
 
 
 def test_the_gap_is_that_to_the_line_of_a_red_light_and_nothing_at_a_green_one() -> None:
-    red = gap_ahead(here_in(street(speed_mps=8.0, light=(60.0, LightState.RED))))
+    red = gap_ahead(first_moment(street(speed_mps=8.0, light=(60.0, LightState.RED))))
     assert 35.0 < red[0] < 60.0 - 20.0 - 0.5 * 4.892
     assert red[1] == 0.0
-    assert gap_ahead(here_in(street(speed_mps=8.0, light=(60.0, LightState.GREEN)))) == (100.0, 8.0)
-
-
-@pytest.mark.parametrize("state", list(LightState))
-def test_facts_tell_the_next_light(state: LightState) -> None:
-    found = facts(street(speed_mps=8.0, light=(60.0, state)))
-    assert found["light"] == float(state)
-    assert found["light_m"] == pytest.approx(60.0 - 20.0 - 0.5 * 4.892, abs=0.05)
-
-
-def test_facts_of_an_empty_road_name_nothing() -> None:
-    found = facts(street(speed_mps=8.0))
-    assert found["light"] == NO_LIGHT
-    assert all(found[name] == 100.0 for name in ("light_m", "lead_m", "walker_m", "obstacle_m", "junction_m"))
-    assert not any(found[name] for name in ("night", "passing", "waiting", "siren", "lane_left", "lane_right"))
-    assert found["lane_width_m"] == 3.5
-    assert found["limit_mps"] == 12.0
-    assert found["wish_mps2"] > 0.5
-
-
-def test_facts_tell_who_is_ahead_and_who_walks_near_the_way() -> None:
-    car = facts(street(actor(50.0, 0.0, speed_mps=4.0), speed_mps=8.0))
-    assert (car["lead_m"], car["lead_mps"]) == pytest.approx((25.25, 4.0), abs=0.05)
-    assert car["walker_m"] == car["obstacle_m"] == 100.0
-    walker = facts(street(actor(40.0, 3.0, kind=ActorKind.PEDESTRIAN), speed_mps=8.0))
-    assert walker["walker_m"] == pytest.approx(40.0 - 20.0 - 0.5 * (4.892 + 0.5), abs=0.05)
-    assert walker["lead_m"] == 100.0
-    far = facts(street(actor(40.0, 9.0, kind=ActorKind.PEDESTRIAN), speed_mps=8.0))
-    assert far["walker_m"] == 100.0
-
-
-def test_facts_tell_lanes_that_lead_the_same_way() -> None:
-    assert facts(street(same_way=True))["lane_left"] == 1.0
-    assert facts(street(same_way=False))["lane_left"] == 0.0
+    assert gap_ahead(first_moment(street(speed_mps=8.0, light=(60.0, LightState.GREEN)))) == (100.0, 8.0)
 
 
 def test_the_light_in_the_facts_is_the_one_that_the_world_shows(samples: tuple[Sample, ...]) -> None:

@@ -21,11 +21,10 @@ from drive_robust_agents.training.data.perception import (
     MapLines,
     box_labels,
 )
-from drive_robust_agents.training.data.rigs import AGENT_RIGS, agent_rig
+from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import Sample
 from drive_robust_agents.training.data.rows import RigCameras, rows
 from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
-from pytest_drive_robust.errors import UnknownNameError
 
 LIGHT = "VanillaSignalizedTurnEncounterRedLight"
 
@@ -177,7 +176,7 @@ def test_edges_lie_half_a_lane_beside_its_middle(samples: tuple[Sample, ...]) ->
     assert abs(kinds[SOLID][0, 1]) == pytest.approx(1.75)
 
 
-# --- rows and outfits ---
+# --- rows ---
 
 
 def test_rows_of_agents_that_learn_perception_hold_it_and_others_do_not(samples: tuple[Sample, ...]) -> None:
@@ -188,22 +187,3 @@ def test_rows_of_agents_that_learn_perception_hold_it_and_others_do_not(samples:
         cameras = {f"cam_{camera.name}": (camera.height_px, camera.width_px, 3) for camera in agent_rig(agent).cameras}
         assert {name: row[name].shape for name in row if name.startswith("cam_")} == cameras
         assert (row["tag"], row["episode"], row["tick"], row["source"]) == (3, 7, samples[0].tick, samples[0].source)
-
-
-def test_cameras_of_every_outfit_see_each_tick_anew() -> None:
-    assert all(camera.rate_hz == 20.0 for one in AGENT_RIGS.values() for camera in one.cameras)
-
-
-def test_outfits_are_the_cameras_that_the_agents_ask_for() -> None:
-    pytest.importorskip("torch")
-    from drive_robust_agents import simlingo, tcp
-    from drive_robust_agents._wrappers import bev_agent
-
-    assert agent_rig("tcp").cameras == (tcp.CAMERA,)
-    assert agent_rig("simlingo").cameras == tuple(simlingo.CAMERAS)
-    assert agent_rig("uniad").cameras == agent_rig("vad").cameras == tuple(bev_agent.CAMERAS)
-
-
-def test_an_unknown_agent_has_no_outfit() -> None:
-    with pytest.raises(UnknownNameError, match="Did you mean 'simlingo'"):
-        agent_rig("simlingos")

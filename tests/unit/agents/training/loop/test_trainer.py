@@ -13,19 +13,16 @@ import pytest
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
 from rich.console import Console
-from tiny_tcp import CAMERAS, published, tiny_net, tiny_options
+from tiny_tcp import CAMERAS, published, tiny_options
 
 from drive_robust_agents._nets.weights import load
 from drive_robust_agents.training.data.frames import Frames
-from drive_robust_agents.training.loop.average import Average
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
 from drive_robust_agents.training.loop.trainer import Trainer
 from drive_robust_agents.training.recipes.recipe import TrainingStage
 from drive_robust_agents.training.recipes.tcp import TcpRecipe
 from pytest_drive_robust.errors import UsageError
-
-TinyNet = Any
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -186,35 +183,6 @@ def test_a_training_that_diverges_stops_with_advice(frames: Frames, tmp_path: Pa
 
     with pytest.raises(UsageError, match=r"has diverged\. Give a smaller --lr than 0\.003"):
         trainer(frames, tmp_path, recipe=Broken()).train(display, candidates={})
-
-
-def test_the_average_follows_slowly_and_moves_statistics_too() -> None:
-    net = tiny_net()
-    average = Average(net)
-    with torch.no_grad():
-        for value in net.state_dict().values():
-            if value.is_floating_point():
-                value += 1.0
-    before = {name: value.clone() for name, value in average.net.state_dict().items()}
-    average.follow(10_000)
-    for name, value in average.net.state_dict().items():
-        if value.is_floating_point():
-            assert torch.allclose(value, before[name] + 0.001, atol=1e-6), name
-    average.follow(0)
-    weight = average.net.state_dict()["pooled.weight"]
-    assert torch.allclose(weight, before["pooled.weight"] + 0.001 + 0.9 * 0.999, atol=1e-5)
-
-
-def test_progress_is_told_in_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    shown = Display(total=2, done=0, batch=8, console=Console(force_terminal=False, width=200))
-    with shown:
-        shown.step(1, {"loss": 2.0}, 1e-3)
-        shown.step(2, {"loss": torch.tensor(1.0)}, 1e-3)
-        shown.validated(2, {"loss": 0.25})
-    told = capsys.readouterr().out
-    assert "2/2 loss 1.000" in told
-    assert "1/2" not in told  # half a minute is not over
-    assert "step 2: validation loss 0.250" in told
 
 
 def _fields(options: Any) -> dict[str, Any]:

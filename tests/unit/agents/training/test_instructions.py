@@ -1,0 +1,58 @@
+"""Whether a plan moves as instructed, and the table of that."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+torch = pytest.importorskip("torch")
+
+
+from drive_robust_agents._nets.prompts import Instruction, Kind  # noqa: E402
+from drive_robust_agents.training.instructions import InstructionScore, obeys, table  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def plans(waypoint_m: float, aside_m: float = 0.0) -> tuple[NDArray[Any], NDArray[Any]]:
+    """A straight path that ends so far to the right, and waypoints so many metres apart."""
+    path = np.stack([np.arange(1.0, 21.0), aside_m * np.arange(1.0, 21.0) / 20.0], axis=1)
+    return path, np.stack([waypoint_m * np.arange(1.0, 11.0), np.zeros(10)], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("told", "after", "right"),
+    [
+        (Instruction(Kind.FASTER), plans(2.1), True),
+        (Instruction(Kind.FASTER), plans(2.04), False),
+        (Instruction(Kind.SLOWER), plans(1.9), True),
+        (Instruction(Kind.SLOWER), plans(2.1), False),
+        (Instruction(Kind.STOP), plans(0.1), True),
+        (Instruction(Kind.STOP), plans(0.5), False),
+        (Instruction(Kind.SPEED, mps=12.0), plans(2.5), True),
+        (Instruction(Kind.SPEED, mps=4.0), plans(2.5), False),
+        (Instruction(Kind.LEFT), plans(2.0, -3.0), True),
+        (Instruction(Kind.LEFT), plans(2.0, 3.0), False),
+        (Instruction(Kind.RIGHT), plans(2.0, 3.0), True),
+        (Instruction(Kind.RIGHT), plans(2.0, 0.5), False),
+    ],
+)
+def test_what_counts_as_obeying(told: Instruction, after: tuple[NDArray[Any], NDArray[Any]], right: bool) -> None:
+    assert obeys(told, plans(2.0), after) is right
+
+
+def test_the_table_says_when_there_was_nothing_to_see() -> None:
+    assert table([InstructionScore("faster", 0, 0, math.nan, math.nan)]).splitlines()[1].split() == [
+        "faster",
+        "0",
+        "0",
+        "-",
+        "-",
+    ]
