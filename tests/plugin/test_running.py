@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from heeding_interrupts import heed_interrupts
 
 GREEN = "RD under throttle 0.9 <= 0.30"
 RED = "RD under throttle 0.3 <= 0.30"
@@ -220,11 +221,6 @@ def test_quiet_runs_write_no_progress(suite):
     result.stdout.no_fnmatch_line("drive-robust: steady under*")
 
 
-def _listen_to_control_c() -> None:
-    """Undo what a process inherits from tests that run in the background, where shells ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 @processes
 def test_control_c_ends_with_the_table_of_what_is_there(suite, plugin_args, workers):
     test = """
@@ -241,7 +237,7 @@ def test_slow(drive):
     folder = suite(test=test)
     command = [sys.executable, "-m", "pytest", "--drive-robust", *workers]
     with subprocess.Popen(
-        command, cwd=folder.path, stdout=subprocess.PIPE, text=True, preexec_fn=_listen_to_control_c
+        command, cwd=folder.path, stdout=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
     ) as process:
         while not (folder.path / "ready").exists() and process.poll() is None:
             time.sleep(0.05)

@@ -43,14 +43,14 @@ _OUTCOMES = {
 
 
 class Watch(Protocol):
-    """Who wants to know at any moment whose code runs, so that a death or a hang is blamed on the right one.
+    """Is told at any moment whose code runs, so that a death or a hang is blamed on the right one.
 
     The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
-    (everything else: the world, the perturbations, the books).
+    (everything else: the world, the perturbations, the recorder).
     """
 
     def phase(self, name: str, tick: int) -> None:
-        """From now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
+        """Note that from now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
         ...
 
 
@@ -128,7 +128,7 @@ class RunningEpisode:
         return self._done or self.crash is not None
 
     def attempt(self, action: Callable[[], _Given]) -> _Given | None:
-        """Do one thing and give what it gives; when it fails, remember whose fault it is and give None."""
+        """Return what `action` returns; when it raises, keep whose fault it is and return None."""
         self.last_tick = None
         try:
             return action()
@@ -141,7 +141,7 @@ class RunningEpisode:
         return None
 
     def start(self) -> None:
-        """Build the world, then wake up the agent and the perturbations."""
+        """Build the world, then reset the agent and the perturbations."""
         self._enter("reset")
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
@@ -167,7 +167,7 @@ class RunningEpisode:
         self.advance(*self.ask(given))
 
     def sense(self) -> Observation | None:
-        """What the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
+        """Return what the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self.simulator.observe()
@@ -208,7 +208,7 @@ class RunningEpisode:
         self._done = self.simulator.done is not None
 
     def result(self, episode: Episode) -> EpisodeResult:
-        """Close the books. A world that cannot even report its score makes the episode an `infra_error`."""
+        """Return what came of the episode. A world that cannot report its score makes it an `infra_error`."""
         score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
@@ -262,6 +262,6 @@ def tell_phase(watch: Watch | None, phase: str, tick: int) -> None:
 
 
 def private_truth(truth: GroundTruth) -> GroundTruth:
-    """The truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
+    """Return the truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
     frame = replace(truth.frame, actors=truth.frame.actors.copy(), lights=truth.frame.lights.copy())
     return replace(truth, frame=frame, route=truth.route.copy())

@@ -12,6 +12,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.episode.loop import drive_episode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,8 +41,9 @@ class AgentRig:
 
 @dataclass(frozen=True, slots=True)
 class RecordedControls:
-    """What is left of an episode: the rig (None: it never came to that) and the rows of every tick (see `ROW_FIELDS`).
+    """What is known of an episode whose process ended.
 
+    `rig` is None when it never came to that; `rows` are those of every tick (see `ROW_FIELDS`).
     `call` is where the agent was lost: `"sensors"`, `"reset"` or `"act"`.
     """
 
@@ -53,7 +55,7 @@ class RecordedControls:
 def drive_again(
     simulator: Simulator, recorded: RecordedControls, *, route: Route, setting: Setting, episode: Episode
 ) -> EpisodeResult:
-    """The episode up to where the agent was lost, as if the agent had raised there.
+    """Drive the episode up to where the agent was lost, as if the agent had raised there.
 
     First what the agent asked for is driven through the setting, which gives the schedule too. Where that leads
     elsewhere, because the wall clock decided what the setting did, what the vehicle got is driven in a clean world.
@@ -70,7 +72,7 @@ def drive_again(
 def bare_result(
     route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str, dt_s: float = 0.05
 ) -> EpisodeResult:
-    """The result of an episode of which nothing but its end is known."""
+    """Return the result of an episode of which nothing but its end is known."""
     import numpy as np
 
     return EpisodeResult(
@@ -99,7 +101,7 @@ class _ReplayedAgent:
 
     def __init__(self, recorded: RecordedControls, controls: Sequence[Control]) -> None:
         rig = recorded.rig or AgentRig()
-        self.privileged = False  # the truth would be copied every tick, for nobody
+        self.privileged = False  # nobody reads the truth, which would be copied in every tick
         self.consumes = frozenset(rig.consumes)
         self._wreck = recorded
         self._cameras = rig.cameras
@@ -124,8 +126,6 @@ class _ReplayedAgent:
 def _drive_recorded(
     simulator: Simulator, recorded: RecordedControls, route: Route, setting: Setting, seed: int, *, as_applied: bool
 ) -> EpisodeResult:
-    from pytest_drive_robust.runner.episode.loop import drive_episode
-
     rows = recorded.rows[:, _APPLIED if as_applied else _ASKED]
     controls = [Control(*row) for row in rows.tolist() if row[0] == row[0]]  # NaN is not itself
     result = drive_episode(
@@ -135,7 +135,7 @@ def _drive_recorded(
 
 
 def _same_way(result: EpisodeResult, recorded: RecordedControls) -> bool:
-    """Whether the world went the recorded way: the pose after each tick is the pose before the next."""
+    """Return whether the world went the recorded way: the pose after each tick is the pose before the next."""
     names = ("x_m", "y_m", "speed_mps")
     if result.outcome is Outcome.INFRA_ERROR or result.ticks != len(recorded.rows):
         return False

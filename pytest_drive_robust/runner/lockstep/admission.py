@@ -54,9 +54,9 @@ class Admissions:
 
 
 def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
-    """True when what makes the agent has an `act_batch`, or says that it returns a class that has one.
+    """Return whether what makes the agent has an `act_batch`, or says that it returns a class that has one.
 
-    No agent is made: that belongs into the process that drives it. Raises `UnknownNameError` or `PluginError`.
+    No agent is made: that belongs in the process that drives it. Raises `UnknownNameError` or `PluginError`.
     """
     factory = registry.entry("agents", agent).load()
     if callable(getattr(factory, "act_batch", None)):

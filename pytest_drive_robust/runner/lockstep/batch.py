@@ -38,7 +38,7 @@ class Batch:
         self._follows: list[RunningEpisode | None] = []
 
     def ask(self, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[list[Control | AgentError], float]:
-        """An answer for each, and each one's share of the seconds that it took. Raises `AgentError` for all of them."""
+        """Return an answer for each, and each one's share of the seconds. Raises `AgentError` for all of them."""
         try:
             self._enter("reset", asked[0][0])
             rows = [(episode.agent, given) for episode, given in asked]
@@ -77,6 +77,6 @@ class Batch:
 
 
 def own_copy(observation: Observation) -> Observation:
-    """The same observation in memory that nobody else writes to."""
+    """Return the same observation in memory that nobody else writes to."""
     truth = observation.truth
     return replace(observation.private(), truth=None if truth is None else private_truth(truth))

@@ -1,4 +1,4 @@
-"""Does an agent's `act_batch` give the same bits in any company? Asked of the net at hand, on this very machine."""
+"""Checks that an agent's `act_batch` gives the same bits in any company, with its own network on this machine."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check_lockstep(
     *,
     watch: Watch | None = None,
 ) -> str | None:
-    """Why the agent must not be driven in lockstep, in one sentence, or None when nothing speaks against it.
+    """Return in one sentence why the agent must not be driven in lockstep, or None when nothing speaks against it.
 
     The same observations are given in batches of all `widths`, at other places and among other neighbours; every
     control must agree to the last bit. `watch` is told whose code runs.
@@ -112,7 +112,7 @@ def check_lockstep(
 
 
 def _seatings(width: int, streams: int) -> Iterator[list[int]]:
-    """Who sits where: all of them mixed; one alone among equals, last; the same one, second, among others."""
+    """Yield who has which place: all mixed; one alone among equals, last; the same one, second, among others."""
     yield list(islice(cycle(range(streams)), width))
     yield [1] * (width - 1) + [0]
     yield [streams - 1, 0] + [streams // 2] * (width - 2)
@@ -121,7 +121,7 @@ def _seatings(width: int, streams: int) -> Iterator[list[int]]:
 def _answers(
     agents: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording], watch: Watch | None
 ) -> Iterator[tuple[int, int, int, Control]]:
-    """(place, stream, moment, control) of every row. Raises `AgentError`."""
+    """Yield (place, stream, moment, control) of every row. Raises `AgentError`."""
     rows = [streams[stream] for stream in seating]
     for agent, row in zip(agents, rows, strict=True):
         tell_phase(watch, "reset", 0)

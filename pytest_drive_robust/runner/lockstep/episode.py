@@ -26,7 +26,7 @@ class LockstepEpisode:
     share_s: float
 
     def sense(self) -> Observation | None:
-        """What the agent is to act on; None when it is not asked, in which case the tick is over."""
+        """Return what the agent is to act on; None when it is not asked, in which case the tick is over."""
         running = self.running
         if running.over:
             return None
@@ -36,7 +36,7 @@ class LockstepEpisode:
         return given
 
     def answer(self, answer: Control | AgentError, inference_s: float) -> None:
-        """The rest of the tick, with what the agent said or did wrong."""
+        """Drive the rest of the tick with what the agent answered or did wrong."""
         running = self.running
         if isinstance(answer, AgentError):
             running.crash = answer
@@ -45,5 +45,5 @@ class LockstepEpisode:
 
 
 def measures_inference(setting: Setting) -> bool:
-    """True when the setting needs the seconds that one call of `act` took, which no row of a batch has."""
+    """Return whether the setting needs the seconds that one call of `act` took, which no row of a batch has."""
     return any(bool(getattr(item, "measures_inference", False)) for item in setting.perturbations)

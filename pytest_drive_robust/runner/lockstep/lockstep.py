@@ -87,7 +87,7 @@ class Lockstep:
         self._free_agents: list[Agent] = []
 
     def drive(self, requests: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
-        """Every request with its result as soon as it ends. `requests` is read when a place is free, and not before.
+        """Yield every request with its result as soon as it ends. `requests` is read when a place is free, not before.
 
         Never raises for what agent, world or perturbations do: see `drive_episode` for how that ends. When a whole
         batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
@@ -131,7 +131,7 @@ class Lockstep:
         return LockstepEpisode(request, running, time.perf_counter() - started_s)
 
     def _round(self, live: Sequence[LockstepEpisode], batch: Batch, *, alone: bool = False) -> list[LockstepEpisode]:
-        """One tick of every episode. Gives back those whose batch broke, nobody knows by whose fault."""
+        """Drive one tick of every episode. Return those whose batch broke, nobody knows by whose fault."""
         started_s = time.perf_counter()
         asked = [(episode, given) for episode in live if (given := episode.sense()) is not None]
         broken: list[LockstepEpisode] = []
@@ -166,7 +166,7 @@ class Lockstep:
         return episode.request, replace(result, wall_s=episode.share_s, versions=versions)
 
     def _drive_alone(self, request: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
-        """From its start to its end in a batch whose other rows are twins of the episode."""
+        """Drive from start to end in a batch whose other rows follow the same episode."""
         batch, episode = self._batch(), self._begin(request)
         while not episode.running.over:
             self._round([episode], batch, alone=True)
@@ -215,7 +215,7 @@ class Lockstep:
         return world
 
     def _give_back(self, world: Simulator, agent: Agent, outcome: Outcome) -> None:
-        """What raised in the middle of an episode may be in any state: it is not used again."""
+        """Keep what can be used again: what raised in the middle of an episode may be in any state."""
         if outcome is Outcome.INFRA_ERROR:
             self._worlds.remove(world)
             world.close()

@@ -88,7 +88,7 @@ def record_episode(
 
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
-    """In which respect two drives of one episode differ first, as a clause; empty when they are the same bits."""
+    """Return a clause on where two drives of one episode differ first; empty when they are the same bits."""
     import numpy as np
 
     if driven.trace.digest == stored.trace.digest:
@@ -126,7 +126,7 @@ class _WatchedSimulator:
         return replace(observation, cameras={}) if self.has_view else observation
 
     def unlike(self, given: Observation, file: PictureFile) -> Picture | None:
-        """What the main camera really showed, kept in `file`, where the perturbations made something else of it."""
+        """Return what the main camera showed, kept in `file`, where the perturbations made something else of it."""
         if not given.cameras:
             return None
         name = main_camera(given.cameras)
@@ -190,7 +190,7 @@ class _WatchedAgent:
 
 
 def _in_world(plan: PlannedPath, ego: EgoState) -> PlannedPath:
-    """The plan with its points turned from the ego's frame into the world's. Raises `ValueError` for a bad point."""
+    """Return the plan with its points in the world instead of the ego's frame. Raises `ValueError` for a bad one."""
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
 
     def turned(points: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:

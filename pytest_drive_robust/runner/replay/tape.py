@@ -25,7 +25,7 @@ _IN_MEMORY_BYTES = 1 << 25
 
 
 def main_camera(names: Iterable[str]) -> str:
-    """The camera to show in large: the one named `front`, else the middle one. There must be one."""
+    """Return the camera to show in large: the one named `front`, else the middle one. There must be one."""
     listed = list(names)
     return "front" if "front" in listed else listed[len(listed) // 2]
 
@@ -77,11 +77,11 @@ class Tape:
     plan_problem: str = ""
 
     def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
-        """The pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
+        """Return the pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
         return {item.camera: (self.file.read(item), item.tick) for item in self.moments[position].pictures}
 
     def real(self, position: int) -> Pixels | None:
-        """What the main camera would have shown, where the agent was given something else."""
+        """Return what the main camera would have shown, where the agent was given something else."""
         picture = self.moments[position].real
         return None if picture is None else self.file.read(picture)
 
@@ -106,7 +106,7 @@ class PictureFile:
         return tuple(self._add(name, image) for name, image in images.items())
 
     def read(self, picture: Picture) -> Pixels:
-        """The pixels of a picture, RGB."""
+        """Return the pixels of a picture, RGB."""
         import cv2
         import numpy as np
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from fake_bench2drive import MARK, left_behind, make
+from heeding_interrupts import heed_interrupts
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.domain.outcome import End, Outcome
@@ -97,7 +98,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
         "--port",
         "25400",
     ]
-    runner = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    runner = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=heed_interrupts)
     _wait_for(lambda: any("sleep 600" in line for line in left_behind(process_mark)))
     runner.send_signal(number)
     runner.wait(30)
@@ -105,7 +106,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
     assert runner.returncode == (130 if number == signal.SIGINT else -number)
 
 
-def test_nothing_is_left_when_the_keeper_is_killed(
+def test_nothing_is_left_when_the_subreaper_is_killed(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor(tries=1)
@@ -118,7 +119,7 @@ def test_nothing_is_left_when_the_keeper_is_killed(
                 own = f"{MARK}={process_mark}".encode() in (entry / "environ").read_bytes()
             except OSError:
                 continue
-            if own and any(part.endswith(b"keeper.py") for part in parts):
+            if own and any(part.endswith(b"subreaper.py") for part in parts):
                 os.kill(int(entry.name), signal.SIGKILL)
     assert future.result(60).outcome is Outcome.INFRA_ERROR
     assert left_behind(process_mark) == []

@@ -21,7 +21,7 @@ from pytest_drive_robust.runner.executors import Executor, InlineExecutor
 from pytest_drive_robust.runner.lockstep.local import lockstep_inline
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import record_episode
-from pytest_drive_robust.runner.search.repeatability import probe
+from pytest_drive_robust.runner.search.repeatability import drive_twice
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
@@ -126,7 +126,7 @@ def test_a_replay_drives_what_the_run_drove(registry: Registry, agent: str) -> N
 
 
 def test_an_agent_whose_draws_a_run_repeats_needs_one_seed(registry: Registry) -> None:
-    found = probe(
+    found = drive_twice(
         registry, agent="DrawsAlways", simulator="fake", options=SimulatorOptions(), route=ROUTES["1"], seed=0
     )
     assert found.is_same
