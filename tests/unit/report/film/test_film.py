@@ -190,7 +190,7 @@ def test_many_cameras_share_the_panel() -> None:
 def test_a_wrong_gps_is_crossed_where_the_agent_believes_to_be() -> None:
     tape = tape_of("clean", ticks=20)
     try:
-        moments = [replace(m, gps=(m.frame.ego.x_m + 10.0, 5.0)) for m in tape.moments]
+        moments = [replace(m, gps=(m.state.ego.x_m + 10.0, 5.0)) for m in tape.moments]
         told, right = Film(replace(tape, moments=tuple(moments))).picture(10), Film(tape).picture(10)
         view = Rectangle(728, 66, 224, 394)
         place = np.argwhere((view.of(told) != view.of(right)).any(axis=2)).mean(axis=0)

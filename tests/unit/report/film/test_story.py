@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.report.film.story import story_of
-from pytest_drive_robust.runner.replay.tape import Moment, PictureFile, Tape
+from pytest_drive_robust.runner.replay.tape import PictureFile, Tape, TapeTick
 
 
 def tape_of(result: EpisodeResult) -> Tape:
@@ -18,7 +18,7 @@ def tape_of(result: EpisodeResult) -> Tape:
 
     speeds = [*result.trace.column("speed_mps").tolist(), 0.0]
     moments = tuple(
-        Moment(WorldState(k, EgoState(0, 0, 0, speed, 0, 0, 0, 4.5, 1.9), np.zeros((0, 10)), np.zeros(0, np.int64)))
+        TapeTick(WorldState(k, EgoState(0, 0, 0, speed, 0, 0, 0, 4.5, 1.9), np.zeros((0, 10)), np.zeros(0, np.int64)))
         for k, speed in enumerate(speeds)
     )
     return Tape(result, moments, None, np.zeros((2, 4)), PictureFile(io.BytesIO()))  # type: ignore[arg-type]
