@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from lockstep_agents import drive_together
+
 from drive_robust_agents.classical import Classical
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
@@ -12,7 +14,6 @@ from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.lockstep.lockstep import drive_together
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
