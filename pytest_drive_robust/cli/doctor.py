@@ -5,22 +5,21 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-__all__ = ["add_command"]
+from pytest_drive_robust.bench2drive.evaluator.doctor import examine
+
+__all__ = ["add_arguments"]
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `doctor` to the commands of a parser."""
-    doctor = commands.add_parser("doctor", help="what is missing for --drive-sim bench2drive?")
-    doctor.add_argument("--root", default=".", metavar="BENCH2DRIVE", help="a checkout of Bench2Drive; default: here")
-    doctor.add_argument("--carla-root", metavar="FOLDER", help="default: the variable CARLA_ROOT")
-    doctor.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
-    doctor.add_argument("--port", type=int, default=2000, metavar="N", help="of the first server; default: 2000")
-    doctor.set_defaults(command=_doctor)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `doctor`."""
+    parser.add_argument("--root", default=".", metavar="BENCH2DRIVE", help="a checkout of Bench2Drive; default: here")
+    parser.add_argument("--carla-root", metavar="FOLDER", help="default: the variable CARLA_ROOT")
+    parser.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
+    parser.add_argument("--port", type=int, default=2000, metavar="N", help="of the first server; default: 2000")
+    parser.set_defaults(command=_doctor)
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.bench2drive.evaluator.doctor import examine
-
     carla_root = Path(options.carla_root) if options.carla_root else None
     checks = examine(Path(options.root), carla_root=carla_root, python=options.python, port=options.port)
     for check in checks:

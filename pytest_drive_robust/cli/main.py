@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 from collections.abc import Iterable, Sequence
+from typing import Any
 
-from pytest_drive_robust.cli import doctor as cli_doctor
-from pytest_drive_robust.cli import regression as cli_regression
-from pytest_drive_robust.cli import replay as cli_replay
-from pytest_drive_robust.cli import routes as cli_routes
-from pytest_drive_robust.cli import score as cli_score
-from pytest_drive_robust.cli import store as cli_store
-from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
+from pytest_drive_robust import __version__
+from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.registry.plugins import register_names_of
+from pytest_drive_robust.registry.registry import default_registry
 
-__all__ = ["main"]
+__all__ = ["COMMANDS", "main"]
 
-_LISTS = ("agents", "perturbations", "simulators", "metrics", "routes")
+COMMANDS = {
+    "list": "what is there, and where it comes from",
+    "routes": "list routes, check that they can be driven, or draw them from above",
+    "runs": "the runs that --drive-save stored",
+    "compare": "is run B worse than run A? Exit code 1 when it is",
+    "bless": "accept a run as the baseline that later runs are compared with",
+    "score": "the totals of official Bench2Drive results",
+    "export": "write a run in the schema of an official evaluator",
+    "doctor": "what is missing for --drive-sim bench2drive?",
+    "check-agent": "does an agent keep the contract?",
+    "replay": "drive one route again and film it",
+    "store": "the finished episodes that runs keep for later ones",
+}
+"""Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets
+the default `command`: a function of the parsed arguments that returns the exit code."""
+
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 
 
@@ -33,17 +47,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _register_names(plugins: Iterable[str]) -> None:
-    """As pytest does it for `-p` and for a `conftest.py`."""
+    """Register names as pytest does it for `-p` and for a `conftest.py`."""
     for word in plugins:
-        from pytest_drive_robust.registry.plugins import register_names_of
-        from pytest_drive_robust.registry.registry import default_registry
-
         register_names_of(word, default_registry())
 
 
 def _parser() -> argparse.ArgumentParser:
-    from pytest_drive_robust import __version__
-
     parser = argparse.ArgumentParser("drive-robust", description="Closed-loop robustness of driving policies.")
     parser.add_argument(
         "-p",
@@ -54,77 +63,20 @@ def _parser() -> argparse.ArgumentParser:
         help="a module or the path of a conftest.py that registers names of its own; may be repeated",
     )
     parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    listing = commands.add_parser("list", help="what is there, and where it comes from")
-    listing.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(_LISTS)}; all when left out")
-    listing.set_defaults(command=_list)
-    cli_routes.add_commands(commands)
-    cli_regression.add_commands(commands)
-    cli_score.add_commands(commands)
-    cli_doctor.add_command(commands)
-
-    check = commands.add_parser("check-agent", help="does an agent keep the contract?")
-    check.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
-    check.set_defaults(command=_check_agent)
-    check.add_argument("--seed", type=int, default=0, help="default: 0")
-    check.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
-    check.add_argument("--routes", metavar="SET", help="a set (full, dev10), a file, or FILE:id,id")
-    cli_replay.add_command(commands)
-    cli_store.add_command(commands)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_CommandParser)
+    for name, text in COMMANDS.items():
+        commands.add_parser(name, help=text).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
     return parser
 
 
-def _list(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.registry.registry import default_registry
+class _CommandParser(argparse.ArgumentParser):
+    """The parser of one command. The command's module is imported when the command was given, and no other."""
 
-    for kind in options.kinds or _LISTS:
-        if kind not in _LISTS:
-            raise UnknownNameError.of("list", kind, _LISTS)
-        if kind == "routes":
-            cli_routes.print_sets()
-        else:
-            _print_table(kind, ("name", "origin"), default_registry().names(kind))
-    return 0
+    module = ""
 
-
-def _check_agent(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.registry.registry import default_registry
-    from pytest_drive_robust.runner.routes import default_spec, routes_for
-    from pytest_drive_robust.simulators.base import SimulatorOptions
-    from pytest_drive_robust.testing import check_agent
-
-    registry = default_registry()
-    registry.agent(options.agent)  # an unknown name is said at once, before a world is built
-    simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=200))
-    routes = routes_for(options.routes or default_spec(RunOptions(), simulator), simulator)
-    kept = True
-    try:
-        for number, route in enumerate(routes if options.routes else routes[:1], start=1):
-            report = check_agent(
-                lambda: registry.agent(options.agent),
-                simulator=simulator,
-                route=route,
-                other_route=routes[number % len(routes)],
-                seed=options.seed,
-                subject=f"{options.agent} on {route.label}",
-            )
-            print(report)
-            kept = kept and report.ok
-    finally:
-        simulator.close()
-    return 0 if kept else 1
-
-
-def _print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    Console(width=None if sys.stdout.isatty() else 120, markup=False, highlight=False).print(table)
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
+        """Parse, after the module has added its arguments."""
+        module, self.module = self.module, ""
+        if module:
+            importlib.import_module(module).add_arguments(self)
+        return super().parse_known_args(*arguments, **options)

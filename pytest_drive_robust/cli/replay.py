@@ -9,20 +9,31 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.replay_check import Before, before_of, read_episode_file
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.options.option import Given
+from pytest_drive_robust.options.parsers import seconds
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
+from pytest_drive_robust.runner.episode.make_agent import make_agent
+from pytest_drive_robust.runner.replay.recording import record_episode
+from pytest_drive_robust.runner.replay.tape import Tape
+from pytest_drive_robust.runner.routes import own_routes, routes_for
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
+from pytest_drive_robust.verdict.explain import first_divergence_s
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.perturbations.base import Setting
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.replay.tape import Tape
-    from pytest_drive_robust.simulators.base import Simulator
-
-__all__ = ["add_command"]
+__all__ = ["add_arguments"]
 
 _SUFFIXES = (".mp4", ".png")
 _DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
@@ -30,23 +41,23 @@ was given, the view from above with its plan, speed and controls, infractions, t
 (pip install 'pytest-drive-robust[video]') it writes a PNG of the telling moments instead."""
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `replay` to the commands of a parser."""
-    replay = commands.add_parser("replay", help="drive one route again and film it", description=_DESCRIPTION)
-    replay.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
-    replay.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
-    replay.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
-    replay.add_argument("--seed", type=int, help="default: 0")
-    replay.add_argument("--sim", default="embedded", metavar="NAME", help="default: embedded")
-    replay.add_argument("--routes", metavar="SET", help="where ROUTE is from: a set (full, dev10) or a file")
-    replay.add_argument("--stuck-stop", metavar="SECONDS", help="as --drive-stuck-stop of the run that is replayed")
-    replay.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
-    replay.add_argument(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `replay`."""
+    parser.description = _DESCRIPTION
+    parser.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
+    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
+    parser.add_argument("--seed", type=int, help="default: 0")
+    add_pytest_option(parser, "--sim")
+    parser.add_argument("--routes", metavar="SET", help="where ROUTE is from: a set (full, dev10) or a file")
+    add_pytest_option(parser, "--stuck-stop", help="as --drive-stuck-stop of the run that is replayed")
+    parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
+    parser.add_argument(
         "--run", metavar="RUN", help="a stored run or a folder of episodes: say whether both are the same"
     )
-    replay.add_argument("--out", metavar="FILE", help="a .mp4, or a .png strip; default: replay-ROUTE-SETTING.mp4")
-    replay.add_argument("--no-video", action="store_true", help="only tell what happened")
-    replay.set_defaults(command=_replay)
+    parser.add_argument("--out", metavar="FILE", help="a .mp4, or a .png strip; default: replay-ROUTE-SETTING.mp4")
+    parser.add_argument("--no-video", action="store_true", help="only tell what happened")
+    parser.set_defaults(command=_replay)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +72,9 @@ class _Wanted:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.options.option import Given
-    from pytest_drive_robust.options.parsers import seconds
-    from pytest_drive_robust.registry.registry import default_registry
-    from pytest_drive_robust.simulators.base import SimulatorOptions
-
     registry = default_registry()
     wanted = _wanted(options, registry)
-    stuck_stop_s = None if options.stuck_stop is None else seconds(Given("--stuck-stop", options.stuck_stop))
+    stuck_stop_s = seconds(Given("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
     before = before_of(options.run, wanted.stored)
@@ -96,8 +102,6 @@ def _replay(options: argparse.Namespace) -> int:
 
 def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
     """Options that are given win over what a stored episode says."""
-    from pytest_drive_robust.perturbations.base import Setting
-
     stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
@@ -115,8 +119,6 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
 
 def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
     """Where to write, looked at before anything is driven. Without an encoder a strip takes the video's place."""
-    from pytest_drive_robust.report.video import EXTRA, has_encoder
-
     words = re.sub(r"[^a-z0-9.]+", "-", f"{wanted.route}-{wanted.setting}".lower()).strip("-")
     target = Path(options.out or f"replay-{words}.mp4")
     if target.suffix.lower() not in _SUFFIXES:
@@ -134,9 +136,6 @@ def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
 
 
 def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Route:
-    from pytest_drive_robust.runner.routes import own_routes, routes_for
-    from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
-
     spec = options.routes or (ALL_ROUTES if own_routes(simulator) is None else name)
     routes = {route.id: route for route in routes_for(spec, simulator)}
     if name not in routes:
@@ -149,9 +148,6 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Both episodes, one after the other, with the same simulator and agent."""
-    from pytest_drive_robust.runner.episode.make_agent import make_agent
-    from pytest_drive_robust.runner.replay.recording import record_episode
-
     agent = make_agent(registry, wanted.agent)
     tapes: list[Tape] = []
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
@@ -180,8 +176,6 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
 
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
     """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
-    from pytest_drive_robust.verdict.explain import first_divergence_s
-
     if len(tapes) == 2:
         parted_s = first_divergence_s(tapes[0].result, tapes[1].result)
         print("both drove the same" if parted_s is None else f"first divergence at {parted_s:.2f} s")
@@ -200,7 +194,6 @@ def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | 
 
 def _film(tapes: list[Tape], target: Path) -> None:
     from pytest_drive_robust.report.film.film import Film
-    from pytest_drive_robust.report.video import write_png, write_video
 
     film = Film(*tapes)
     if target.suffix.lower() == ".png":
@@ -217,21 +210,15 @@ def _film(tapes: list[Tape], target: Path) -> None:
 @contextmanager
 def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], None]]:
     """A bar on a terminal, nothing elsewhere: `step()` for each tick or picture."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     console = Console(stderr=True)
-    columns = (TextColumn("{request.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        request = progress.add_task(what, total=total)
-        yield lambda: progress.advance(request)
+        bar = progress.add_task(what, total=total)
+        yield lambda: progress.advance(bar)
 
 
 def _print_result(result: EpisodeResult) -> None:
     """One paragraph: outcome, score, end, and every infraction with its second."""
-    from pytest_drive_robust.domain.outcome import Outcome
-    from pytest_drive_robust.metrics.score import driving_score
-
     scored = result.outcome is not Outcome.INFRA_ERROR
     score = f"DS {driving_score(result):.1f}" if scored else "not scored"
     print(f"{result.episode} ({result.scenario})")

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.regression.document import read_document
+from pytest_drive_robust.regression.runs import RunFolder, home_of
+from pytest_drive_robust.runner.cache_key.identity import route_digest
+from pytest_drive_robust.runner.replay.recording import difference
+from pytest_drive_robust.store.record_files import SUFFIX, read_episode
 
 __all__ = ["Before", "before_of", "read_episode_file"]
 
@@ -37,8 +40,6 @@ class Before:
 
     def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
         """(same, a clause that says so), or None when that episode is not there."""
-        from pytest_drive_robust.runner.replay.recording import difference
-
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
         else:
@@ -57,8 +58,6 @@ class Before:
 
     def _is_another(self, route: Route) -> bool:
         """Whether the route of that id was another one then."""
-        from pytest_drive_robust.runner.cache_key.identity import route_digest
-
         return self.routes.get(route.id, route_digest(route)) != route_digest(route)
 
 
@@ -74,8 +73,6 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
     path = _run_file(reference)
     if path is None:
         return None
-    from pytest_drive_robust.regression.document import read_document
-
     label = f"the run {reference or path.stem}"
     try:
         document = read_document(path)
@@ -89,8 +86,6 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
 
 def read_episode_file(name: str) -> EpisodeResult:
     """The episode in a file. Raises `UsageError` when there is none."""
-    from pytest_drive_robust.store.record_files import read_episode
-
     try:
         return read_episode(Path(name))
     except FileNotFoundError:
@@ -100,8 +95,6 @@ def read_episode_file(name: str) -> EpisodeResult:
 
 
 def _run_file(reference: str | None) -> Path | None:
-    from pytest_drive_robust.regression.runs import RunFolder, home_of
-
     if reference is not None and (reference.endswith(".json") or "/" in reference):
         if not Path(reference).is_file():
             raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
@@ -114,8 +107,6 @@ def _run_file(reference: str | None) -> Path | None:
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
     """The records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
-    from pytest_drive_robust.store.record_files import SUFFIX, read_episode
-
     found: list[EpisodeResult] = []
     for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):
         try:

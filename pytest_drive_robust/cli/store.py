@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.run import DEFAULT_STORE
+from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.store.care import Statistics
+__all__ = ["add_arguments"]
 
-__all__ = ["add_command"]
-
-_WIDTH = 100
 _MEGA = 1e6
 
 
-def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `store stats`, `store verify` and `store gc` to the commands of a parser."""
-    store = commands.add_parser("store", help="the finished episodes that runs keep for later ones")
-    what = store.add_subparsers(required=True, metavar="WHAT")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add `store stats`, `store verify` and `store gc`."""
+    what = parser.add_subparsers(required=True, metavar="WHAT")
     stats = what.add_parser("stats", help="how many episodes of which agents, how large, what driving them took")
     stats.set_defaults(command=_stats)
     verify = what.add_parser("verify", help="read every record to its last byte. Exit code 1 when one is damaged")
@@ -39,8 +36,6 @@ def add_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
 
 
 def _stats(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.store.care import statistics
-
     found = statistics(_folder(options))
     print(
         f"{found.folder}: {found.records} episodes, {found.size_bytes / _MEGA:.1f} MB, "
@@ -59,22 +54,13 @@ def _stats(options: argparse.Namespace) -> int:
 
 
 def _print_agents(found: Statistics) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     outcomes = sorted({outcome for _, outcome in found.by_agent})
-    table = Table(box=None, pad_edge=False, padding=(0, 1), header_style="bold")
-    table.add_column("agent", overflow="fold")
-    for outcome in outcomes:
-        table.add_column(outcome, justify="right")
-    for agent in sorted({agent for agent, _ in found.by_agent}):
-        table.add_row(agent, *(str(found.by_agent.get((agent, outcome), 0)) for outcome in outcomes))
-    Console(width=None if sys.stdout.isatty() else _WIDTH, markup=False, highlight=False).print(table)
+    agents = sorted({agent for agent, _ in found.by_agent})
+    rows = [(agent, *(str(found.by_agent.get((agent, outcome), 0)) for outcome in outcomes)) for agent in agents]
+    print_table({"agent": LEFT, **dict.fromkeys(outcomes, RIGHT)}, rows)
 
 
 def _verify(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.store.care import set_aside, verify
-
     folder = _folder(options)
     count, damages = verify(folder)
     for damage in damages:
@@ -94,8 +80,6 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _gc(options: argparse.Namespace) -> int:
-    from pytest_drive_robust.store.care import sweep
-
     folder = _folder(options)
     older_than_s = None if options.older_than is None else _seconds(options.older_than)
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
@@ -107,9 +91,6 @@ def _gc(options: argparse.Namespace) -> int:
 
 
 def _folder(options: argparse.Namespace) -> Path:
-    from pytest_drive_robust.options.run import DEFAULT_STORE
-    from pytest_drive_robust.regression.runs import home_of
-
     folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE
     if not folder.is_dir():
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."

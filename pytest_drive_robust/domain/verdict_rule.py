@@ -23,8 +23,9 @@ class VerdictRule:
     The first two read routes in planned order and stop once the verdict is in; `"auto"` is evidence where there are 20
     routes or more, which is what it needs, and the list otherwise. `margin` is how far beyond the limit
     "pass" may reach, as a share of the metric's range (0.10 is 0.10 RD or SR, 10 points of DS). Below `clean_floor`
-    (mean clean driving score, 0..100) an RD says nothing and is inconclusive. `family` is among how many requirements a
-    fail by evidence must stand: the alpha of a fail is divided by it, that of a pass is not.
+    (mean clean driving score, 0..100) an RD says nothing: by every kind it never passes but is inconclusive, and a fail
+    stays a fail. `family` is among how many requirements a fail by evidence must stand: the alpha of a fail is divided
+    by it, that of a pass is not.
 
     Raises `UsageError` for values that cannot be used.
     """

@@ -6,7 +6,7 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +33,8 @@ class Interrupted(Exception):  # noqa: N818 - it is no error: somebody asked for
 class Exchange:
     """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    `wake_fd` becomes readable when somebody wants to stop, `news_fd` when there may be another request.
+    `wake_fd` becomes readable when somebody wants to stop, `news_fd` when there may be another request. `death` is how
+    the worker ended, once it has.
     """
 
     def __init__(self, worker: WorkerProcess, limits: Limits, wake_fd: int, news_fd: int | None = None) -> None:
@@ -41,6 +42,7 @@ class Exchange:
         self._limits = limits
         self._wake_fd = wake_fd
         self._news_fd = news_fd
+        self.death: Death | None = None
         self._printed = bytearray()
         self._started_s = 0.0
         self._begun_s: dict[bytes, float] = {}  # by token, of the requests under way
@@ -53,24 +55,23 @@ class Exchange:
 
     def ask(self, request: Message) -> Answer | Death:
         """Send one request and wait. After a `Death` the worker is dead, too. Raises `Interrupted`."""
-        requests, answers = [request], list[Answer]()
-        death = self.run(lambda: requests.pop() if requests else None, lambda _, answer: answers.append(answer))
-        return answers[0] if death is None else death
+        requests = [request]
+        for _, answer in self.run(lambda: requests.pop() if requests else None):
+            return answer
+        assert self.death is not None
+        return self.death
 
-    def run(self, take: Callable[[], Message | None], hear: Callable[[bytes, Answer], object]) -> Death | None:
-        """Send what `take` gives, give `hear` what comes back; None when nothing is under way and nothing to be sent.
+    def run(self, take: Callable[[], Message | None]) -> Generator[tuple[bytes, Answer], None, None]:
+        """Send what `take` gives and yield each answer with its token, until nothing is under way or to be sent.
 
-        The limit of an episode counts from its own request. After a `Death` the worker is dead, too. Raises
+        The limit of an episode counts from its own request. Ends with `death` set when the worker is dead. Raises
         `Interrupted`.
         """
         worker = self._worker
         sources: list[Any] = [self._wake_fd, worker.output, worker.sentinel, worker.connection]
         if self._news_fd is not None:
             sources.append(self._news_fd)
-        while True:
-            death = self._send(take)
-            if death is not None or not self._begun_s:
-                return death
+        while self._send(take):
             self._started_s = min(self._begun_s.values())
             ready = wait(sources, self._patience_s())
             if self._wake_fd in ready:
@@ -79,31 +80,37 @@ class Exchange:
                 os.read(self._news_fd, _CHUNK_BYTES)
             if worker.output in ready and not self._listen():
                 sources.remove(worker.output)
-            death = self._hear(ready, hear) or (self._late() if self._begun_s else None)
-            if death is not None:
-                return death
+            answer = self._hear(ready)
+            if answer is not None:
+                yield answer
+            if self._begun_s and self.death is None:
+                self._check_limits()
 
-    def _send(self, take: Callable[[], Message | None]) -> Death | None:
-        """Send as much as there is room for: a worker that answers must never wait for us, who ask."""
+    def _send(self, take: Callable[[], Message | None]) -> bool:
+        """Send as much as there is room for, since a worker that answers must never wait for us.
+
+        False when there is nothing to wait for.
+        """
         poller = select.poll()
         poller.register(self._worker.connection, select.POLLOUT)
-        while True:
+        while self.death is None:
             self._is_full = bool(self._begun_s) and not poller.poll(0)
             request = None if self._is_full else take()
             if request is None:
-                return None
+                break
             self._begun_s[request.token] = self._started_s = time.monotonic()
             try:
                 self._worker.send(request)
             except OSError:
-                return self._lost(Cause.SILENT)
+                self._lost(Cause.SILENT)
+        return self.death is None and bool(self._begun_s)
 
-    def _hear(self, ready: list[Any], hear: Callable[[bytes, Answer], object]) -> Death | None:
-        """Pass one answer on, where one has come."""
+    def _hear(self, ready: list[Any]) -> tuple[bytes, Answer] | None:
+        """Return the answer that has come, with its token."""
         worker = self._worker
         if worker.connection not in ready:
             if worker.sentinel in ready and not worker.connection.poll():
-                return self._lost(Cause.SILENT)  # without an answer that came in the last moment
+                self._lost(Cause.SILENT)  # without an answer that came in the last moment
             return None
         try:
             message = receive(worker.connection)
@@ -111,12 +118,15 @@ class Exchange:
                 raise ValueError("an answer to another request")
             answer = Answer.of(message)
         except EOFError:
-            return self._lost(Cause.SILENT)
-        except (OSError, ValueError):
-            return self._lost(Cause.GARBAGE)
-        del self._begun_s[message.token]
-        self._listen()
-        hear(message.token, answer)
+            self._lost(Cause.SILENT)
+        except OSError:
+            self._lost(Cause.GARBAGE)
+        except ValueError:
+            self._kill(Cause.GARBAGE, worker.state.read())
+        else:
+            del self._begun_s[message.token]
+            self._listen()
+            return message.token, answer
         return None
 
     def _listen(self) -> bool:
@@ -144,36 +154,40 @@ class Exchange:
             waits.append(begun_s + self._limits.act_s - now)
         return max(0.0, min(waits)) + 0.001 if waits else None
 
-    def _late(self) -> Death | None:
+    def _check_limits(self) -> None:
+        """Kill a worker that is late."""
         now = time.monotonic()
         reading = self._worker.state.read()
         act_s, episode_s = self._limits.act_s, self._limits.episode_s
         if act_s is not None and reading.phase.is_call and now - reading.since_s > act_s:
-            return self._kill(Cause.ACT_DEADLINE, reading, act_s)
-        if episode_s is not None and now - self._started_s > episode_s:
-            return self._kill(Cause.EPISODE_DEADLINE, reading, episode_s)
-        return None
+            self._kill(Cause.ACT_DEADLINE, reading, act_s)
+        elif episode_s is not None and now - self._started_s > episode_s:
+            self._kill(Cause.EPISODE_DEADLINE, reading, episode_s)
 
-    def _lost(self, cause: Cause) -> Death:
-        """Tell how the worker ended; `cause` is why it can be of no use where it has not."""
+    def _lost(self, cause: Cause) -> None:
+        """Note how the worker ended; `cause` is why it can be of no use where it has not."""
         status = self._worker.wait(_EXIT_S)
+        reading = self._worker.state.read()
         if status is None:
-            return self._kill(cause, self._worker.state.read())
-        return self._death(Cause.DIED, self._worker.state.read(), status=status)
+            self._kill(cause, reading)
+        else:
+            self._note_death(Cause.DIED, reading, status=status)
 
-    def _kill(self, cause: Cause, reading: StateReading, limit_s: float = 0.0) -> Death:
+    def _kill(self, cause: Cause, reading: StateReading, limit_s: float = 0.0) -> None:
         """End the worker, with a chance for faulthandler to say where it is."""
         if limit_s:
             self._worker.kill(signal.SIGABRT)
             self._worker.wait(_TRACEBACK_S)
         self._worker.kill()
         self._worker.wait(_EXIT_S)
-        return self._death(cause, reading, limit_s=limit_s)
+        self._note_death(cause, reading, limit_s=limit_s)
 
-    def _death(self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0) -> Death:
+    def _note_death(
+        self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0
+    ) -> None:
         self._listen()
         now = time.monotonic()
-        return Death(
+        self.death = Death(
             cause=cause,
             reading=reading,
             status=status,

@@ -18,13 +18,13 @@ from pytest_drive_robust.store.record import decode_episode
 
 __all__ = [
     "ALONE",
+    "CHECK",
     "DRIVE",
     "REFUSED",
     "RESULT",
     "SALVAGE",
     "TOGETHER",
     "TOKEN_BYTES",
-    "VET",
     "Answer",
     "Message",
     "answer_bytes",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 DRIVE, SALVAGE, RESULT, REFUSED = b"D", b"S", b"R", b"U"
-VET, ALONE, TOGETHER = b"V", b"A", b"T"
+CHECK, ALONE, TOGETHER = b"C", b"A", b"T"
 """About lockstep: whether an agent may, an episode in a batch of its own, an episode that shares its batch."""
 TOKEN_BYTES = 16
 """How long a token is."""

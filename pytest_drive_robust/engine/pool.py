@@ -45,9 +45,14 @@ class ProcessExecutor:
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode in the next free worker. Raises `UsageError` where no worker could load what we have."""
+        self.fork_server()
+        return self._pool.submit(self._drive, request)
+
+    def fork_server(self) -> ForkServer:
+        """Return what the workers are forked from, for others that fork some, too. Raises `UsageError` as `submit`."""
         if self._fork_server is None:
             self._fork_server = ForkServer(self._setup())
-        return self._pool.submit(self._drive, request)
+        return self._fork_server
 
     def close(self, *, cancel: bool = False) -> None:
         """End the workers. With `cancel`, those that drive are killed; without, they come to their end first."""

@@ -17,7 +17,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS, Rig
+from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS, AgentRig
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,7 +105,7 @@ class SharedState:
         self._phase, self._since_s = phase, now
         _READING.pack_into(self._memory, 0, phase, tick, now, self._agent_s)
 
-    def equip(self, rig: Rig) -> None:
+    def equip(self, rig: AgentRig) -> None:
         """Keep the agent's rig, unless it is too large: then the episode cannot be driven again without the agent."""
         text = json.dumps(asdict(rig)).encode()
         if len(text) <= _RIG_BYTES - _COUNT.size:
@@ -138,7 +138,7 @@ class SharedState:
         phase, tick, since_s, agent_s = first
         return StateReading(Phase(phase) if phase in _PHASES else Phase.IDLE, tick, since_s, agent_s)
 
-    def rig(self) -> Rig | None:
+    def rig(self) -> AgentRig | None:
         """Return the agent's rig, None before it was known. Raises `ValueError` where the worker wrote nonsense."""
         length = _COUNT.unpack_from(self._memory, _RIG_AT)[0]
         if not length:
@@ -146,7 +146,7 @@ class SharedState:
         start = _RIG_AT + _COUNT.size
         fields: dict[str, Any] = json.loads(self._memory[start : start + length])
         cameras = tuple(CameraSpec(**item) for item in fields["cameras"])
-        return Rig(cameras, tuple(fields["consumes"]), bool(fields["privileged"]))
+        return AgentRig(cameras, tuple(fields["consumes"]), bool(fields["privileged"]))
 
     def rows(self) -> NDArray[np.float64]:
         """Return an array of shape (ticks, 9): see `runner.episode.rescore`."""

@@ -17,7 +17,7 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, refusal
 from pytest_drive_robust.engine.pickled_request import PickledRequest
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result
+from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.shared_state import SharedState
     from pytest_drive_robust.engine.worker_process import WorkerProcess
-    from pytest_drive_robust.runner.episode.rescore import Rig
+    from pytest_drive_robust.runner.episode.rescore import AgentRig
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["FailedAttempt", "Stopped", "Supervisor"]
@@ -40,7 +40,7 @@ class FailedAttempt(NamedTuple):
     """An attempt whose worker died, with what the shared state still told."""
 
     explanation: Explanation
-    rig: Rig | None
+    rig: AgentRig | None
     rows: NDArray[np.float64] | None
     call: str
 
@@ -138,10 +138,10 @@ class Supervisor:
         """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
         if failure.rows is None or failure.call == "its constructor":
             return None
-        wreck = Wreck(failure.rig, failure.rows, failure.call if failure.rig is not None else "sensors")
+        recorded = RecordedControls(failure.rig, failure.rows, failure.call if failure.rig is not None else "sensors")
         limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
         try:
-            ended = self._attempt(SALVAGE, pickle.dumps((request, wreck)), limits)
+            ended = self._attempt(SALVAGE, pickle.dumps((request, recorded)), limits)
         except UsageError:
             return None
         if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:

@@ -1,7 +1,7 @@
 """Deployment failures, one small class in one module each, and the stacks of them that episodes are driven under.
 
-Imports point one way, in this order: `severity`, `draws`, `values`; `sentences`; `context`, `environment`; `base`; one
-module for each failure; `ladder`. A new built-in failure is a new module and a line in `BUILTIN` below.
+Imports point one way, in this order: `severity`, `draws`, `values`; `sentences`; `context`, `paper_variables`; `base`;
+one module for each failure; `ladder`. A new built-in failure is a new module and a line in the table below.
 """
 
 from __future__ import annotations
@@ -32,7 +32,13 @@ __all__ = [
     "SpeedNoise",
 ]
 
-BUILTIN.update(
-    (kebab_name(cls), cls)
-    for cls in (BurstFrameDrop, PartialObservation, GpsNoise, SpeedNoise, InferenceLatency, SensorDelay, FrameBlend)
+_TABLE: tuple[type[Perturbation], ...] = (
+    BurstFrameDrop,
+    PartialObservation,
+    GpsNoise,
+    SpeedNoise,
+    InferenceLatency,
+    SensorDelay,
+    FrameBlend,
 )
+BUILTIN.update((kebab_name(cls), cls) for cls in _TABLE)

@@ -39,11 +39,11 @@ def executor_of(
     width = execution.lockstep
     if execution.executor == "inline":
         from pytest_drive_robust.runner.executors import InlineExecutor
-        from pytest_drive_robust.runner.lockstep.inline import InlineLockstepExecutor
+        from pytest_drive_robust.runner.lockstep.local import lockstep_inline
 
         options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
         if width is not None:
-            return InlineLockstepExecutor(
+            return lockstep_inline(
                 default_registry(), simulator=settings.simulator, options=options, ticked=ticked, width=width
             )
         return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
@@ -60,10 +60,10 @@ def executor_of(
         return RayExecutor(lambda: _setup_of(config, settings, agents()), limits, address=address, slots=most)
     slots = execution.slots(shared=shared)
     if width is not None:
-        from pytest_drive_robust.engine.lockstep.lockstep_processes import LockstepProcessExecutor
-        from pytest_drive_robust.runner.lockstep.vetting import factory_offers_lockstep
+        from pytest_drive_robust.engine.lockstep.processes import lockstep_in_processes
+        from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
 
-        return LockstepProcessExecutor(
+        return lockstep_in_processes(
             lambda: _setup_of(config, settings, agents()),
             limits,
             workers=slots,

@@ -11,7 +11,7 @@ from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.runner.search.repeatability import probe
+from pytest_drive_robust.runner.search.repeatability import drive_twice
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["ProbePlugin"]
@@ -40,7 +40,7 @@ class ProbePlugin:
         options, registry = self._options, default_registry()
         try:
             scope = Scopes(options, registry, resolve_routes).of(MarkerOptions())
-            found = probe(
+            found = drive_twice(
                 registry,
                 agent=scope.agent,
                 simulator=options.simulator,

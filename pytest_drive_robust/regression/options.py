@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.allowance import Allowance
-    from pytest_drive_robust.regression.fingerprint import MismatchPolicy
+from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
+from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 
 __all__ = ["RegressionOptions"]
 
-# Every pytest session imports this module: what reads the values is imported when they are read.
+# Every pytest session imports this module: what loads numpy is imported when it is needed.
 
 
 def _save(given: Given) -> str:
@@ -25,14 +22,10 @@ def _save(given: Given) -> str:
 
 
 def _allowances(given: Given) -> tuple[Allowance, ...]:
-    from pytest_drive_robust.regression.allowance import parse_allowances
-
     return parse_allowances([given.text], source=given.flag)
 
 
 def _policy(given: Given) -> MismatchPolicy:
-    from pytest_drive_robust.regression.fingerprint import parse_policy
-
     return parse_policy(given.text)
 
 

@@ -10,6 +10,8 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.generators import borrowed_for
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.episode.make_agent import make_agent
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ class InlineExecutor:
         self._agents: dict[str, Agent] = {}
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """The episode, driven to its end before this returns."""
+        """Drive the episode to its end before this returns."""
         future: Future[EpisodeResult] = Future()
         for _ in range(1 + DRIVEN_AGAIN):
             try:
@@ -93,9 +95,6 @@ class InlineExecutor:
             self._simulator = None
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
-        from pytest_drive_robust.runner.episode.loop import drive_episode
-        from pytest_drive_robust.runner.episode.machine import with_machine
-
         episode = request.episode
         if self._simulator is None:
             self._simulator = self._registry.simulator(self._simulator_name, self._options)
@@ -114,7 +113,7 @@ class InlineExecutor:
         return with_machine(result, agent)
 
     def _forget_broken(self, request: EpisodeRequest, result: EpisodeResult) -> None:
-        """What raised in the middle of an episode may be in any state: the next episode gets a new one."""
+        """Drop what raised in the middle of an episode, which may be in any state: the next episode gets a new one."""
         if result.outcome is Outcome.AGENT_ERROR:
             self._agents.pop(request.episode.agent, None)
         if result.outcome is Outcome.INFRA_ERROR:

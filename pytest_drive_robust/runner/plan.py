@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.canonical import digest_of
-from pytest_drive_robust.runner.cache_key.code import perturbation_sources
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
+from pytest_drive_robust.runner.cache_key.object_code import perturbation_sources
 
 if TYPE_CHECKING:
     from pytest_drive_robust.verdict.requirement import Requirement

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from heeding_interrupts import heed_interrupts
 from ray_project import MODULE, load_project, setup_of, write_project
 
 from pytest_drive_robust.domain.episode import Episode
@@ -212,6 +213,7 @@ def start_pytest(folder: Path, *options: str) -> subprocess.Popen[str]:
             cwd=folder,
             stdout=output,
             stderr=subprocess.STDOUT,
+            preexec_fn=heed_interrupts,
             text=True,
             start_new_session=True,
             env={**os.environ, "PYTHONPATH": str(folder), "DRIVE_ROBUST_MARK": str(folder)},

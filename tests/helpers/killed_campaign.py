@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from heeding_interrupts import heed_interrupts
+
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.testing import fake_route
@@ -107,7 +109,12 @@ class Campaign:
         command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", *arguments]
         with (self.folder / "output.txt").open("ab") as output:
             return subprocess.Popen(
-                command, cwd=self.folder, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+                command,
+                cwd=self.folder,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=heed_interrupts,
             )
 
     def run(self, *arguments: str) -> int:

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from heeding_interrupts import heed_interrupts
 
 GREEN = "RD under throttle 0.9 <= 0.30"
 RED = "RD under throttle 0.3 <= 0.30"
@@ -235,7 +236,9 @@ def test_slow(drive):
 """
     folder = suite(test=test)
     command = [sys.executable, "-m", "pytest", "--drive-robust", *workers]
-    with subprocess.Popen(command, cwd=folder.path, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, cwd=folder.path, stdout=subprocess.PIPE, text=True, preexec_fn=heed_interrupts
+    ) as process:
         while not (folder.path / "ready").exists() and process.poll() is None:
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)

@@ -138,14 +138,32 @@ AGENTS.append(lazy)
 """
 
 
-def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite) -> None:
+@pytest.mark.parametrize("rule", ["evidence", "list", "point"])
+def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite, rule: str) -> None:
     pytester = suite("RD under throttle 0.9 <= 0.90", conftest=LAZY)
     save_routes([fake_route(str(number), length_m=60.0) for number in range(1, 31)], pytester.path / "routes.xml")
-    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-agent", "lazy")
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-verdict", rule, "--drive-agent", "lazy")
     assert result.ret == 0
     result.stdout.fnmatch_lines(
         ["~ RD under throttle 0.9*the clean driving score is*", "*floor of 30: RD says nothing yet*"]
     )
+
+
+def test_the_degradation_of_an_agent_that_hardly_drives_is_no_number(suite) -> None:
+    pytester = suite(
+        conftest=LAZY,
+        test="""
+from pytest_drive_robust import Setting
+from pytest_drive_robust.registry.registry import default_registry
+
+def test_measure(drive):
+    assert drive.rd(Setting.parse("throttle 0.9", default_registry().perturbations())) <= 0.30
+""",
+    )
+    save_routes([fake_route(str(number), length_m=60.0) for number in range(1, 4)], pytester.path / "routes.xml")
+    result = pytester.runpytest_subprocess("--drive-robust", "--drive-agent", "lazy")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["*not judged: RD under throttle 0.9*", "*floor of 30: RD says nothing yet.*"])
 
 
 def test_workers_come_to_the_same_verdicts(suite) -> None:

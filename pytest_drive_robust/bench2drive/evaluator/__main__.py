@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -20,6 +21,7 @@ from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["main"]
@@ -95,9 +97,7 @@ def _run(options: argparse.Namespace) -> int:
 def _drive_all(
     setup: EvaluatorSetup, routes: Sequence[str], run_folder: RunFolder, *, slots: int, gpus: tuple[int, ...]
 ) -> tuple[list[DrivenRoute], bool]:
-    """What came of every route, and whether somebody interrupted: then what was under way is gone."""
-    from dataclasses import replace
-
+    """Return what came of every route, and whether somebody interrupted: then what was under way is gone."""
     stop = threading.Event()
     free: SimpleQueue[int] = SimpleQueue()
     for slot in range(slots):
@@ -135,9 +135,7 @@ def _line(driven: DrivenRoute) -> str:
 
 
 def _routes(spec: str) -> tuple[Path, list[str]]:
-    """The file and the ids to drive. Raises `UsageError`."""
-    from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-
+    """Return the file and the ids to drive. Raises `UsageError`."""
     name, colon, wanted = spec.rpartition(":")
     if not colon or Path(spec).is_file():
         name, wanted = spec, ""

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from pytest_drive_robust.bench2drive.evaluator.drive import DrivenRoute
 from pytest_drive_robust.bench2drive.evaluator.setting_json import DT_S
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
@@ -19,7 +21,7 @@ __all__ = ["episode_result"]
 def episode_result(
     driven: DrivenRoute, episode: Episode, *, scenario: str, saved: Path, versions: Mapping[str, str]
 ) -> EpisodeResult:
-    """The episode; `infra_error` when no try gave a score. `saved` is where the agent's logs of motion are.
+    """Return the episode; `infra_error` when no try gave a score. `saved` is where the agent's logs of motion are.
 
     Raises `UsageError` for a record whose score does not follow from its infractions.
     """
@@ -38,8 +40,6 @@ def episode_result(
 
 
 def _broken(driven: DrivenRoute, episode: Episode, scenario: str, versions: Mapping[str, str]) -> EpisodeResult:
-    import numpy as np
-
     return EpisodeResult(
         episode=episode,
         scenario=scenario,

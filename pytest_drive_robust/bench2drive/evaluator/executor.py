@@ -10,18 +10,18 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
 from pytest_drive_robust.bench2drive.evaluator.drive import EvaluatorSetup, RunFolder, drive_route
 from pytest_drive_robust.bench2drive.evaluator.episode_result import episode_result
 from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
 __all__ = ["AGENT_PREFIX", "Bench2DriveExecutor", "read_agent"]
 
@@ -29,7 +29,7 @@ AGENT_PREFIX = "leaderboard:"
 
 
 def read_agent(name: str) -> tuple[Path, str]:
-    """`leaderboard:FILE.py+CONFIG` as the absolute path of the file and the text for the agent's `setup`.
+    """Split `leaderboard:FILE.py+CONFIG` into the absolute path of the file and the text for the agent's `setup`.
 
     Raises `UsageError`: only official agents drive in the official evaluator.
     """
@@ -78,8 +78,6 @@ class Bench2DriveExecutor:
     @cached_property
     def routes(self) -> tuple[Route, ...]:
         """The routes of the file. Raises `RouteError`."""
-        from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-
         return load_routes(self._routes)
 
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
@@ -100,8 +98,6 @@ class Bench2DriveExecutor:
         self._pool.shutdown(wait=True, cancel_futures=cancel)
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
-        from pytest_drive_robust.engine.fork_server import Stopped
-
         self.check((request,))
         agent, config = read_agent(request.episode.agent)
         slot = self._free.get()
@@ -132,8 +128,6 @@ class Bench2DriveExecutor:
 
     @cached_property
     def _versions(self) -> Mapping[str, str]:
-        from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
-
         return {
             "bench2drive": checkout_version(self._checkout.root),
             "carla": carla_version(self._checkout.carla_root) or "unknown",
@@ -155,7 +149,7 @@ class Bench2DriveExecutor:
 
 
 def _name_of(request: EpisodeRequest, setup: EvaluatorSetup) -> str:
-    """A folder for everything that decides the results: what is in it is of the same kind."""
+    """Return a folder for everything that decides the results: what is in it is of the same kind."""
     parts = (*setup.identity.values(), request.identity)
     digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
     return f"{setup.agent.stem}-seed{request.episode.seed}-{digest}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from pytest_drive_robust.bench2drive.results.efficiencies import ratios_pct
 from pytest_drive_robust.bench2drive.results.messages import place_of
@@ -18,9 +20,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from pytest_drive_robust.store.record_files import read_episode
 
 __all__ = ["EPISODE_FILE", "episode_of"]
 
@@ -31,7 +31,7 @@ _VERSIONS = {"bench2drive": "results"}
 
 
 def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
-    """The episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
+    """Return the episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
 
     Of records of others ticks of events are 0, controls and progress in the trace are 0 (without a log it is empty),
     and `junction_passed` is False. Of our exports nothing is lost; `agent` and `setting` must be those of the export.
@@ -83,7 +83,7 @@ def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
 def _own(
     record: OfficialRecord, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
 ) -> EpisodeResult:
-    """What the export kept, when the official part still says the same."""
+    """Return what the export kept, when the official part still says the same."""
     where = f"{record.where}: what the export kept"
     told = episode_from_fields(fields, _empty(), where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
@@ -116,8 +116,6 @@ def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
 
 
 def _stored(record: OfficialRecord, folders: Sequence[Path]) -> EpisodeResult | None:
-    from pytest_drive_robust.store.record_files import read_episode
-
     for folder in folders:
         log = find_log(folder, record.save_name)
         path = None if log is None else log.with_name(EPISODE_FILE)
@@ -137,6 +135,4 @@ def _logged(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
 
 
 def _empty() -> Trace:
-    import numpy as np
-
     return Trace(np.zeros((0, len(Trace.COLUMNS))))

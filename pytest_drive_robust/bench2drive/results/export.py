@@ -15,6 +15,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pytest_drive_robust.bench2drive.results.ability_map import MAPS_FOLDER, TOWNS, map_text, routes_text
 from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_FILE
 from pytest_drive_robust.bench2drive.results.motion_log import FILE_NAME, log_text
@@ -23,6 +25,7 @@ from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of, results_document
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["CARLA_FOLDER", "Exported", "export_run"]
@@ -91,9 +94,7 @@ def _require_free(folder: Path) -> None:
 
 
 def _episode(fields: object, find: Find, *, where: str) -> EpisodeResult:
-    """The stored episode where there is one with the same ticks, else what the document tells."""
-    import numpy as np
-
+    """Return the stored episode where there is one with the same ticks, else what the document tells."""
     if not isinstance(fields, dict):
         raise UsageError(f"{where} is damaged: expected an object.")
     told = episode_from_fields(fields, Trace(np.zeros((0, len(Trace.COLUMNS)))), where=where)
@@ -121,8 +122,6 @@ def _require_exportable(results: list[EpisodeResult]) -> None:
 
 
 def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str], stamp: str) -> Exported:
-    from pytest_drive_robust.store.record_files import write_episode
-
     folder.mkdir(parents=True)
     records, logs = [], 0
     for index, result in enumerate(results):
@@ -143,7 +142,7 @@ def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str],
 
 
 def _folder_names(keys: list[tuple[str, str, int]]) -> dict[tuple[str, str, int], tuple[str, str, str]]:
-    """`agent/setting/seed0`, with a number where two would be written alike."""
+    """Return `agent/setting/seed0`, with a number where two would be written alike."""
     taken: set[tuple[str, str, str]] = set()
     names = {}
     for agent, setting, seed in keys:

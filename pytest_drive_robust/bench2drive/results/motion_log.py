@@ -9,21 +9,18 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
+from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.result import Trace
-    from pytest_drive_robust.metrics.comfort import Motion
-
-    Floats = NDArray[np.float64]
+from pytest_drive_robust.metrics.comfort import Motion
 
 __all__ = ["FILE_NAME", "TICK_S", "Log", "find_log", "log_text", "motion_from", "read_log", "trace_from"]
+
+Floats = NDArray[np.float64]
 
 FILE_NAME = "metric_info.json"
 TICK_S = 0.05
@@ -63,9 +60,7 @@ class Log:
 
 
 def read_log(path: Path) -> Log:
-    """The log in a file. Raises `UsageError` for a damaged one."""
-    import numpy as np
-
+    """Return the log in a file. Raises `UsageError` for a damaged one."""
     document = read_json(path)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)} is no log of motion: expected an object with one entry for each step.")
@@ -81,11 +76,7 @@ def read_log(path: Path) -> Log:
 
 
 def motion_from(rows: Floats, dt_s: float) -> Motion:
-    """The planar signals that comfort is made of, by the official projections."""
-    import numpy as np
-
-    from pytest_drive_robust.metrics.comfort import Motion
-
+    """Return the planar signals that comfort is made of, by the official projections."""
     acceleration, forward, right, place = rows[:, 0:2], rows[:, 6:8], rows[:, 9:11], rows[:, 12:14]
     moved_m = np.hypot(*np.diff(place, axis=0).T) if len(rows) > 1 else np.zeros(0)
     return Motion(
@@ -99,11 +90,7 @@ def motion_from(rows: Floats, dt_s: float) -> Motion:
 
 
 def trace_from(log: Log) -> Trace:
-    """As much of a trace as the log tells: controls and progress are 0."""
-    import numpy as np
-
-    from pytest_drive_robust.domain.result import Trace
-
+    """Return as much of a trace as the log tells: controls and progress are 0."""
     rows = log.in_order
     motion = motion_from(rows, log.dt_s)
     columns = np.zeros((len(rows), len(Trace.COLUMNS)))
@@ -116,9 +103,7 @@ def trace_from(log: Log) -> Trace:
 
 
 def log_text(trace: Trace) -> str:
-    """The log of a trace. The official tools get the planar signals back to the last bits of a double."""
-    import numpy as np
-
+    """Return the log of a trace. The official tools get the planar signals back to the last bits of a double."""
     yaw = trace.column("yaw_rad")
     cos, sin, flat = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))
     forward, right = trace.column("forward_mps2"), trace.column("right_mps2")

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.cache_key.code import SESSION
+from pytest_drive_robust.runner.cache_key.object_code import SESSION
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
@@ -48,7 +48,7 @@ _LEFT_AT_HOME = (
 _CHECK = "from pytest_drive_robust.engine.ray.packages import main; main()"
 _CHECK_S = 300.0
 _SESSION = "PYTEST_XDIST_TESTRUNUID"
-"""What `runner.cache_key.code.SESSION` is read from."""
+"""What `runner.cache_key.object_code.SESSION` is read from."""
 _MARK = b"\ncontents "
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.lockstep.crew import Crew
-from pytest_drive_robust.engine.messages import ALONE, DRIVE, REFUSED, RESULT, SALVAGE, VET, refusal_bytes
+from pytest_drive_robust.engine.lockstep.handler import LockstepHandler
+from pytest_drive_robust.engine.messages import ALONE, CHECK, DRIVE, REFUSED, RESULT, SALVAGE, refusal_bytes
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
@@ -19,7 +19,7 @@ from pytest_drive_robust.runner.episode.generators import seed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.episode.make_agent import make_agent
-from pytest_drive_robust.runner.episode.rescore import Wreck, bare_result, drive_again
+from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result, drive_again
 from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
@@ -45,15 +45,15 @@ class RequestHandler:
     _simulator: Simulator | None = None
     _agents: dict[str, tuple[Agent, Mapping[str, Any]]] = field(default_factory=dict)
     _start: Mapping[str, Any] = field(default_factory=read_process_state)
-    crew: Crew = field(init=False)
+    lockstep: LockstepHandler = field(init=False)
 
     def __post_init__(self) -> None:
-        self.crew = Crew(self.worker_setup, self.registry, self.state, self.descriptor)
+        self.lockstep = LockstepHandler(self.worker_setup, self.registry, self.state, self.descriptor)
         self._does: dict[bytes, Callable[..., EpisodeResult]] = {
             DRIVE: self._drive,
             SALVAGE: self._salvage,
-            VET: self.crew.vet,
-            ALONE: self.crew.drive_alone,
+            CHECK: self.lockstep.check,
+            ALONE: self.lockstep.drive_alone,
         }
 
     def answer(self, message: Message) -> tuple[bytes, bytes]:
@@ -75,7 +75,7 @@ class RequestHandler:
     def close(self) -> None:
         """Free the world and the agents."""
         self._agents.clear()
-        self.crew.close()
+        self.lockstep.close()
         if self._simulator is not None:
             self._simulator.close()
             self._simulator = None
@@ -109,10 +109,10 @@ class RequestHandler:
             self.close()
         return with_machine(result, own)
 
-    def _salvage(self, request: PickledRequest, wreck: Wreck) -> EpisodeResult:
+    def _salvage(self, request: PickledRequest, recorded: RecordedControls) -> EpisodeResult:
         simulator, setting = self._opened_simulator(), request.read_setting(self.registry)
         self.state.enter(Phase.SIM, 0)
-        result = drive_again(simulator, wreck, route=request.route, setting=setting, episode=request.episode)
+        result = drive_again(simulator, recorded, route=request.route, setting=setting, episode=request.episode)
         return with_machine(result, None)
 
     def _opened_simulator(self) -> Simulator:

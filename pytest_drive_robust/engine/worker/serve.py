@@ -9,7 +9,6 @@ import sys
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.lockstep.together import drive_together
 from pytest_drive_robust.engine.messages import TOGETHER, Message, answer_bytes, receive, send
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
@@ -62,7 +61,7 @@ def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, r
             return
         _tell_faults(faults)
         if request.kind == TOGETHER:
-            drive_together(handler.crew, request, connection, answer)
+            handler.lockstep.drive_together(request, connection, answer)
         else:
             answer(request.token, *handler.answer(request))
 

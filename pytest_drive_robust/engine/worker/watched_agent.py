@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.shared_state import SharedState
-from pytest_drive_robust.runner.episode.rescore import Rig
+from pytest_drive_robust.runner.episode.rescore import AgentRig
 
 __all__ = ["CUT_OFF", "WatchedAgent", "call_contained"]
 
@@ -50,7 +50,7 @@ class WatchedAgent:
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Keep the rig, which the loop has checked by now, and reset the agent."""
         consumes = tuple(sorted(consumed_signals(self._agent)))
-        self._state.equip(Rig(tuple(self._cameras), consumes, is_privileged(self._agent)))
+        self._state.equip(AgentRig(tuple(self._cameras), consumes, is_privileged(self._agent)))
         call_contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:

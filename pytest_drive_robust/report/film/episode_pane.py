@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
     from pytest_drive_robust.report.film.story import StoryEvent
     from pytest_drive_robust.report.film.top_view import GroundPicture
-    from pytest_drive_robust.runner.replay.tape import Moment, Tape
+    from pytest_drive_robust.runner.replay.tape import Tape, TapeTick
 
 __all__ = ["EpisodePane"]
 
@@ -82,7 +82,7 @@ class EpisodePane:
         text(picture, self.title, (self.left + 10, 55), size=0.7, bold=True, colour=BACKGROUND, within=430)
         text(picture, _score(self.tape), (self.left + 630, 55), size=0.7, bold=True, colour=BACKGROUND, align="right")
 
-    def _camera(self, picture: Pixels, at: int, moment: Moment) -> None:
+    def _camera(self, picture: Pixels, at: int, moment: TapeTick) -> None:
         box = self.camera_box
         fill(picture, box, PANEL)
         images = self.tape.images(at)
@@ -101,7 +101,7 @@ class EpisodePane:
             width = box.width // len(others)
             _fit(picture, images[name][0], Rectangle(box.x + number * width, box.bottom - thumb_px, width, thumb_px))
         if moment.real is not None:
-            self._age(picture, moment.frame.tick - images[main][1])
+            self._age(picture, moment.state.tick - images[main][1])
 
     def _age(self, picture: Pixels, ticks: int) -> None:
         """Say it when the picture is old and something else was there; a slow camera is no failure."""
@@ -113,14 +113,14 @@ class EpisodePane:
         words = f"THIS PICTURE IS {ticks * self.tape.result.dt_s:.2f} s OLD"
         text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
 
-    def _numbers(self, picture: Pixels, moment: Moment) -> None:
+    def _numbers(self, picture: Pixels, moment: TapeTick) -> None:
         """Speed in large figures; beside it what the agent asks and what the car gets."""
         x, y = self.left + 8, self.camera_box.bottom
-        speed = f"{moment.frame.ego.speed_mps * 3.6:.0f}"
+        speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"
         text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
         text(picture, "km/h", (x + 60, y + 37), size=0.5, colour=DIM)
         given = moment.speed_mps
-        if given is not None and abs(given - moment.frame.ego.speed_mps) > 0.3:
+        if given is not None and abs(given - moment.state.ego.speed_mps) > 0.3:
             text(picture, f"told {given * 3.6:.0f} km/h", (x + 4, y + 56), size=0.45, colour=WRONG, within=104)
         _pedals(picture, Rectangle(x + 114, y + 8, 278, 20), "agent asks", moment.asked)
         _pedals(picture, Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)

@@ -98,7 +98,7 @@ class Film:
         if pane is clean:
             return None
         moments = clean.tape.moments
-        return moments[min(position, len(moments) - 1)].frame.ego
+        return moments[min(position, len(moments) - 1)].state.ego
 
     def _banner(self, picture: Pixels, position: int) -> None:
         """A flag across both scenes at the first divergence."""

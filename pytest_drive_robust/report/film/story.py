@@ -100,7 +100,7 @@ def _skimmed(tapes: tuple[Tape, ...], busy: set[int]) -> frozenset[int]:
     stood = 0
     for position in range(max(len(tape.moments) for tape in tapes)):
         moving = any(
-            position < len(tape.moments) and tape.moments[position].frame.ego.speed_mps > _STILL_MPS for tape in tapes
+            position < len(tape.moments) and tape.moments[position].state.ego.speed_mps > _STILL_MPS for tape in tapes
         )
         stood = 0 if moving or position in busy else stood + 1
         if stood > patience:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import PlannedPath
     from pytest_drive_robust.domain.truth import EgoState, LaneMap
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.runner.replay.tape import Moment
+    from pytest_drive_robust.runner.replay.tape import TapeTick
 
     Floats = NDArray[np.float64]
 
@@ -60,11 +60,11 @@ _COLOURS: dict[ActorKind, Colour] = {
 _VEHICLE: Colour = (222, 222, 226)
 
 
-def is_misplaced(moment: Moment) -> bool:
+def is_misplaced(moment: TapeTick) -> bool:
     """True when the agent was told a place that is not the ego's."""
     if moment.gps is None:
         return False
-    ego = moment.frame.ego
+    ego = moment.state.ego
     return math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > _MISPLACED_M
 
 
@@ -97,7 +97,7 @@ class TopView:
         self,
         picture: Pixels,
         ground: GroundPicture,
-        moment: Moment,
+        moment: TapeTick,
         *,
         colour: Colour,
         twin: EgoState | None = None,
@@ -107,7 +107,7 @@ class TopView:
 
         `marks` are places of infractions in metres.
         """
-        frame = moment.frame
+        frame = moment.state
         turn = self._turn(frame.ego)
         canvas = self._warped(ground, turn)
         _path(canvas, turn, ground.route, ROUTE, 2)

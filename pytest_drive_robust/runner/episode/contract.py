@@ -36,9 +36,9 @@ _CALLERS = (
 
 
 def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
-    """The agent's rig, checked: distinct names, sizes 1..4096 px, fov 1..179 degrees, rates that divide `1 / dt_s`.
+    """Return the agent's rig, checked.
 
-    Raises `AgentError`.
+    Names are distinct, sizes 1..4096 px, fields of view 1..179 degrees, rates divide `1 / dt_s`. Raises `AgentError`.
     """
     with _blamed("sensors"):
         cameras: object = agent.sensors()
@@ -56,7 +56,7 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
 
 
 def agent_consumes(agent: Agent) -> tuple[str, ...]:
-    """The signals that the agent declares to use, sorted. Raises `AgentError`."""
+    """Return the signals that the agent declares to use, sorted. Raises `AgentError`."""
     with _blamed("consumes"):
         return tuple(sorted(consumed_signals(agent)))
 
@@ -68,7 +68,7 @@ def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
 
 
 def agent_act(agent: Agent, observation: Observation) -> Control:
-    """One control in plain floats, within its ranges. Raises `AgentError`."""
+    """Return one control in plain floats, within its ranges. Raises `AgentError`."""
     try:  # spelled out, not `_blamed`: this is called in every tick
         control: object = agent.act(observation)
     except (Exception, SystemExit) as error:
@@ -77,7 +77,7 @@ def agent_act(agent: Agent, observation: Observation) -> Control:
 
 
 def agent_act_batch(agents: Sequence[Agent], observations: Sequence[Observation]) -> list[Control | AgentError]:
-    """One answer for each agent: its control in plain floats, or what is wrong with it.
+    """Return one answer for each agent: its control in plain floats, or what is wrong with it.
 
     Raises `AgentError` where no agent can be blamed alone: there is no `act_batch`, it raised, or gave no such list.
     """
@@ -113,13 +113,13 @@ def _checked(control: object, call: str) -> Control:
 
 
 def blame(call: str, error: BaseException, verb: str = "raised") -> str:
-    """`"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
+    """Return a sentence such as `"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
     last_line = traceback.format_exception_only(type(error), error)[-1].strip()
     return f"{call} {verb} {_cut(last_line)}{_place(error)}"
 
 
 def _shown(value: object) -> str:
-    """What an agent gave, as text: whatever it is, showing it is not our fault."""
+    """Return what an agent gave as text, also where its `__repr__` raises."""
     try:
         return _cut(repr(value))
     except Exception as error:
@@ -141,7 +141,7 @@ def _blamed(call: str) -> Iterator[None]:
 
 
 def _place(error: BaseException) -> str:
-    """The deepest line of the package that was called first: where its author would look."""
+    """Return the deepest line of the package that was called first: where its author would look."""
     frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_ours(frame)]
     if not frames:
         return ""

@@ -1,6 +1,6 @@
 """The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`.
 
-`Drive` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
+`RunningEpisode` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
 (`runner.lockstep.lockstep`).
 """
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     OnTick = Callable[[int, WorldState, Observation, Control], object]
 
-__all__ = ["Drive", "Watch", "drive_episode", "private_truth"]
+__all__ = ["RunningEpisode", "Watch", "drive_episode", "private_truth", "tell_phase"]
 
 _Given = TypeVar("_Given")
 _OUTCOMES = {
@@ -43,14 +43,14 @@ _OUTCOMES = {
 
 
 class Watch(Protocol):
-    """Who wants to know at any moment whose code runs, so that a death or a hang is blamed on the right one.
+    """Is told at any moment whose code runs, so that a death or a hang is blamed on the right one.
 
     The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
-    (everything else: the world, the perturbations, the books).
+    (everything else: the world, the perturbations, the recorder).
     """
 
     def phase(self, name: str, tick: int) -> None:
-        """From now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
+        """Note that from now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
         ...
 
 
@@ -73,24 +73,24 @@ def drive_episode(
 
     While the warm-up of the setting lasts the vehicle gets `Control.NEUTRAL`, whatever the agent says.
 
-    `on_tick(tick, frame, observation, control)` is called after every tick with the world at the moment of the
+    `on_tick(tick, state, observation, control)` is called after every tick with the world at the moment of the
     observation, the observation as perturbed (not the agent's own copy of it), and the control that the vehicle got.
     `watch` is told whose code runs; what it raises counts as a fault of the simulation.
     """
-    drive = Drive(simulator, agent, route, setting, seed, watch=watch)
-    drive.attempt(drive.start)
-    while not drive.over:
-        drive.attempt(drive.tick)
-        if on_tick is not None and drive.moment is not None:
-            on_tick(*drive.moment)
-    return drive.result(Episode(agent_name, route.id, str(setting), seed))
+    running = RunningEpisode(simulator, agent, route, setting, seed, watch=watch)
+    running.attempt(running.start)
+    while not running.over:
+        running.attempt(running.tick)
+        if on_tick is not None and running.last_tick is not None:
+            on_tick(*running.last_tick)
+    return running.result(Episode(agent_name, route.id, str(setting), seed))
 
 
-class Drive:
+class RunningEpisode:
     """An episode under way: whose fault its end is, and what was recorded until then.
 
-    `start`, then as long as it is not `over`: `sense`, the agent's `act` when there is something to see, `advance`;
-    `tick` is these three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
+    `start`, then as long as it is not `over`: `sense`, `ask` when there is something to see, `advance`; `tick` is these
+    three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
     """
 
     def __init__(
@@ -115,10 +115,10 @@ class Drive:
         self.recorder = Recorder()
         self.witness = Witness()
         self.crash: AgentError | SimulationError | None = None
-        self.moment: tuple[int, WorldState, Observation, Control] | None = None
+        self.last_tick: tuple[int, WorldState, Observation, Control] | None = None
         self.stack: RunningStack | None = None
         self._watch = watch
-        self._frame: WorldState | None = None
+        self._state: WorldState | None = None
         self._seen: Observation | None = None
         self._done = False
 
@@ -128,8 +128,8 @@ class Drive:
         return self._done or self.crash is not None
 
     def attempt(self, action: Callable[[], _Given]) -> _Given | None:
-        """Do one thing and give what it gives; when it fails, remember whose fault it is and give None."""
-        self.moment = None
+        """Return what `action` returns; when it raises, keep whose fault it is and return None."""
+        self.last_tick = None
         try:
             return action()
         except AgentError as error:
@@ -141,13 +141,13 @@ class Drive:
         return None
 
     def start(self) -> None:
-        """Build the world, then wake up the agent and the perturbations."""
+        """Build the world, then reset the agent and the perturbations."""
         self._enter("reset")
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
         self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
         self._enter("sim")
-        self._frame = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
+        self._state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
         self.plan = self.simulator.plan()
         self._enter("reset")
         agent_reset(self.agent, self.plan, self.seed)
@@ -164,15 +164,10 @@ class Drive:
         if given is None:
             self.advance(None, 0.0)
             return
-        self._enter("act")
-        asked_s = time.perf_counter()
-        control = agent_act(self.agent, given)
-        inference_s = time.perf_counter() - asked_s
-        self._enter("sim")
-        self.advance(control, inference_s)
+        self.advance(*self.ask(given))
 
     def sense(self) -> Observation | None:
-        """What the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
+        """Return what the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self.simulator.observe()
@@ -185,10 +180,19 @@ class Drive:
             return replace(given, truth=private_truth(self.simulator.truth()))
         return given if given.truth is None else replace(given, truth=None)
 
+    def ask(self, given: Observation) -> tuple[Control, float]:
+        """Return the agent's answer to what `sense` gave it, and the seconds that it took."""
+        self._enter("act")
+        asked_s = time.perf_counter()
+        control = agent_act(self.agent, given)
+        inference_s = time.perf_counter() - asked_s
+        self._enter("sim")
+        return control, inference_s
+
     def advance(self, control: Control | None, inference_s: float) -> None:
         """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
-        tick, frame, stack, observation = self.recorder.ticks, self._frame, self.stack, self._seen
-        assert frame is not None  # start() and sense() came before
+        tick, state, stack, observation = self.recorder.ticks, self._state, self.stack, self._seen
+        assert state is not None  # start() and sense() came before
         assert stack is not None
         assert observation is not None
         applied = stack.actuate(tick, control, inference_s)
@@ -198,19 +202,19 @@ class Drive:
             applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
         else:
             self.witness.applied(tick, control, applied)
-        self._frame = self.simulator.step(applied)
-        self.recorder.add(self._frame.ego, applied, self.simulator.progress_m)
-        self.moment = (tick, frame, observation, applied)
+        self._state = self.simulator.step(applied)
+        self.recorder.add(self._state.ego, applied, self.simulator.progress_m)
+        self.last_tick = (tick, state, observation, applied)
         self._done = self.simulator.done is not None
 
     def result(self, episode: Episode) -> EpisodeResult:
-        """Close the books. A world that cannot even report its score makes the episode an `infra_error`."""
+        """Return what came of the episode. A world that cannot report its score makes it an `infra_error`."""
         score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
         try:
             self._enter("sim")
-            if self._frame is not None and not isinstance(self.crash, SimulationError):
+            if self._state is not None and not isinstance(self.crash, SimulationError):
                 score = self.simulator.score()
             schedule = self.stack.schedule() if self.stack is not None else ()
             versions = dict(self.simulator.versions())
@@ -241,8 +245,7 @@ class Drive:
         )
 
     def _enter(self, phase: str) -> None:
-        if self._watch is not None:
-            self._watch.phase(phase, self.recorder.ticks)
+        tell_phase(self._watch, phase, self.recorder.ticks)
 
     def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
@@ -252,7 +255,13 @@ class Drive:
         return score.end, score.end_detail
 
 
+def tell_phase(watch: Watch | None, phase: str, tick: int) -> None:
+    """Tell `watch`, where there is one, whose code runs from now on."""
+    if watch is not None:
+        watch.phase(phase, tick)
+
+
 def private_truth(truth: GroundTruth) -> GroundTruth:
-    """The truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
+    """Return the truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
     frame = replace(truth.frame, actors=truth.frame.actors.copy(), lights=truth.frame.lights.copy())
     return replace(truth, frame=frame, route=truth.route.copy())

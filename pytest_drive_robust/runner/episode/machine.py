@@ -29,12 +29,12 @@ because their number changes the bits of a product."""
 
 
 def with_machine(result: EpisodeResult, agent: object) -> EpisodeResult:
-    """The result with the digests of this machine among its versions. `agent` is who drove."""
+    """Return the result with the digests of this machine among its versions. `agent` is who drove."""
     return replace(result, versions={**result.versions, **machine_facts(agent)})
 
 
 def machine_facts(agent: object = None) -> Mapping[str, str]:
-    """12 hex digits of what numpy and the C library compute here, and of what torch does when the agent holds any.
+    """Return 12 hex digits of what numpy and the C library compute here, and of torch when the agent holds any of it.
 
     Nothing is imported for it but numpy: an agent that holds something of torch has imported it. What other agents
     imported does not matter, so that an episode gets the same entries in every process and order.
@@ -97,7 +97,7 @@ def _digest(pieces: Iterable[bytes]) -> str:
 
 
 def _holds_torch(agent: object) -> bool:
-    """Whether the agent, what it keeps, or the module that it is written in, has something of torch."""
+    """Return whether the agent, what it keeps, or the module that it is written in, has something of torch."""
     module = sys.modules.get(type(agent).__module__)
     kept = (*getattr(agent, "__dict__", {}).values(), *getattr(module, "__dict__", {}).values())
     return _is_torch(agent) or any(map(_is_torch, kept))

@@ -28,7 +28,7 @@ class Recorder:
         self._rows: NDArray[np.float64] = np.empty((_FIRST_CAPACITY, len(Trace.COLUMNS)))
 
     def add(self, ego: EgoState, control: Control, progress_m: float) -> None:
-        """The state at the end of a tick and the control that led to it."""
+        """Add the state at the end of a tick and the control that led to it."""
         if self.ticks == len(self._rows):
             self._grow()
         self._rows[self.ticks] = (
@@ -47,7 +47,7 @@ class Recorder:
         self.ticks += 1
 
     def trace(self) -> Trace:
-        """What was recorded so far, in memory of its own."""
+        """Return what was recorded so far, in memory of its own."""
         return Trace(self._rows[: self.ticks].copy())
 
     def _grow(self) -> None:

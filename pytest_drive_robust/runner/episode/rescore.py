@@ -12,6 +12,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.episode.loop import drive_episode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["ROW_FIELDS", "Rig", "Wreck", "bare_result", "drive_again"]
+__all__ = ["ROW_FIELDS", "AgentRig", "RecordedControls", "bare_result", "drive_again"]
 
 ROW_FIELDS = 9
 """A row a tick: throttle, steer, brake as asked (NaN: not asked), the same as applied, x, y, speed before the tick."""
@@ -30,7 +31,7 @@ _POSE = slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True)
-class Rig:
+class AgentRig:
     """What is known of an agent that can no longer be asked."""
 
     cameras: tuple[CameraSpec, ...] = ()
@@ -39,29 +40,30 @@ class Rig:
 
 
 @dataclass(frozen=True, slots=True)
-class Wreck:
-    """What is left of an episode: the rig (None: it never came to that) and the rows of every tick (see `ROW_FIELDS`).
+class RecordedControls:
+    """What is known of an episode whose process ended.
 
+    `rig` is None when it never came to that; `rows` are those of every tick (see `ROW_FIELDS`).
     `call` is where the agent was lost: `"sensors"`, `"reset"` or `"act"`.
     """
 
-    rig: Rig | None
+    rig: AgentRig | None
     rows: NDArray[np.float64]
     call: str
 
 
 def drive_again(
-    simulator: Simulator, wreck: Wreck, *, route: Route, setting: Setting, episode: Episode
+    simulator: Simulator, recorded: RecordedControls, *, route: Route, setting: Setting, episode: Episode
 ) -> EpisodeResult:
-    """The episode up to where the agent was lost, as if the agent had raised there.
+    """Drive the episode up to where the agent was lost, as if the agent had raised there.
 
     First what the agent asked for is driven through the setting, which gives the schedule too. Where that leads
     elsewhere, because the wall clock decided what the setting did, what the vehicle got is driven in a clean world.
     """
-    through = _ghost_drive(simulator, wreck, route, setting, episode.seed, as_applied=False)
-    if _same_way(through, wreck):
+    through = _drive_recorded(simulator, recorded, route, setting, episode.seed, as_applied=False)
+    if _same_way(through, recorded):
         return replace(through, episode=episode)
-    direct = _ghost_drive(simulator, wreck, route, Setting.CLEAN, episode.seed, as_applied=True)
+    direct = _drive_recorded(simulator, recorded, route, Setting.CLEAN, episode.seed, as_applied=True)
     if direct.outcome is Outcome.INFRA_ERROR:
         direct = through
     return replace(direct, episode=episode, schedule=through.schedule, reception=through.reception)
@@ -70,7 +72,7 @@ def drive_again(
 def bare_result(
     route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str, dt_s: float = 0.05
 ) -> EpisodeResult:
-    """The result of an episode of which nothing but its end is known."""
+    """Return the result of an episode of which nothing but its end is known."""
     import numpy as np
 
     return EpisodeResult(
@@ -94,14 +96,14 @@ class _LostError(Exception):
     """Where the recording ends."""
 
 
-class _Ghost:
+class _ReplayedAgent:
     """Gives the recorded controls, then raises where the agent was lost."""
 
-    def __init__(self, wreck: Wreck, controls: Sequence[Control]) -> None:
-        rig = wreck.rig or Rig()
-        self.privileged = False  # the truth would be copied every tick, for nobody
+    def __init__(self, recorded: RecordedControls, controls: Sequence[Control]) -> None:
+        rig = recorded.rig or AgentRig()
+        self.privileged = False  # nobody reads the truth, which would be copied in every tick
         self.consumes = frozenset(rig.consumes)
-        self._wreck = wreck
+        self._wreck = recorded
         self._cameras = rig.cameras
         self._controls = iter(controls)
 
@@ -121,25 +123,23 @@ class _Ghost:
         return control
 
 
-def _ghost_drive(
-    simulator: Simulator, wreck: Wreck, route: Route, setting: Setting, seed: int, *, as_applied: bool
+def _drive_recorded(
+    simulator: Simulator, recorded: RecordedControls, route: Route, setting: Setting, seed: int, *, as_applied: bool
 ) -> EpisodeResult:
-    from pytest_drive_robust.runner.episode.loop import drive_episode
-
-    rows = wreck.rows[:, _APPLIED if as_applied else _ASKED]
+    rows = recorded.rows[:, _APPLIED if as_applied else _ASKED]
     controls = [Control(*row) for row in rows.tolist() if row[0] == row[0]]  # NaN is not itself
     result = drive_episode(
-        simulator, _Ghost(wreck, controls), route=route, setting=setting, seed=seed, agent_name="nobody"
+        simulator, _ReplayedAgent(recorded, controls), route=route, setting=setting, seed=seed, agent_name="nobody"
     )
-    return replace(result, privileged=wreck.rig is not None and wreck.rig.privileged)
+    return replace(result, privileged=recorded.rig is not None and recorded.rig.privileged)
 
 
-def _same_way(result: EpisodeResult, wreck: Wreck) -> bool:
-    """Whether the world went the recorded way: the pose after each tick is the pose before the next."""
+def _same_way(result: EpisodeResult, recorded: RecordedControls) -> bool:
+    """Return whether the world went the recorded way: the pose after each tick is the pose before the next."""
     names = ("x_m", "y_m", "speed_mps")
-    if result.outcome is Outcome.INFRA_ERROR or result.ticks != len(wreck.rows):
+    if result.outcome is Outcome.INFRA_ERROR or result.ticks != len(recorded.rows):
         return False
     return all(
-        bool((result.trace.column(name)[:-1] == wreck.rows[1:, _POSE][:, number]).all())
+        bool((result.trace.column(name)[:-1] == recorded.rows[1:, _POSE][:, number]).all())
         for number, name in enumerate(names)
     )

@@ -36,7 +36,7 @@ class Witness:
         self._told = array("f")
 
     def seen(self, captured: Observation, given: Observation) -> None:
-        """The agent is `given` this in place of what the sensors `captured`."""
+        """Compare: the agent is `given` this in place of what the sensors `captured`."""
         self._observations += 1
         gps = given.gps
         self._told.extend((captured.tick, gps.x_m, gps.y_m, given.compass.heading_rad, given.speed.mps))
@@ -57,17 +57,17 @@ class Witness:
             self._compare_images(captured, given)
 
     def applied(self, tick: int, asked: Control | None, given: Control) -> None:
-        """The vehicle is `given` this; `asked` is what the agent gave in this tick, None when it was not asked."""
+        """Compare: the vehicle is `given` this; `asked` is the agent's answer, None when it was not asked."""
         if given is not asked and given != asked:
             self._touch(CONTROL, tick)
 
     def reception(self) -> Reception:
-        """What was seen so far."""
+        """Return what was seen so far."""
         touched = tuple(Touch(signal, count, self._firsts[signal]) for signal, count in self._counts.items())
         return Reception(self._cameras, self._consumes, self._observations, touched)
 
     def given(self) -> Given:
-        """What the agent was told so far, in memory of its own."""
+        """Return what the agent was told so far, in memory of its own."""
         import numpy as np
 
         width = len(Given.COLUMNS) + len(self._cameras)

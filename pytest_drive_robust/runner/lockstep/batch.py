@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
-from pytest_drive_robust.runner.episode.loop import private_truth
+from pytest_drive_robust.runner.episode.loop import private_truth, tell_phase
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.runner.episode.loop import Drive, Watch
+    from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
 
 __all__ = ["ROWS", "Batch", "own_copy"]
 
@@ -34,14 +34,14 @@ class Batch:
         self._width = width
         self._take_agent = take_agent
         self._watch = watch
-        self._crew: list[Agent] = []
-        self._follows: list[Drive | None] = []
+        self._stand_ins: list[Agent] = []
+        self._follows: list[RunningEpisode | None] = []
 
-    def ask(self, asked: Sequence[tuple[Drive, Observation]]) -> tuple[list[Control | AgentError], float]:
-        """An answer for each, and each one's share of the seconds that it took. Raises `AgentError` for all of them."""
+    def ask(self, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[list[Control | AgentError], float]:
+        """Return an answer for each, and each one's share of the seconds. Raises `AgentError` for all of them."""
         try:
             self._enter("reset", asked[0][0])
-            rows = [(drive.agent, given) for drive, given in asked]
+            rows = [(episode.agent, given) for episode, given in asked]
             rows += [self._stand_in(number, asked) for number in range(self._width - len(asked))]
             agents, observations = tuple(agent for agent, _ in rows), tuple(given for _, given in rows)
             self._enter("act", asked[0][0])
@@ -49,35 +49,34 @@ class Batch:
             answers = agent_act_batch(agents, observations)
             inference_s = time.perf_counter() - started_s
         except AgentError:
-            self._crew, self._follows = [], []  # in any state: not to be used again
+            self._stand_ins, self._follows = [], []  # in any state: not to be used again
             raise
         finally:
             self._enter("sim", asked[0][0])
         return answers[: len(asked)], inference_s / len(asked)
 
-    def dismiss(self) -> list[Agent]:
-        """The agent objects that stood in, for other uses."""
-        crew, self._crew, self._follows = self._crew, [], []
-        return crew
+    def give_back(self) -> list[Agent]:
+        """Return the agent objects that stood in, for other uses."""
+        stand_ins, self._stand_ins, self._follows = self._stand_ins, [], []
+        return stand_ins
 
-    def _stand_in(self, number: int, asked: Sequence[tuple[Drive, Observation]]) -> tuple[Agent, Observation]:
-        if number == len(self._crew):
-            self._crew.append(self._take_agent())
+    def _stand_in(self, number: int, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[Agent, Observation]:
+        if number == len(self._stand_ins):
+            self._stand_ins.append(self._take_agent())
             self._follows.append(None)
-        agent, followed = self._crew[number], self._follows[number]
-        drive, given = next((pair for pair in asked if pair[0] is followed), asked[number % len(asked)])
-        if drive is not followed:
-            assert drive.plan is not None  # it has been started
-            agent_reset(agent, drive.plan, drive.seed)
-            self._follows[number] = drive
+        agent, followed = self._stand_ins[number], self._follows[number]
+        episode, given = next((pair for pair in asked if pair[0] is followed), asked[number % len(asked)])
+        if episode is not followed:
+            assert episode.plan is not None  # it has been started
+            agent_reset(agent, episode.plan, episode.seed)
+            self._follows[number] = episode
         return agent, own_copy(given)
 
-    def _enter(self, phase: str, drive: Drive) -> None:
-        if self._watch is not None:
-            self._watch.phase(phase, drive.recorder.ticks)
+    def _enter(self, phase: str, first: RunningEpisode) -> None:
+        tell_phase(self._watch, phase, first.recorder.ticks)
 
 
 def own_copy(observation: Observation) -> Observation:
-    """The same observation in memory that nobody else writes to."""
+    """Return the same observation in memory that nobody else writes to."""
     truth = observation.truth
     return replace(observation.private(), truth=None if truth is None else private_truth(truth))

@@ -1,4 +1,4 @@
-"""Does an agent's `act_batch` give the same bits in any company? Asked of the net at hand, on this very machine."""
+"""Checks that an agent's `act_batch` gives the same bits in any company, with its own network on this machine."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.runner.episode.contract import agent_act, agent_act_batch, agent_reset
-from pytest_drive_robust.runner.episode.loop import Drive
+from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
+from pytest_drive_robust.runner.episode.loop import RunningEpisode, tell_phase
 from pytest_drive_robust.runner.lockstep.batch import ROWS, own_copy
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.route import GlobalPlan
+    from pytest_drive_robust.runner.episode.loop import Watch
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
 
@@ -45,47 +46,61 @@ class Recording:
 
 
 def record(
-    world: Simulator, agent: Agent, request: EpisodeRequest, *, count: int = 8, every: int = 8
+    world: Simulator,
+    agent: Agent,
+    request: EpisodeRequest,
+    *,
+    count: int = 8,
+    every: int = 8,
+    watch: Watch | None = None,
 ) -> Recording | None:
     """Drive the beginning of `request` by the agent's own `act` and keep every so many-th observation, up to `count`.
 
-    None when the world, the agent or a perturbation broke before anything was seen.
+    None when the world, the agent or a perturbation broke before anything was seen. `watch` is told whose code runs.
     """
-    drive = Drive(world, agent, request.route, request.setting, request.episode.seed)
-    drive.attempt(drive.start)
+    running = RunningEpisode(world, agent, request.route, request.setting, request.episode.seed, watch=watch)
+    running.attempt(running.start)
     kept: list[Observation] = []
 
     def tick() -> None:
-        given = drive.sense()
-        if given is not None and drive.recorder.ticks >= every * len(kept):
+        given = running.sense()
+        if given is None:
+            running.advance(None, 0.0)
+            return
+        if running.recorder.ticks >= every * len(kept):
             kept.append(own_copy(given))
-        drive.advance(None if given is None else agent_act(agent, given), 0.0)
+        running.advance(running.ask(given)[0], 0.0)
 
-    while len(kept) < count and not drive.over:
-        drive.attempt(tick)
-    return Recording(drive.plan, drive.seed, tuple(kept)) if kept and drive.plan is not None else None
+    while len(kept) < count and not running.over:
+        running.attempt(tick)
+    return Recording(running.plan, running.seed, tuple(kept)) if kept and running.plan is not None else None
 
 
 def check_lockstep(
-    make_agent: Callable[[], Agent], recordings: Sequence[Recording], widths: Sequence[int] = (4, 8, 16)
+    make_agent: Callable[[], Agent],
+    recordings: Sequence[Recording],
+    widths: Sequence[int] = (4, 8, 16),
+    *,
+    watch: Watch | None = None,
 ) -> str | None:
-    """Why the agent must not be driven in lockstep, in one sentence, or None when nothing speaks against it.
+    """Return in one sentence why the agent must not be driven in lockstep, or None when nothing speaks against it.
 
     The same observations are given in batches of all `widths`, at other places and among other neighbours; every
-    control must agree to the last bit. Raises `ValueError` without recordings and for widths that are no multiples of
-    four.
+    control must agree to the last bit. `watch` is told whose code runs.
+
+    Raises `ValueError` without recordings and for widths that are no multiples of four.
     """
     if not recordings or any(width < ROWS or width % ROWS for width in widths):
         raise ValueError(f"expected recordings and widths that are multiples of {ROWS}, got widths {tuple(widths)}")
     streams = [stream for recording in recordings for stream in (recording, recording.backwards)]
-    crew = [make_agent() for _ in range(max(widths))]
-    if not offers_lockstep(crew[0]):
-        return f"{type(crew[0]).__name__} has no act_batch."
+    agents = [make_agent() for _ in range(max(widths))]
+    if not offers_lockstep(agents[0]):
+        return f"{type(agents[0]).__name__} has no act_batch."
     first: dict[tuple[int, int], tuple[Control, str]] = {}
     try:
         for width in widths:
             for seating in _seatings(width, len(streams)):
-                for place, stream, moment, control in _answers(crew[:width], seating, streams):
+                for place, stream, moment, control in _answers(agents[:width], seating, streams, watch):
                     where = f"at place {place} of {width}"
                     known, there = first.setdefault((stream, moment), (control, where))
                     if repr(known) != repr(control):  # repr tells floats apart to the bit, and -0.0 from 0.0
@@ -97,22 +112,26 @@ def check_lockstep(
 
 
 def _seatings(width: int, streams: int) -> Iterator[list[int]]:
-    """Who sits where: all of them mixed; one alone among equals, last; the same one, second, among others."""
+    """Yield who has which place: all mixed; one alone among equals, last; the same one, second, among others."""
     yield list(islice(cycle(range(streams)), width))
     yield [1] * (width - 1) + [0]
     yield [streams - 1, 0] + [streams // 2] * (width - 2)
 
 
 def _answers(
-    crew: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording]
+    agents: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording], watch: Watch | None
 ) -> Iterator[tuple[int, int, int, Control]]:
-    """(place, stream, moment, control) of every row. Raises `AgentError`."""
+    """Yield (place, stream, moment, control) of every row. Raises `AgentError`."""
     rows = [streams[stream] for stream in seating]
-    for agent, row in zip(crew, rows, strict=True):
+    for agent, row in zip(agents, rows, strict=True):
+        tell_phase(watch, "reset", 0)
         agent_reset(agent, row.plan, row.seed)
     for moment in range(min(len(row.observations) for row in streams)):
         given = tuple(own_copy(row.observations[moment]) for row in rows)
-        for place, answer in enumerate(agent_act_batch(crew, given)):
+        tell_phase(watch, "act", moment)
+        answers = agent_act_batch(agents, given)
+        tell_phase(watch, "sim", moment)
+        for place, answer in enumerate(answers):
             if isinstance(answer, AgentError):
                 raise answer
             yield place, seating[place], moment, answer

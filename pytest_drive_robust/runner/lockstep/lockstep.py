@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.runner.episode.loop import Drive, drive_episode
+from pytest_drive_robust.runner.episode.loop import RunningEpisode, drive_episode
 from pytest_drive_robust.runner.lockstep.batch import ROWS, Batch
-from pytest_drive_robust.runner.lockstep.row import Row, measures_inference
+from pytest_drive_robust.runner.lockstep.episode import LockstepEpisode, measures_inference
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -87,13 +87,13 @@ class Lockstep:
         self._free_agents: list[Agent] = []
 
     def drive(self, requests: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
-        """Every request with its result as soon as it ends. `requests` is read when a place is free, and not before.
+        """Yield every request with its result as soon as it ends. `requests` is read when a place is free, not before.
 
         Never raises for what agent, world or perturbations do: see `drive_episode` for how that ends. When a whole
         batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
         """
         waiting = iter(requests)
-        live: list[Row] = []
+        live: list[LockstepEpisode] = []
         batch = self._batch()
         try:
             while True:
@@ -105,15 +105,15 @@ class Lockstep:
                 if not live:
                     return
                 broken = self._round(live, batch)
-                ended = [episode for episode in live if episode.drive.over]
+                ended = [episode for episode in live if episode.running.over]
                 live = [episode for episode in live if episode not in broken and episode not in ended]
-                self._free_worlds += [episode.drive.simulator for episode in broken]
+                self._free_worlds += [episode.running.simulator for episode in broken]
                 yield from [self._end(episode) for episode in ended]
                 for episode in broken:
                     yield self._drive_alone(episode.request)
         finally:  # also when the caller wants no more of them
-            self._free_agents += batch.dismiss()
-            self._free_worlds += [episode.drive.simulator for episode in live]
+            self._free_agents += batch.give_back()
+            self._free_worlds += [episode.running.simulator for episode in live]
 
     def close(self) -> None:
         """Close the worlds and drop the agents. Calling it twice does no harm."""
@@ -122,26 +122,26 @@ class Lockstep:
         for kept in (self._worlds, self._free_worlds, self._free_agents):
             kept.clear()
 
-    def _begin(self, request: EpisodeRequest) -> Row:
+    def _begin(self, request: EpisodeRequest) -> LockstepEpisode:
         self._check_agent(request)
         started_s = time.perf_counter()
         world, agent = self._take_world(), self._take_agent()
-        drive = Drive(world, agent, request.route, request.setting, request.episode.seed, watch=self._watch)
-        drive.attempt(drive.start)
-        return Row(request, drive, time.perf_counter() - started_s)
+        running = RunningEpisode(world, agent, request.route, request.setting, request.episode.seed, watch=self._watch)
+        running.attempt(running.start)
+        return LockstepEpisode(request, running, time.perf_counter() - started_s)
 
-    def _round(self, live: Sequence[Row], batch: Batch, *, alone: bool = False) -> list[Row]:
-        """One tick of every episode. Gives back those whose batch broke, nobody knows by whose fault."""
+    def _round(self, live: Sequence[LockstepEpisode], batch: Batch, *, alone: bool = False) -> list[LockstepEpisode]:
+        """Drive one tick of every episode. Return those whose batch broke, nobody knows by whose fault."""
         started_s = time.perf_counter()
         asked = [(episode, given) for episode in live if (given := episode.sense()) is not None]
-        broken: list[Row] = []
+        broken: list[LockstepEpisode] = []
         if asked:
             try:
-                answers, inference_s = batch.ask([(episode.drive, given) for episode, given in asked])
+                answers, inference_s = batch.ask([(episode.running, given) for episode, given in asked])
             except AgentError as error:
                 broken = [episode for episode, _ in asked]
                 if alone:
-                    broken.pop().drive.crash = error
+                    broken.pop().running.crash = error
             else:
                 for (episode, _), answer in zip(asked, answers, strict=True):
                     episode.answer(answer, inference_s)
@@ -151,37 +151,37 @@ class Lockstep:
             episode.share_s += share_s
         return broken
 
-    def _tell_ticks(self, live: Sequence[Row]) -> None:
+    def _tell_ticks(self, live: Sequence[LockstepEpisode]) -> None:
         if self._ticked is not None:
             self._ticked()
         if self._on_tick is not None:
-            for moment in [episode.drive.moment for episode in live]:
-                if moment is not None:
-                    self._on_tick(*moment)
+            for last_tick in [episode.running.last_tick for episode in live]:
+                if last_tick is not None:
+                    self._on_tick(*last_tick)
 
-    def _end(self, episode: Row) -> tuple[EpisodeRequest, EpisodeResult]:
-        result = episode.drive.result(episode.request.episode)
-        self._give_back(episode.drive.simulator, episode.drive.agent, result.outcome)
+    def _end(self, episode: LockstepEpisode) -> tuple[EpisodeRequest, EpisodeResult]:
+        result = episode.running.result(episode.request.episode)
+        self._give_back(episode.running.simulator, episode.running.agent, result.outcome)
         versions = {**result.versions, "lockstep": str(self.width)}
         return episode.request, replace(result, wall_s=episode.share_s, versions=versions)
 
     def _drive_alone(self, request: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
-        """From its start to its end in a batch whose other rows are twins of the episode."""
+        """Drive from start to end in a batch whose other rows follow the same episode."""
         batch, episode = self._batch(), self._begin(request)
-        while not episode.drive.over:
+        while not episode.running.over:
             self._round([episode], batch, alone=True)
-        self._free_agents += batch.dismiss()
+        self._free_agents += batch.give_back()
         return self._end(episode)
 
     def _drive_measured(self, request: EpisodeRequest) -> EpisodeResult:
         self._check_agent(request)
         world, agent, episode = self._take_world(), self._take_agent(), request.episode
 
-        def on_tick(tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
+        def on_tick(tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
             if self._ticked is not None:
                 self._ticked()
             if self._on_tick is not None:
-                self._on_tick(tick, frame, observation, applied)
+                self._on_tick(tick, state, observation, applied)
 
         result = drive_episode(
             world,
@@ -215,7 +215,7 @@ class Lockstep:
         return world
 
     def _give_back(self, world: Simulator, agent: Agent, outcome: Outcome) -> None:
-        """What raised in the middle of an episode may be in any state: it is not used again."""
+        """Keep what can be used again: what raised in the middle of an episode may be in any state."""
         if outcome is Outcome.INFRA_ERROR:
             self._worlds.remove(world)
             world.close()

@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.replay.tape import Moment, Picture, PictureFile, Tape, main_camera
+from pytest_drive_robust.runner.replay.tape import Picture, PictureFile, Tape, TapeTick, main_camera
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,13 +52,13 @@ def record_episode(
     world = _WatchedSimulator(simulator)
     driver = _WatchedAgent(agent, world)
     file = PictureFile()
-    moments: list[Moment] = []
+    moments: list[TapeTick] = []
 
-    def keep(tick: int, frame: WorldState, observation: Observation, applied: Control) -> None:
+    def keep(tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
         images = observation.cameras or world.view
         moments.append(
-            Moment(
-                frame=replace(frame, actors=frame.actors.copy(), lights=frame.lights.copy()),
+            TapeTick(
+                state=replace(state, actors=state.actors.copy(), lights=state.lights.copy()),
                 pictures=file.add(images),
                 real=world.unlike(observation, file),
                 gps=(observation.gps.x_m, observation.gps.y_m),
@@ -76,19 +76,19 @@ def record_episode(
             result = drive_episode(
                 world, driver, route=route, setting=setting, seed=seed, agent_name=agent_name, on_tick=keep
             )
-        if world.frame is None or world.start is None:
+        if world.state is None or world.start is None:
             raise SimulationError(f"{result.episode} has nothing to show: {result.end_detail}")
     except BaseException:
         file.close()
         raise
-    last = moments[-1] if moments else Moment(world.frame)
-    moments.append(replace(last, frame=world.frame, gps=None, speed_mps=None, asked=None, applied=None))
+    last = moments[-1] if moments else TapeTick(world.state)
+    moments.append(replace(last, state=world.state, gps=None, speed_mps=None, asked=None, applied=None))
     truth = world.start
     return Tape(result, tuple(moments), truth.lane_map, truth.route, file, world.has_view, driver.plan_problem)
 
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
-    """In which respect two drives of one episode differ first, as a clause; empty when they are the same bits."""
+    """Return a clause on where two drives of one episode differ first; empty when they are the same bits."""
     import numpy as np
 
     if driven.trace.digest == stored.trace.digest:
@@ -101,21 +101,21 @@ def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
 
 
 class _WatchedSimulator:
-    """The simulator, with an eye on the last frame and images, and a camera for people where the agent has none."""
+    """The simulator, with an eye on its last state and images, and a camera for people where the agent has none."""
 
     def __init__(self, inner: Simulator) -> None:
         self._inner = inner
         self.name, self.version, self.dt_s = inner.name, inner.version, inner.dt_s
-        self.frame: WorldState | None = None
+        self.state: WorldState | None = None
         self.start: GroundTruth | None = None
         self.view: Mapping[str, Image] = {}
         self.has_view = False
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         self.has_view = not cameras
-        self.frame = self._inner.reset(route, seed=seed, cameras=cameras or (_VIEW,))
+        self.state = self._inner.reset(route, seed=seed, cameras=cameras or (_VIEW,))
         self.start = self._inner.truth()
-        return self.frame
+        return self.state
 
     def plan(self) -> GlobalPlan:
         return self._inner.plan()
@@ -126,7 +126,7 @@ class _WatchedSimulator:
         return replace(observation, cameras={}) if self.has_view else observation
 
     def unlike(self, given: Observation, file: PictureFile) -> Picture | None:
-        """What the main camera really showed, kept in `file`, where the perturbations made something else of it."""
+        """Return what the main camera showed, kept in `file`, where the perturbations made something else of it."""
         if not given.cameras:
             return None
         name = main_camera(given.cameras)
@@ -139,8 +139,8 @@ class _WatchedSimulator:
         return self._inner.truth()
 
     def step(self, control: Control) -> WorldState:
-        self.frame = self._inner.step(control)
-        return self.frame
+        self.state = self._inner.step(control)
+        return self.state
 
     @property
     def done(self) -> End | None:
@@ -181,16 +181,16 @@ class _WatchedAgent:
         control = self._inner.act(observation)
         self.asked = control
         plan: Any = getattr(self._inner, "plan", None)
-        if callable(plan) and self._world.frame is not None and not self.plan_problem:
+        if callable(plan) and self._world.state is not None and not self.plan_problem:
             try:
-                self.planned = _in_world(plan(), self._world.frame.ego)
+                self.planned = _in_world(plan(), self._world.state.ego)
             except Exception as error:  # a broken overlay is no reason to lose the film, nor the episode
                 self.planned, self.plan_problem = None, blame("plan", error)
         return control
 
 
 def _in_world(plan: PlannedPath, ego: EgoState) -> PlannedPath:
-    """The plan with its points turned from the ego's frame into the world's. Raises `ValueError` for a bad point."""
+    """Return the plan with its points in the world instead of the ego's frame. Raises `ValueError` for a bad one."""
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
 
     def turned(points: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:

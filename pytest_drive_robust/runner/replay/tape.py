@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
-__all__ = ["Moment", "Picture", "PictureFile", "Tape", "main_camera"]
+__all__ = ["Picture", "PictureFile", "Tape", "TapeTick", "main_camera"]
 
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92
@@ -25,7 +25,7 @@ _IN_MEMORY_BYTES = 1 << 25
 
 
 def main_camera(names: Iterable[str]) -> str:
-    """The camera to show in large: the one named `front`, else the middle one. There must be one."""
+    """Return the camera to show in large: the one named `front`, else the middle one. There must be one."""
     listed = list(names)
     return "front" if "front" in listed else listed[len(listed) // 2]
 
@@ -41,7 +41,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TapeTick:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
     `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is what its main camera
@@ -50,7 +50,7 @@ class Moment:
     last moment of a tape is the end: nothing is asked or applied any more.
     """
 
-    frame: WorldState
+    state: WorldState
     pictures: tuple[Picture, ...] = ()
     real: Picture | None = None
     gps: tuple[float, float] | None = None
@@ -69,7 +69,7 @@ class Tape:
     """
 
     result: EpisodeResult
-    moments: tuple[Moment, ...]
+    moments: tuple[TapeTick, ...]
     lane_map: LaneMap
     route: NDArray[np.float64]
     file: PictureFile
@@ -77,11 +77,11 @@ class Tape:
     plan_problem: str = ""
 
     def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
-        """The pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
+        """Return the pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
         return {item.camera: (self.file.read(item), item.tick) for item in self.moments[position].pictures}
 
     def real(self, position: int) -> Pixels | None:
-        """What the main camera would have shown, where the agent was given something else."""
+        """Return what the main camera would have shown, where the agent was given something else."""
         picture = self.moments[position].real
         return None if picture is None else self.file.read(picture)
 
@@ -106,7 +106,7 @@ class PictureFile:
         return tuple(self._add(name, image) for name, image in images.items())
 
     def read(self, picture: Picture) -> Pixels:
-        """The pixels of a picture, RGB."""
+        """Return the pixels of a picture, RGB."""
         import cv2
         import numpy as np
 

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["Probe", "probe"]
+__all__ = ["RepeatedEpisode", "drive_twice"]
 
 
 @dataclass(frozen=True, slots=True)
-class Probe:
+class RepeatedEpisode:
     """Two drives of one clean episode."""
 
     first: EpisodeResult
@@ -66,9 +66,9 @@ class Probe:
         )
 
 
-def probe(
+def drive_twice(
     registry: Registry, *, agent: str, simulator: str, options: SimulatorOptions, route: Route, seed: int
-) -> Probe:
+) -> RepeatedEpisode:
     """Drive `route` twice under the clean setting, on one simulator as a run does, with an agent object for each.
 
     Raises `UsageError` when the agent or the simulator cannot be made.
@@ -78,7 +78,7 @@ def probe(
         first, second = (_drive_clean(world, registry, agent=agent, route=route, seed=seed) for _ in range(2))
     finally:
         world.close()
-    return Probe(first, second)
+    return RepeatedEpisode(first, second)
 
 
 def _drive_clean(world: Simulator, registry: Registry, *, agent: str, route: Route, seed: int) -> EpisodeResult:

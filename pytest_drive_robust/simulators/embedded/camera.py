@@ -74,7 +74,7 @@ class _Eye:
         return cls(spec, Canvas.of(width, height), ground, _NOT_WANTED)
 
     def wanted(self, names: Collection[str]) -> Passes:
-        """The arrays of the passes `names`; the others are empty."""
+        """Return the arrays of the passes `names`; the others are empty."""
         shape = self.canvas.faces.shape
         for name, empty in _NOT_WANTED._asdict().items():
             if name in names and not getattr(self.passes, name).size:
@@ -120,7 +120,7 @@ class CameraRig:
     def render_passes(
         self, frame: WorldState, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
     ) -> dict[str, dict[str, Measured]]:
-        """What the cameras see, measured on the same geometry: by the camera's name, then by the pass.
+        """Return what the cameras see, measured on the same geometry: by the camera's name, then by the pass.
 
         - `"rgb"` (height, width, 3) uint8: as `render`.
         - `"semantic"` (height, width) uint8: a `SemanticClass` each.
@@ -147,7 +147,7 @@ class CameraRig:
         return Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
 
     def _scene(self, frame: WorldState) -> FrameScene:
-        """The boxes of all that is there."""
+        """Return the boxes of all that is there."""
         still = len(self._furniture.rows)
         needed = still + len(frame.actors) * _MOST_PARTS
         if needed > len(self._rows):

@@ -51,7 +51,7 @@ class EpisodeCriteria:
         return float(self._line.s[self.row])
 
     def look(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
-        """EpisodeCriteria the tick that ended with `frame`."""
+        """Judge the tick that ended with `frame`."""
         gained = self._pass_rows(frame)
         self._collisions(frame)
         self._off_road = not self._road.ego.on_road
@@ -62,7 +62,7 @@ class EpisodeCriteria:
         self.end = self._end(frame, dt_s, options)
 
     def score(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
-        """The criteria of a finished episode, closed."""
+        """Return the criteria of a finished episode, closed."""
         end = self.end or End.SIMULATION_CRASHED
         infractions = [*self._infractions, *self._at_the_end(frame, end)]
         if self._speeds and self.progress_m > 0.95 * self._line.length_m:
@@ -87,7 +87,7 @@ class EpisodeCriteria:
         return float(self._line.s[self.row] - self._line.s[before])
 
     def _collisions(self, frame: WorldState) -> None:
-        """highway-env's `crashed` stays true for the rest of the episode: one collision each."""
+        """Note one collision: highway-env's `crashed` stays true for the rest of the episode."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
             other = self._road.whom_it_hit()
@@ -96,7 +96,7 @@ class EpisodeCriteria:
             self._note(_COLLISIONS[kind.collision_class], frame, detail)
 
     def _is_outside(self) -> bool:
-        """More than half a metre outside every lane; `ego.lane` is the nearest one by place and heading."""
+        """Return whether the ego is more than half a metre outside every lane (`ego.lane` is the nearest one)."""
         ego = self._road.ego
         if ego.lane.on_lane(ego.position, margin=constants.OUTSIDE_M):
             return False
@@ -113,7 +113,7 @@ class EpisodeCriteria:
         return abs(turn) >= _WRONG_WAY_RAD
 
     def _efficiency(self, frame: WorldState) -> None:
-        """The ego's mean speed against the traffic's, per twentieth of the route."""
+        """Compare the ego's mean speed with the traffic's, per twentieth of the route."""
         vehicles = frame.actors[frame.actors[:, WorldState.KIND] <= ActorKind.BICYCLE]
         if len(vehicles):
             self._speeds.append((frame.ego.speed_mps, float(np.mean(vehicles[:, WorldState.SPEED]))))

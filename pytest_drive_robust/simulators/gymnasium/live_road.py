@@ -53,7 +53,7 @@ class LiveRoad:
         return self._inner.road.network
 
     def step(self, control: Control) -> None:
-        """One step of the environment, 50 ms."""
+        """Advance the environment by one step, 50 ms."""
         ego = self.ego
         before, heading = float(ego.speed), float(ego.heading)
         wanted = acceleration_and_steering(control, speed_mps=before, length_m=float(ego.LENGTH), dt_s=self._dt_s)
@@ -68,7 +68,7 @@ class LiveRoad:
         self.tick += 1
 
     def frame(self) -> WorldState:
-        """The dynamic world of this moment; its arrays belong to the caller."""
+        """Return the dynamic world of this moment; its arrays belong to the caller."""
         ego = self.ego
         forward, right, yaw_rate = self._accelerations
         state = EgoState(
@@ -86,13 +86,16 @@ class LiveRoad:
         return WorldState(self.tick, state, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
-        """Every vehicle and solid object but the ego."""
+        """Return every vehicle and solid object but the ego."""
         road, ego = self._inner.road, self.ego
         solid = [thing for thing in road.objects if not isinstance(thing, Landmark)]
         return [vehicle for vehicle in road.vehicles if vehicle is not ego] + solid
 
     def whom_it_hit(self) -> Any | None:
-        """The body that the crashed ego touches: of those that crashed too, the nearest. None when nobody else did."""
+        """Return the body that the crashed ego touches: of those that crashed too, the nearest.
+
+        None when nobody else did.
+        """
         ego = self.ego
         crashed = [other for other in self.others() if other.crashed]
         return min(
@@ -110,7 +113,7 @@ class LiveRoad:
         return [number, kind, float(x), float(y), yaw, float(body.speed), *size, self._shown(body)]
 
     def _shown(self, body: Any) -> int:
-        """`ActorState`: brake lights by its acceleration, indicators while it changes lanes."""
+        """Return `ActorState`: brake lights by its acceleration, indicators while it changes lanes."""
         action = getattr(body, "action", None) or {}
         state = ActorState.BRAKING if float(action.get("acceleration", 0.0)) < _BRAKING_MPS2 else ActorState.NONE
         lane, target = body.lane_index, getattr(body, "target_lane_index", None)
@@ -124,7 +127,7 @@ class LiveRoad:
 
 
 def kind_of(body: Any) -> ActorKind:
-    """What a body of the road looks like here, by its class and size."""
+    """Return what a body of the road looks like here, by its class and size."""
     if not hasattr(body, "act"):
         return ActorKind.BARRIER
     if float(body.LENGTH) >= _TRUCK_M:

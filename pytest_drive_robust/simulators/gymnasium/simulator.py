@@ -77,7 +77,7 @@ class GymnasiumSimulator:
         return self._env
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
-        """The routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
+        """Return the routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
 
         Raises `UnknownNameError`.
         """
@@ -100,16 +100,16 @@ class GymnasiumSimulator:
         return self._episode.frame
 
     def plan(self) -> GlobalPlan:
-        """The sparse plan of the current route."""
+        """Return the sparse plan of the current route."""
         return self._now.line.plan()
 
     def observe(self) -> Observation:
-        """Clean sensors of this moment."""
+        """Return the clean sensors of this moment."""
         episode = self._now
         return episode.sensors.observe(episode.frame)
 
     def truth(self) -> GroundTruth:
-        """The state of the world of this moment."""
+        """Return the state of the world of this moment."""
         episode = self._now
         return GroundTruth(episode.frame, episode.lane_map, episode.line.rows, episode.judge.row)
 
@@ -145,7 +145,7 @@ class GymnasiumSimulator:
         return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
 
     def versions(self) -> Mapping[str, str]:
-        """Backend and the libraries that compute."""
+        """Return the versions of the backend and of the libraries that compute."""
         import cv2
         import highway_env
 

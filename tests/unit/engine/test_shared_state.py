@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.engine.shared_state import Phase, SharedState, shared_file, state_bytes
-from pytest_drive_robust.runner.episode.rescore import Rig
+from pytest_drive_robust.runner.episode.rescore import AgentRig
 
 EGO = EgoState(1.5, -2.5, 0.1, 8.25, 0.0, 0.0, 0.0, 4.5, 1.9)
 ASKED, APPLIED = Control(0.5, -0.25, 0.0), Control(0.0, 0.0, 1.0)
@@ -49,7 +49,7 @@ def test_more_ticks_than_there_is_room_for_are_left_out(boards: tuple[SharedStat
 
 def test_the_rig_arrives_as_it_is(boards: tuple[SharedState, SharedState]) -> None:
     ours, theirs = boards
-    rig = Rig((CameraSpec("front", fov_deg=100.5, width_px=64),), ("cameras", "speed"), privileged=True)
+    rig = AgentRig((CameraSpec("front", fov_deg=100.5, width_px=64),), ("cameras", "speed"), privileged=True)
     assert ours.rig() is None
     theirs.equip(rig)
     assert ours.rig() == rig
@@ -59,7 +59,7 @@ def test_the_rig_arrives_as_it_is(boards: tuple[SharedState, SharedState]) -> No
 
 def test_a_rig_that_is_too_large_is_left_out(boards: tuple[SharedState, SharedState]) -> None:
     ours, theirs = boards
-    theirs.equip(Rig((CameraSpec("x" * 100_000),)))
+    theirs.equip(AgentRig((CameraSpec("x" * 100_000),)))
     assert ours.rig() is None
 
 

@@ -53,13 +53,44 @@ def test_steady_acceleration_is_comfortable_up_to_its_bound(
     assert comfort(driving(**{column: uncomfortable}), mode=mode) == 0.0
 
 
+def ramp(slope: float, start: float = 0.0, ticks: int = 8) -> np.ndarray:
+    """Values that change by `slope` a second at 20 Hz."""
+    return start + slope * 0.05 * np.arange(ticks)
+
+
+@pytest.mark.parametrize(
+    ("column", "within", "beyond"),
+    [
+        ("forward_mps2", ramp(0.0, -4.049), ramp(0.0, -4.051)),
+        ("forward_mps2", ramp(0.0, 2.399), ramp(0.0, 2.401)),
+        ("right_mps2", ramp(0.0, -4.889), ramp(0.0, -4.891)),
+        ("right_mps2", ramp(0.0, 4.889), ramp(0.0, 4.891)),
+        # to the side only, so that the jerk of the whole is beyond its bound and that forward is not
+        ("right_mps2", ramp(-8.369, 4.0), ramp(-8.371, 4.0)),
+        ("right_mps2", ramp(8.369, 1.0), ramp(8.371, 1.0)),
+        ("forward_mps2", ramp(-4.129, 2.0), ramp(-4.131, 2.0)),
+        ("forward_mps2", ramp(4.129, 0.5), ramp(4.131, 0.5)),
+        ("yaw_rate_radps", ramp(-1.929, 0.3), ramp(-1.931, 0.3)),
+        ("yaw_rate_radps", ramp(1.929, -0.3), ramp(1.931, -0.3)),
+        ("yaw_rate_radps", ramp(0.0, -0.949), ramp(0.0, -0.951)),
+        ("yaw_rate_radps", ramp(0.0, 0.949), ramp(0.0, 0.951)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_each_of_the_twelve_ends_of_the_six_bounds_is_where_it_is(
+    column: str, within: np.ndarray, beyond: np.ndarray
+) -> None:
+    assert comfort(driving(len(within), **{column: within}), mode="fixed") == 100.0
+    assert comfort(driving(len(beyond), **{column: beyond}), mode="fixed") == 0.0
+
+
 def test_the_official_jerk_is_half_of_the_true_one() -> None:
     # A ramp of 0.25 m/s2 a tick is 5 m/s3 in truth and 2.5 m/s3 with the official step; the bound is 4.13.
-    ramp = np.zeros(40)
-    ramp[:20] = -2.4 + 0.25 * np.arange(20)
+    forward = np.zeros(40)
+    forward[:20] = -2.4 + 0.25 * np.arange(20)
 
-    assert comfort(driving(forward_mps2=ramp)) == 100.0
-    assert comfort(driving(forward_mps2=ramp), mode="fixed") == 50.0
+    assert comfort(driving(forward_mps2=forward)) == 100.0
+    assert comfort(driving(forward_mps2=forward), mode="fixed") == 50.0
 
 
 def test_yaw_acceleration_counts_only_when_fixed() -> None:

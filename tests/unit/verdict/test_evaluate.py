@@ -26,7 +26,7 @@ from pytest_drive_robust.perturbations import (
     SpeedNoise,
 )
 from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
-from pytest_drive_robust.verdict.evaluate import evaluate, immunity, measure, require_touched
+from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, immunity, measure, require_touched
 from pytest_drive_robust.verdict.requirement import requirement
 from pytest_drive_robust.verdict.sentences import parse_requirement
 
@@ -105,6 +105,38 @@ def test_one_route_has_the_whole_range_as_its_interval() -> None:
 
     assert (rd.low, rd.high) == (-math.inf, 1.0)
     assert (ds.low, ds.high) == (0.0, 100.0)
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+@pytest.mark.parametrize("clean", [0.001, 29.9])
+def test_below_the_floor_of_the_clean_score_a_degradation_never_passes_by_any_rule(kind: str, clean: float) -> None:
+    def verdict(perturbed: float, decision: str) -> Verdict:
+        return evaluate(
+            parse_requirement(RD),
+            agent="driver",
+            clean=drives([clean] * 4),
+            perturbed=drives([perturbed] * 4, setting=LATE),
+            verdict_rule=VerdictRule(kind),
+            decision=None if kind == "point" else decision,
+        )
+
+    better, worse = verdict(90.0, "pass"), verdict(0.0, "fail")
+
+    assert (better.decision, better.passed) == ("inconclusive", False)
+    assert (worse.decision, worse.passed) == ("fail", False)
+    for found in (better, worse):
+        assert found.reason == f"the clean driving score is {clean:.1f}, below the floor of 30: RD says nothing yet"
+
+
+def test_at_the_floor_a_degradation_counts_and_other_metrics_have_no_floor() -> None:
+    late = drives([25.0] * 4, setting=LATE)
+    at_the_floor = evaluate(parse_requirement(RD), agent="driver", clean=drives([30.0] * 4), perturbed=late)
+    score = evaluate(
+        parse_requirement("DS under 200 ms latency >= 20"), agent="driver", clean=drives([1.0] * 4), perturbed=late
+    )
+
+    assert (at_the_floor.decision, at_the_floor.reason) == ("pass", "")
+    assert (score.decision, score.reason) == ("pass", "")
 
 
 def test_no_data_for_a_metric_is_an_error_and_never_passes() -> None:

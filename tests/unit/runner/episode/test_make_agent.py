@@ -18,10 +18,10 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
-from pytest_drive_robust.runner.lockstep.inline import InlineLockstepExecutor
+from pytest_drive_robust.runner.lockstep.local import lockstep_inline
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import record_episode
-from pytest_drive_robust.runner.search.repeatability import probe
+from pytest_drive_robust.runner.search.repeatability import drive_twice
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
@@ -82,7 +82,7 @@ def one_by_one(registry: Registry) -> Executor:
 
 
 def in_lockstep(registry: Registry) -> Executor:
-    return InlineLockstepExecutor(registry, simulator="fake", options=SimulatorOptions(), ticked=lambda: None, width=4)
+    return lockstep_inline(registry, simulator="fake", options=SimulatorOptions(), ticked=lambda: None, width=4)
 
 
 def digests(executor: Executor, agent: str, route_ids: str) -> dict[str, str]:
@@ -126,7 +126,7 @@ def test_a_replay_drives_what_the_run_drove(registry: Registry, agent: str) -> N
 
 
 def test_an_agent_whose_draws_a_run_repeats_needs_one_seed(registry: Registry) -> None:
-    found = probe(
+    found = drive_twice(
         registry, agent="DrawsAlways", simulator="fake", options=SimulatorOptions(), route=ROUTES["1"], seed=0
     )
     assert found.is_same

@@ -13,15 +13,15 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.episode.rescore import Rig, Wreck, drive_again
+from pytest_drive_robust.runner.episode.rescore import AgentRig, RecordedControls, drive_again
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 ROUTE = fake_route()
-RIG = Rig((CameraSpec("front", width_px=8, height_px=8),), ("cameras", "speed"), privileged=False)
+RIG = AgentRig((CameraSpec("front", width_px=8, height_px=8),), ("cameras", "speed"), privileged=False)
 LOST_AT = 40
 
 
-def drive_until_lost(setting: Setting) -> tuple[EpisodeResult, Wreck]:
+def drive_until_lost(setting: Setting) -> tuple[EpisodeResult, RecordedControls]:
     """An agent that raises, and what a board would have kept of it."""
     asked: list[Control] = []
     rows: list[list[float]] = []
@@ -41,19 +41,19 @@ def drive_until_lost(setting: Setting) -> tuple[EpisodeResult, Wreck]:
     result = drive_episode(
         FakeSimulator(), agent, route=ROUTE, setting=setting, seed=2, agent_name="lost", on_tick=keep
     )
-    return result, Wreck(RIG, np.array(rows), "act")
+    return result, RecordedControls(RIG, np.array(rows), "act")
 
 
-def salvage(wreck: Wreck, setting: Setting, simulator: FakeSimulator | None = None) -> EpisodeResult:
+def salvage(recorded: RecordedControls, setting: Setting, simulator: FakeSimulator | None = None) -> EpisodeResult:
     episode = Episode("lost", ROUTE.id, str(setting), 2)
-    return drive_again(simulator or FakeSimulator(), wreck, route=ROUTE, setting=setting, episode=episode)
+    return drive_again(simulator or FakeSimulator(), recorded, route=ROUTE, setting=setting, episode=episode)
 
 
 @pytest.mark.parametrize("sentence", ["clean", "200 ms latency", "occlusion 0.5"])
 def test_everything_but_the_end_is_as_if_the_agent_had_raised(sentence: str) -> None:
     setting = Setting.parse(sentence)
-    lost, wreck = drive_until_lost(setting)
-    found = salvage(wreck, setting)
+    lost, recorded = drive_until_lost(setting)
+    found = salvage(recorded, setting)
     assert lost.ticks == LOST_AT
     assert found.trace.digest == lost.trace.digest
     assert (found.outcome, found.episode, found.schedule, found.reception) == (
@@ -67,9 +67,9 @@ def test_everything_but_the_end_is_as_if_the_agent_had_raised(sentence: str) -> 
 
 def test_where_the_clock_decided_the_world_still_goes_the_recorded_way() -> None:
     setting = Setting.of(InferenceLatency(ms=200.0))
-    lost, wreck = drive_until_lost(setting)
+    lost, recorded = drive_until_lost(setting)
     measured = Setting.parse("measured latency")  # gives the recorded controls another delay
-    found = salvage(wreck, measured)
+    found = salvage(recorded, measured)
     assert found.trace.digest == lost.trace.digest
     assert found.episode.setting == "measured latency"
     assert found.outcome is Outcome.AGENT_ERROR
@@ -77,18 +77,18 @@ def test_where_the_clock_decided_the_world_still_goes_the_recorded_way() -> None
 
 @pytest.mark.parametrize("call", ["reset", "sensors"])
 def test_an_agent_that_was_lost_before_it_drove_has_driven_nothing(call: str) -> None:
-    wreck = Wreck(None if call == "sensors" else RIG, np.zeros((0, 9)), call)
-    found = salvage(wreck, Setting.CLEAN)
+    recorded = RecordedControls(None if call == "sensors" else RIG, np.zeros((0, 9)), call)
+    found = salvage(recorded, Setting.CLEAN)
     assert (found.outcome, found.end, found.ticks) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED, 0)
     assert found.route_completion_pct == 0.0
 
 
 def test_a_privileged_agent_stays_one() -> None:
-    _, wreck = drive_until_lost(Setting.CLEAN)
-    assert salvage(Wreck(Rig(privileged=True), wreck.rows, "act"), Setting.CLEAN).privileged
+    _, recorded = drive_until_lost(Setting.CLEAN)
+    assert salvage(RecordedControls(AgentRig(privileged=True), recorded.rows, "act"), Setting.CLEAN).privileged
 
 
 def test_a_world_that_breaks_is_no_score() -> None:
-    _, wreck = drive_until_lost(Setting.CLEAN)
+    _, recorded = drive_until_lost(Setting.CLEAN)
     broken = FakeSimulator(raises=RuntimeError("lost the server"), raises_at=3)
-    assert salvage(wreck, Setting.CLEAN, broken).outcome is Outcome.INFRA_ERROR
+    assert salvage(recorded, Setting.CLEAN, broken).outcome is Outcome.INFRA_ERROR

@@ -83,8 +83,8 @@ def test_a_recorded_drive_is_bit_for_bit_the_drive(cameras: tuple[CameraSpec, ..
 
 def test_there_is_a_moment_before_every_tick_and_one_at_the_end() -> None:
     with recorded(Driver()) as tape:
-        assert [moment.frame.tick for moment in tape.moments] == list(range(41))
-        speeds = [moment.frame.ego.speed_mps for moment in tape.moments[1:]]
+        assert [moment.state.tick for moment in tape.moments] == list(range(41))
+        speeds = [moment.state.ego.speed_mps for moment in tape.moments[1:]]
         assert speeds == tape.result.trace.column("speed_mps").tolist()
         assert tape.moments[-1].applied is None
 
@@ -109,7 +109,7 @@ def test_pictures_are_those_that_the_agent_was_given() -> None:
 
 def test_a_frozen_camera_keeps_what_was_really_there() -> None:
     with recorded(Driver((CameraSpec("front"),)), "1 s burst frame drop (probability=0.2)") as tape:
-        frozen = [k for k, moment in enumerate(tape.moments[:-1]) if tape.images(k)["front"][1] < moment.frame.tick]
+        frozen = [k for k, moment in enumerate(tape.moments[:-1]) if tape.images(k)["front"][1] < moment.state.tick]
         changed = [k for k in frozen if k - tape.images(k)["front"][1] > 5 and k > 20]  # driving by then
         assert changed
         assert all(tape.real(k) is not None for k in changed)
@@ -124,7 +124,7 @@ def test_a_wide_image_is_kept_no_wider_than_a_film_shows_it() -> None:
 def test_the_plan_is_kept_in_the_world_at_the_pose_of_its_making() -> None:
     with recorded(Driver()) as tape:
         for position in (0, 39):
-            ego, plan = tape.moments[position].frame.ego, tape.moments[position].plan
+            ego, plan = tape.moments[position].state.ego, tape.moments[position].plan
             assert plan is not None
             assert plan.path[0] == pytest.approx((ego.x_m, ego.y_m))
             ahead = np.array(plan.path[1]) - plan.path[0]

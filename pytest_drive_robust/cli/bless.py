@@ -1,0 +1,42 @@
+"""`drive-robust bless`: accept a run as the baseline that later runs are compared with."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from pytest_drive_robust.cli.compare import add_baselines, references_of
+from pytest_drive_robust.regression import clock, git
+from pytest_drive_robust.regression.blessing import Signature, bless
+
+__all__ = ["add_arguments"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `bless`."""
+    parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
+    parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
+    parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")
+    add_baselines(parser)
+    parser.set_defaults(command=_bless)
+
+
+def _bless(options: argparse.Namespace) -> int:
+    references = references_of(options)
+    run = references.load_run(options.run)
+    signature = Signature(
+        reason=options.reason,
+        date=clock.today().isoformat(),
+        by=git.author(Path.cwd()),
+        run=run.label,
+        commit=run.commit,
+    )
+    replace_routes = options.replace_routes
+    for blessed in bless(run, references.baselines, signature, environ=os.environ, replace_routes=replace_routes):
+        print(
+            f"{blessed.path}: {blessed.agent}, {blessed.added} scores added, {blessed.replaced} replaced, "
+            f"{blessed.kept} others kept"
+        )
+    print("Review the change and commit it.")
+    return 0

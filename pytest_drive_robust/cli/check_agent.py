@@ -1,0 +1,48 @@
+"""`drive-robust check-agent`: does an agent keep the contract?"""
+
+from __future__ import annotations
+
+import argparse
+
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.routes import default_spec, routes_for
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.testing import check_agent
+
+__all__ = ["add_arguments"]
+
+_TICK_CAP = 200
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `check-agent`."""
+    parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    add_pytest_option(parser, "--sim")
+    parser.add_argument("--routes", metavar="SET", help="a set (full, dev10), a file, or FILE:id,id")
+    parser.set_defaults(command=_check_agent)
+
+
+def _check_agent(options: argparse.Namespace) -> int:
+    registry = default_registry()
+    registry.agent(options.agent)  # an unknown name is said at once, before a world is built
+    simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
+    routes = routes_for(options.routes or default_spec(RunOptions(), simulator), simulator)
+    kept = True
+    try:
+        for number, route in enumerate(routes if options.routes else routes[:1], start=1):
+            report = check_agent(
+                lambda: registry.agent(options.agent),
+                simulator=simulator,
+                route=route,
+                other_route=routes[number % len(routes)],
+                seed=options.seed,
+                subject=f"{options.agent} on {route.label}",
+            )
+            print(report)
+            kept = kept and report.ok
+    finally:
+        simulator.close()
+    return 0 if kept else 1

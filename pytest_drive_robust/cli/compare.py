@@ -1,0 +1,67 @@
+"""`drive-robust compare`: is run B worse than run A?"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.regression.allowance import parse_allowances
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.fingerprint import parse_policy
+from pytest_drive_robust.regression.outcome import Terms
+from pytest_drive_robust.regression.references import References
+from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.regression.verdicts import parse_kind
+from pytest_drive_robust.report.comparison import comparison_text
+
+__all__ = ["add_arguments", "add_baselines", "references_of"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `compare`."""
+    reference = "a stored run, latest, a JSON file of a run, baseline, or baseline:AGENT"
+    parser.add_argument("before", metavar="A", help=reference)
+    parser.add_argument("after", metavar="B", help="as A")
+    parser.add_argument(
+        "--fail-on",
+        action="append",
+        default=[],
+        metavar="LIMIT",
+        help="what may get worse, and by how much, as in ds:-3%%, sr:-0.05, rd:+0.05; repeatable; default: ds:-5%%",
+    )
+    add_pytest_option(
+        parser,
+        "--verdict",
+        help="evidence, list, point, or auto: evidence, but the list below 20 routes of the same seeds",
+    )
+    add_pytest_option(parser, "--on-mismatch")
+    add_baselines(parser)
+    parser.set_defaults(command=_compare)
+
+
+def add_baselines(parser: argparse.ArgumentParser) -> None:
+    """Add `--baselines`, which `references_of` reads."""
+    add_pytest_option(parser, "--baselines")
+
+
+def references_of(options: argparse.Namespace) -> References:
+    """Return what finds stored runs and baselines."""
+    return References(home_of(Path.cwd()), Path(options.baselines) if options.baselines else None)
+
+
+def _compare(options: argparse.Namespace) -> int:
+    terms = Terms(
+        allowances=parse_allowances(options.fail_on, source="--fail-on"),
+        kind=parse_kind(options.verdict, source="--verdict"),
+        policy=parse_policy(options.on_mismatch),
+    )
+    references = references_of(options)
+    after = references.load(options.after)
+    before = references.load(options.before, simulator=after.simulator)
+    comparison = compare(before, after, terms)
+    print(comparison_text(comparison, colour=sys.stdout.isatty()))
+    if comparison.refusals:
+        return 4
+    return 1 if comparison.regressions else 0

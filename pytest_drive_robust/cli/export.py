@@ -1,0 +1,102 @@
+"""`drive-robust export`: write a run in the schema of an official evaluator."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pytest_drive_robust.bench2drive.results.export import CARLA_FOLDER, export_run
+from pytest_drive_robust.cli.tables import say
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.options.run import DEFAULT_STORE
+from pytest_drive_robust.regression.document import read_document
+from pytest_drive_robust.regression.runs import RunFolder, home_of
+from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.store.record_files import read_episode
+
+__all__ = ["add_arguments"]
+
+_FORMATS = ("bench2drive",)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `export`."""
+    parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
+    parser.add_argument("folder", metavar="DIR", help="a new folder")
+    parser.add_argument("--format", default="bench2drive", metavar="NAME", help="bench2drive (default)")
+    parser.add_argument(
+        "--episodes",
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="where the stored episodes are, whose ticks metric_info.json is made of; repeatable; default: the store",
+    )
+    parser.set_defaults(command=_export)
+
+
+def _export(options: argparse.Namespace) -> int:
+    if options.format not in _FORMATS:
+        raise UnknownNameError.of("export format", options.format, _FORMATS)
+    document = read_document(_run_file(options.run))
+    towns, specs = _towns(document)
+    written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)
+    for item in written:
+        say(f"{item.folder}: {item.agent} under {item.setting}, seed {item.seed}: {item.records} records")
+        if item.broken:
+            say(f"  {item.broken} ended as infra_error: a crashed simulation officially, which counts as 0")
+        if item.logs < item.records:
+            say(
+                f"  {item.records - item.logs} without metric_info.json: their ticks are not stored, so the official "
+                "smoothness tool stops there; name the folder with --episodes"
+            )
+    say(f"for the official ability tool: CARLA_ROOT={Path(options.folder) / CARLA_FOLDER}, and the set's routes.xml")
+    if specs:
+        say(f"the towns of {', '.join(specs)} are not known; they are written as 'Unknown'")
+    return 0
+
+
+def _run_file(reference: str) -> Path:
+    path = Path(reference)
+    if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
+        return path
+    return RunFolder(home_of(Path.cwd())).find(reference)
+
+
+def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
+    """The town of each route, and the route specifications that are no longer there to look it up."""
+
+    def routes(spec: str) -> tuple[Route, ...]:
+        try:
+            return resolve_routes(spec)
+        except UsageError:
+            return ()
+
+    specs = [row.get("routes_spec") for row in document["summaries"] if isinstance(row, dict)]
+    found = {spec: routes(spec) for spec in specs if isinstance(spec, str)}
+    towns = {route.id: route.town for of_spec in found.values() for route in of_spec}
+    return towns, [spec for spec, of_spec in found.items() if not of_spec]
+
+
+def _finder(folders: list[str]) -> Callable[[str], EpisodeResult | None]:
+    """Looks for `KEY.*` in the folders of stored episodes, or in the store of the project."""
+    given = [Path(folder) for folder in folders]
+    for folder in given:
+        if not folder.is_dir():
+            raise UsageError(f"--episodes is {str(folder)!r}, expected a folder of stored episodes.")
+    places = given or [home_of(Path.cwd()) / DEFAULT_STORE / "episodes"]
+    paths = {path.stem: path for place in places for path in sorted(place.rglob("*.*")) if path.is_file()}
+
+    def find(key: str) -> EpisodeResult | None:
+        path = paths.get(key)
+        if path is None:
+            return None
+        try:
+            return read_episode(path)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"the stored episode {str(path)!r} cannot be read: {error}.") from None
+
+    return find

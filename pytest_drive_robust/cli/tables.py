@@ -1,0 +1,40 @@
+"""Tables and lines that commands print."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+from rich.console import Console
+from rich.table import Table
+
+__all__ = ["LEFT", "RIGHT", "print_table", "say"]
+
+_WIDTH = 100
+"""Where the output is no terminal."""
+
+Justify = Literal["left", "right"]
+LEFT: Justify = "left"
+RIGHT: Justify = "right"
+
+
+def print_table(columns: Mapping[str, Justify], rows: Iterable[Sequence[str]], *, title: str | None = None) -> None:
+    """Print rows under the names of their columns, as wide as the terminal."""
+    gap = 2 if len(columns) < 5 else 1
+    table = Table(title=title, title_justify="left", box=None, padding=(0, gap, 0, 0))
+    for column, justify in columns.items():
+        table.add_column(column, justify=justify, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=None if sys.stdout.isatty() else _WIDTH, markup=False, highlight=False).print(table)
+
+
+def say(text: str) -> None:
+    """Print what any terminal can show: results may hold any character. A reader that stops early is no error."""
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,299 @@
+"""What changes the key of a stored episode, and what does not."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import pytest_drive_robust
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import GpsNoise, Setting
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key import identity
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
+from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
+from pytest_drive_robust.runner.cache_key.object_code import SESSION, code_of
+from pytest_drive_robust.runner.cache_key.source_files import file_of
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators import embedded
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.testing import FakeSimulator, fake_route
+
+SETTING = Setting.of(GpsNoise(std_m=5))
+
+REQUEST = EpisodeRequest(Episode("driver", "1", str(SETTING), 0), fake_route("1"), SETTING, "some identity")
+
+AGENT = """
+class Agent:
+    gain = 1.0
+    def sensors(self): return ()
+    def reset(self, route, seed): pass
+    def act(self, observation): return None
+
+def make(gain): return lambda: Agent(gain)
+"""
+
+
+def identity_with(factory, name="mine"):
+    registry = Registry()
+    registry.register_agent(name, factory)
+    return agent_identity(name, registry)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(REQUEST, identity="another"),
+        replace(REQUEST, episode=replace(REQUEST.episode, seed=1)),
+        replace(REQUEST, episode=replace(REQUEST.episode, agent="other")),
+        replace(REQUEST, episode=replace(REQUEST.episode, setting="GPS noise 6 m")),
+        replace(REQUEST, route=fake_route("1", length_m=61.0)),
+    ],
+    ids=["identity", "seed", "agent", "setting", "route"],
+)
+def test_each_part_of_a_request_changes_its_key(other):
+    assert other.key != REQUEST.key
+
+
+def test_a_key_is_hex_and_the_same_in_every_process():
+    program = "import sys; sys.path[:0] = sys.argv[1:]\nfrom test_identity import REQUEST\nprint(REQUEST.key)"
+    command = [sys.executable, "-c", program, str(Path(__file__).parent)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() == REQUEST.key
+    assert len(bytes.fromhex(REQUEST.key)) == 16
+
+
+def test_numbers_count_by_their_value():
+    one, other = (replace(fake_route("1"), weather=replace(REQUEST.route.weather, wetness=wet)) for wet in (5, 5.0))
+    assert replace(REQUEST, route=one).key == replace(REQUEST, route=other).key
+    assert digest_of(-0.0) == digest_of(0)
+    assert digest_of("5") != digest_of(5)
+    assert digest_of(True) != digest_of(1)
+
+
+def test_the_source_of_a_perturbation_that_is_not_ours_is_in_the_key(module):
+    text = (
+        "from dataclasses import dataclass\nfrom pytest_drive_robust.perturbations import Perturbation\n"
+        "@dataclass\nclass Foggy(Perturbation):\n    metres: float = 5.0\n    phrase = 'fog {metres} m'\n"
+    )
+    keys = []
+    for changed in (text, text + "# a comment\n", text):
+        setting = Setting.of(module("foggy_module", changed).Foggy())
+        keys.append(replace(REQUEST, setting=setting).key)
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_one_byte_of_an_agents_package_changes_its_identity(module):
+    module("driving_pkg.__init__", "")
+    first = identity_with(module("driving_pkg.agent", AGENT).Agent)
+    assert identity_with(module("driving_pkg.agent", AGENT).Agent) == first
+    module("driving_pkg.tables", "LIMIT = 5\n")
+    second = identity_with(module("driving_pkg.agent", AGENT).Agent)
+    module("driving_pkg.tables", "LIMIT = 6\n")
+    third = identity_with(module("driving_pkg.agent", AGENT).Agent)
+    assert len({first, second, third, identity_with(module("driving_pkg.agent", AGENT + "#").Agent)}) == 4
+
+
+def test_a_settings_file_in_the_package_counts_and_what_runs_leave_does_not(module, tmp_path):
+    module("driving_pkg.__init__", "")
+    first = identity_with(module("driving_pkg.agent", AGENT).Agent)
+    for name in ("__pycache__/x.py", ".cache/y.py", "log.txt", "frames.png"):
+        (tmp_path / "driving_pkg" / name).parent.mkdir(exist_ok=True)
+        (tmp_path / "driving_pkg" / name).write_text("x")
+    assert identity_with(module("driving_pkg.agent", AGENT).Agent) == first
+    (tmp_path / "driving_pkg" / "gains.yaml").write_text("kp: 1")
+    assert identity_with(module("driving_pkg.agent", AGENT).Agent) != first
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import helper_mod\n",
+        "from helper_mod import LIMIT\n",
+        "def late():\n    from helper_mod import (\n        LIMIT,\n    )\n",
+        "from helper_space.deep import inner\n",
+        "import helper_space.deep.inner as short\n",
+        "import os, helper_mod\n",
+        "import helper_pkg\n",
+    ],
+)
+def test_what_an_agent_imports_from_beside_it_counts(module, line):
+    def identity_of_agent(limit: int) -> str:
+        for name in ("helper_mod", "helper_space.deep.inner", "helper_pkg.__init__"):
+            module(name, f"LIMIT = {limit}\n")
+        return identity_with(module("lonely_agent", line + AGENT).Agent)
+
+    assert identity_of_agent(5) == identity_of_agent(5) != identity_of_agent(6)
+
+
+def test_a_circle_of_imports_ends(module):
+    module("helper_mod", "def late():\n    import lonely_agent\n")
+    assert identity_with(module("lonely_agent", "def late():\n    import helper_mod\n" + AGENT).Agent)
+
+
+def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
+    from pytest_drive_robust.runner.cache_key import source_files
+
+    agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
+    first = identity_with(agent)
+    monkeypatch.setattr(source_files, "_version", lambda top, origin: "another" if top == "numpy" else "same")
+    assert identity_with(agent) != first
+
+
+def test_the_name_of_the_agent_counts(module):
+    agent = module("lonely_agent", AGENT).Agent
+    assert identity_with(agent, "one") != identity_with(agent, "two")
+
+
+def test_weights_count_by_their_content(module, tmp_path):
+    agent = module("lonely_agent", AGENT).Agent
+    weights = tmp_path / "weights.pt"
+    agent.weights = (weights,)
+    identities = []
+    for content in (b"12345", b"12346", b"12345"):
+        weights.write_bytes(content)
+        identities.append(identity_with(agent))
+    assert identities[0] == identities[2] != identities[1]
+    weights.unlink()
+    with pytest.raises(UsageError, match="names the weights"):
+        identity_with(agent)
+
+
+def test_the_configuration_of_an_agent_counts(module):
+    agent = module("lonely_agent", AGENT).Agent
+    agent.configuration = {"gain": 1}
+    first = identity_with(agent)
+    agent.configuration = {"gain": 1.0}
+    assert identity_with(agent) == first
+    agent.configuration = {"gain": 2}
+    assert identity_with(agent) != first
+    agent.configuration = object()
+    with pytest.raises(UsageError, match="expected plain values that can be compared"):
+        identity_with(agent)
+
+
+def test_what_a_factory_was_made_with_counts(module):
+    made = module("lonely_agent", AGENT)
+    codes = [
+        code_of(made.make(1.0)),
+        code_of(made.make(2.0)),
+        code_of(functools.partial(made.Agent, 1.0)),
+        code_of(functools.partial(made.Agent, 2.0)),
+        code_of(functools.partial(made.Agent, gain=2.0)),
+        code_of(lambda gain=1.0: made.Agent(gain)),
+        code_of(lambda gain=2.0: made.Agent(gain)),
+    ]
+    assert len(set(codes)) == len(codes)
+    assert not any(SESSION in text for text in codes)
+    assert code_of(made.make(1.0)) == codes[0]
+    assert code_of(functools.partial(made.Agent, 1)) == codes[2]
+
+
+def test_a_factory_object_counts_with_its_state():
+    one, same, other = (Factory(gain) for gain in (1.0, 1.0, 2.0))
+    assert code_of(one) == code_of(same) != code_of(other)
+    assert code_of(one.make) == code_of(same.make) != code_of(other.make)
+
+
+@pytest.mark.parametrize(("name", "counts"), [("test_suite_of_mine", False), ("agents_of_mine", True)])
+def test_renaming_a_test_beside_an_agent_drives_nothing_again(module, name, counts):
+    first = identity_with(module(name, AGENT + "def test_one(): pass\n").Agent)
+    second = identity_with(module(name, AGENT + "def test_two(): pass\nclass TestMore: pass\n").Agent)
+    assert (first != second) is counts
+    assert identity_with(module(name, AGENT.replace("1.0", "2.0")).Agent) not in (first, second)
+
+
+def test_moving_an_agents_only_file_drives_nothing_again(module):
+    assert identity_with(module("before_it", AGENT).Agent) == identity_with(module("after_it", AGENT).Agent)
+
+
+def test_options_versions_and_code_of_a_simulator_count(module):
+    registry = Registry()
+    registry.register_simulator("fake", FakeSimulator)
+
+    def digest(world=None, **options: object) -> str:
+        return simulator_identity("fake", registry, world or FakeSimulator(), SimulatorOptions(**options))
+
+    first = digest()
+    assert digest(tick_cap=4000) == first
+    other_version, other_library, other_tick = FakeSimulator(), FakeSimulator(), FakeSimulator()
+    other_version.version = "99"
+    other_library.versions = lambda: {"physics": "2"}
+    other_tick.dt_s = 0.1
+    world = FakeSimulator()
+    module("environment_of_mine", "LIMIT = 1\n")
+    world.sources = ("environment_of_mine",)
+    digests = [first, digest(tick_cap=10), digest(stuck_stop_s=3.0), digest(world)]
+    digests += [digest(one) for one in (other_version, other_library, other_tick)]
+    module("environment_of_mine", "LIMIT = 2\n")
+    digests.append(digest(world))
+    assert len(set(digests)) == len(digests)
+
+
+def test_lockstep_is_another_identity():
+    registry = Registry()
+    registry.register_agent("mine", Factory)
+    registry.register_simulator("fake", FakeSimulator)
+    given_ = {"simulator": "fake", "world": FakeSimulator(), "options": SimulatorOptions()}
+    single, again, lockstep = (
+        identity_of("mine", registry, mode=mode, **given_) for mode in ("single", "single", "lockstep")
+    )
+    assert single == again != lockstep
+
+
+@pytest.mark.parametrize("start", ["runner/episode/loop.py", "simulators/embedded/simulator.py"])
+def test_all_of_our_code_that_decides_numbers_is_in_the_identity(start):
+    """Follows the imports of the loop and of the default world: nothing of ours may be left out by accident."""
+    root = Path(pytest_drive_robust.__file__).parent
+    modules = (*identity._DECIDING, embedded)
+    inside = [file_of(module).parent if hasattr(module, "__path__") else file_of(module) for module in modules]
+    todo, seen = [root / start], set()
+    while todo:
+        path = todo.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        todo += _own_imports(path, root)
+    left_out = {path for path in seen if not any(path == part or part in path.parents for part in inside)}
+    assert {path.relative_to(root).as_posix() for path in left_out} <= {
+        "__init__.py",
+        "errors.py",  # words only
+        "simulators/__init__.py",
+    }
+    assert len(seen) > 10
+
+
+def _own_imports(path, root):
+    tree = ast.parse(path.read_text())
+    typing_only = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and id(node) not in typing_only:
+            for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
+                package, *parts = name.split(".")
+                place = root.joinpath(*parts)
+                if package == root.name:
+                    yield from (file for file in (place.with_suffix(".py"), place / "__init__.py") if file.is_file())
+
+
+class Factory:
+    """An agent's factory with a state."""
+
+    def __init__(self, gain: object = 1.0) -> None:
+        self.gain = gain
+
+    def __call__(self) -> object:
+        return self
+
+    def make(self) -> object:
+        return self

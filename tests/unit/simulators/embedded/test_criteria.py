@@ -1,0 +1,161 @@
+"""Each criterion is provoked by driving, through the simulator's front door."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.simulators.base import EpisodeScore
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.criteria import nearest_lane
+from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.state import Statics
+from pytest_drive_robust.simulators.embedded.world import World
+
+BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("full"))}
+
+
+def teleport(simulator: EmbeddedSimulator, s_m: float, *, right_m: float = 0.0, speed_mps: float = 8.0) -> None:
+    """Put the ego on the route without driving: criteria only look at where it is."""
+    x, y, yaw = place(simulator.world.dense.rows[:, :3], s_m, right_m)
+    ego = simulator.world.state.ego
+    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
+
+
+def glide(
+    scenario: str, *, right_m: Callable[[float], float] = lambda s: 0.0, stop_at: float = math.inf
+) -> EpisodeScore:
+    """Move the ego along its route at 8 m/s (standing still once at `stop_at` for one second)."""
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE[scenario], seed=0, cameras=())
+    world = simulator.world
+    world.state.actor_ints[:, c.I_ACTIVE] = 0  # an empty road: only the criteria are under test
+    world.state.flow_ints[:, c.FI_FIRST_SLOT : c.FI_LAST_SLOT + 1] = 0
+    s, rested = 0.0, 0
+    while simulator.done is None:
+        standing = s >= stop_at and rested < 20
+        rested += standing
+        s += 0.0 if standing else 0.4
+        teleport(simulator, s, right_m=right_m(s), speed_mps=0.0 if standing else 8.0)
+        simulator.step(Control())
+    return simulator.score()
+
+
+def kinds(infractions: tuple[Infraction, ...]) -> list[InfractionKind]:
+    return [infraction.kind for infraction in infractions]
+
+
+def test_the_middle_of_the_route_is_clean() -> None:
+    score = glide("DynamicObjectCrossing")
+    assert score.end is End.COMPLETED
+    assert score.route_completion_pct == 100.0
+    assert kinds(score.infractions) == []
+
+
+def test_running_a_red_light_is_noted_once() -> None:
+    score = glide("VanillaSignalizedTurnEncounterRedLight")
+    assert kinds(score.infractions) == [InfractionKind.RED_LIGHT]
+
+
+def test_passing_a_stop_sign_without_a_stop_is_noted_once() -> None:
+    score = glide("VanillaNonSignalizedTurnEncounterStopsign")
+    assert kinds(score.infractions) == [InfractionKind.STOP_SIGN]
+
+
+def test_coming_to_rest_at_the_line_satisfies_the_stop_sign() -> None:
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE["VanillaNonSignalizedTurnEncounterStopsign"], seed=0, cameras=())
+    dense = simulator.world.dense
+    line = min(
+        simulator.world.lane_map.stop_lines,
+        key=lambda each: float(np.hypot(dense.rows[:, 0] - each.x_m, dense.rows[:, 1] - each.y_m).min()),
+    )
+    at = float(np.argmin(np.hypot(dense.rows[:, 0] - line.x_m, dense.rows[:, 1] - line.y_m)))
+    assert kinds(glide("VanillaNonSignalizedTurnEncounterStopsign", stop_at=at - 4.0).infractions) == []
+
+
+def test_driving_beside_the_lanes_counts_in_metres_of_route() -> None:
+    # on an avenue the right lane's right neighbour is the sidewalk: 4 m to the right is outside
+    score = glide("ParkedObstacle", right_m=lambda s: 4.0 if 20.0 < s < 50.0 else 0.0)
+    outside = [i for i in score.infractions if i.kind is InfractionKind.OUTSIDE_LANES]
+    assert len(outside) == 1
+    assert abs(outside[0].share_pct - 100.0 * 30.0 / score.route_length_m) < 2.0
+
+
+def test_the_oncoming_lane_is_outside_unless_the_scenario_allows_it() -> None:
+    def aside(s: float) -> float:
+        return -3.5 if 50.0 < s < 80.0 else 0.0
+
+    forbidden = glide("DynamicObjectCrossing", right_m=aside)
+    allowed = glide("HazardAtSideLaneTwoWays", right_m=aside)
+    assert kinds(forbidden.infractions) == [InfractionKind.OUTSIDE_LANES]
+    assert kinds(allowed.infractions) == []
+
+
+def test_thirty_metres_from_the_route_ends_it() -> None:
+    score = glide("DynamicObjectCrossing", right_m=lambda s: 0.0 if s < 40.0 else 31.0)
+    assert score.end is End.DEVIATED
+    assert InfractionKind.DEVIATION in kinds(score.infractions)
+    assert 20.0 < score.route_completion_pct < 40.0
+
+
+def test_the_emergency_vehicle_must_get_past_within_ten_seconds() -> None:
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE["YieldToEmergencyVehicle"], seed=0, cameras=())
+    s = 0.0
+    while simulator.done is None:
+        s += 0.4
+        teleport(simulator, s, speed_mps=8.0)
+        simulator.step(Control())
+    assert InfractionKind.YIELD_EMERGENCY in kinds(simulator.score().infractions)
+
+
+def test_speed_is_compared_with_the_traffic_at_every_twentieth_of_the_route() -> None:
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE["DynamicObjectCrossing"], seed=0, cameras=())
+    s = 0.0
+    while simulator.done is None:
+        s += 0.4
+        teleport(simulator, s, right_m=0.0, speed_mps=8.0)
+        simulator.world.state.actor_ints[:, c.I_SOLID] = 0
+        simulator.step(Control())
+    ratios = simulator.score().speed_ratios_pct
+    assert 15 <= len(ratios) <= 21
+    assert all(ratio > 0.0 for ratio in ratios)
+
+
+_WANTED = ("SignalizedJunctionLeftTurn", "MergerIntoSlowTraffic", "ParkingExit", "InterurbanActorFlow")
+WORLDS = [World(route, seed=0) for route in named_routes("one-per-scenario") if route.scenario.type in _WANTED]
+
+
+@numba.njit(error_model="numpy")
+def found(statics: Statics, x: float, y: float, last: int) -> tuple[int, float, float]:
+    return nearest_lane(statics, x, y, last)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    world=st.sampled_from(WORLDS),
+    row=st.integers(0, 10**6),
+    ahead_m=st.floats(-40.0, 40.0),
+    right_m=st.one_of(st.floats(-8.0, 8.0), st.floats(-900.0, 900.0)),
+)
+def test_what_was_nearest_before_changes_nothing(world: World, row: int, ahead_m: float, right_m: float) -> None:
+    statics = world.statics
+    x, y, heading = statics.lanes[row % len(statics.lanes)]
+    x += ahead_m * np.cos(heading) - right_m * np.sin(heading)
+    y += ahead_m * np.sin(heading) + right_m * np.cos(heading)
+    away = np.sqrt((x - statics.lanes[:, 0]) ** 2 + (y - statics.lanes[:, 1]) ** 2)
+    nearest = found(statics, x, y, -1)
+    assert away[statics.lane_of == nearest[0]].min() <= away.min() + 1e-9
+    for last in sorted(set(statics.lane_of.tolist())):
+        assert found(statics, x, y, last) == nearest

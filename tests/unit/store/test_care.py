@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from result_factory import make_result
+
+from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.store.care import statistics, sweep, verify
+from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.index import indexed_episodes
+from pytest_drive_robust.store.record import encode_episode
+from pytest_drive_robust.store.record_files import RecordFiles
+
+TIMED_OUT = make_result("3", end=End.BLOCKED, outcome=Outcome.AGENT_ERROR)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Three good records of two agents and one that no other run takes over."""
+    kept = FolderStore(tmp_path / ".drive-robust", run="one")
+    kept.put("aa01", make_result("1"))
+    kept.put("aa02", make_result("2", end=End.TICK_CAP))
+    kept.put("bb01", make_result("1", agent="other"))
+    kept.put("bb02", TIMED_OUT)
+    return kept
+
+
+def age(path: Path, days: float) -> None:
+    then_s = time.time() - days * 86_400
+    os.utime(path, (then_s, then_s))
+
+
+def run_cli(store, *words):
+    return main(["store", *words, "--store", str(store.folder)])
+
+
+def test_statistics_count_records_by_agent_and_outcome(store):
+    found = statistics(store.folder)
+    assert (found.records, found.reusable, found.runs, found.unreadable, found.set_aside) == (4, 3, 1, 0, 0)
+    assert found.by_agent == {
+        ("driver", "agent_error"): 1,
+        ("driver", "completed"): 1,
+        ("driver", "failed"): 1,
+        ("other", "completed"): 1,
+    }
+    assert found.size_bytes == sum(path.stat().st_size for path in store.folder.glob("episodes/*/*"))
+
+
+def test_a_store_without_records_has_no_statistics(tmp_path):
+    assert statistics(tmp_path).records == 0
+
+
+def test_every_kind_of_damage_is_found_and_nothing_is_changed(store):
+    files = RecordFiles(store.folder)
+    whole = files.path("aa01").read_bytes()
+    files.path("aa01").write_bytes(whole[:-7])
+    files.path("aa02").write_bytes(b"")
+    files.path("bb01").write_bytes(whole)
+    files.write("cc01", encode_episode(make_result(), {"key": "cc01"}))
+    count, damages = verify(store.folder)
+    assert count == 5
+    assert {damage.key: damage.problem for damage in damages} == {
+        "aa01": "its checksum does not fit: it was cut off or overwritten",
+        "aa02": "it is empty",
+        "bb01": "it is the record of 'aa01'",
+    }
+    assert verify(store.folder) == (count, damages)
+
+
+def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
+    files = RecordFiles(store.folder)
+    half, fresh_half = (store.folder / "episodes" / "aa" / name for name in (".aa05-1-x.tmp", ".aa06-1-x.tmp"))
+    half.write_bytes(b"123")
+    fresh_half.write_bytes(b"123")
+    (store.folder / "aside").mkdir()
+    (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
+    age(half, 2)
+    assert sweep(store.folder).records == 0  # bb02 is of today
+    (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
+    half.write_bytes(b"123")
+    age(half, 2)
+    age(files.path("bb02"), 2)
+    size = files.path("bb02").stat().st_size
+    for dry in (True, False):
+        swept = sweep(store.folder, dry=dry)
+        assert (swept.records, swept.set_aside, swept.leftovers, swept.size_bytes) == (1, 1, 1, size + 8)
+    assert [path.name for path in sorted(store.folder.glob("episodes/*/*"))] == [
+        ".aa06-1-x.tmp",
+        "aa01.episode",
+        "aa02.episode",
+        "bb01.episode",
+    ]
+    assert list((store.folder / "aside").iterdir()) == []
+
+
+def test_sweeping_takes_old_records_and_those_of_an_agent_when_asked(store):
+    files = RecordFiles(store.folder)
+    age(files.path("aa01"), 40)
+    age(files.path("bb01"), 40)
+    assert sweep(store.folder, older_than_s=30 * 86_400.0, agents=["other"], dry=True).records == 1
+    assert sweep(store.folder, older_than_s=30 * 86_400.0, dry=True).records == 2
+    assert sweep(store.folder, agents=["driver"]).records == 3
+    assert [row.agent for row in indexed_episodes(files)] == ["other"]
+
+
+def test_a_record_that_is_claimed_stays(store):
+    with store.claim("aa01"):
+        sweep(store.folder, agents=["driver"])
+        assert [row.key for row in indexed_episodes(RecordFiles(store.folder))] == ["aa01", "bb01"]
+
+
+def test_a_clock_of_the_future_makes_nothing_old(store):
+    age(RecordFiles(store.folder).path("bb02"), -400)
+    assert sweep(store.folder, older_than_s=0.0, agents=["nobody"]).records == 0
+
+
+def test_the_command_tells_what_is_there(store, capsys):
+    (store.folder / "aside").mkdir()
+    (store.folder / "aside" / "x.episode").write_bytes(b"")
+    assert run_cli(store, "stats") == 0
+    told = capsys.readouterr().out
+    assert "4 episodes" in told
+    assert "1 ended in a way that no other run takes over" in told
+    assert "1 damaged ones lie in" in told
+    assert [line.split() for line in told.splitlines()[1:4]] == [
+        ["agent", "agent_error", "completed", "failed"],
+        ["driver", "1", "1", "1"],
+        ["other", "0", "1", "0"],
+    ]
+
+
+def test_the_command_verifies_and_sets_aside(store, capsys):
+    assert run_cli(store, "verify") == 0
+    path = RecordFiles(store.folder).path("aa01")
+    path.write_bytes(path.read_bytes()[:-1])
+    assert run_cli(store, "verify") == 1
+    told = capsys.readouterr().out
+    assert f"{path}: its checksum does not fit" in told
+    assert "4 episodes, 1 damaged" in told
+    assert run_cli(store, "verify", "--fix") == 0
+    assert not path.exists()
+    assert run_cli(store, "verify") == 0
+
+
+def test_the_command_sweeps_what_it_is_told_to(store, capsys):
+    assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
+    assert "would remove 1 episodes, 0 damaged records and 0 leftovers" in capsys.readouterr().out
+    assert run_cli(store, "gc", "--agent", "other") == 0
+    assert "removed 1 episodes" in capsys.readouterr().out
+    assert statistics(store.folder).records == 3
+
+
+def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monkeypatch):
+    below = store.folder.parent / "a" / "b"
+    below.mkdir(parents=True)
+    monkeypatch.chdir(below)
+    assert main(["store", "stats"]) == 0
+    assert "4 episodes" in capsys.readouterr().out
+    assert main(["store", "stats", "--store", "nowhere"]) == 4
+    assert "there is no store 'nowhere'" in capsys.readouterr().err
+    assert main(["store", "gc", "--older-than", "soon"]) == 4
+    assert "--older-than is 'soon', expected minutes, hours or days" in capsys.readouterr().err

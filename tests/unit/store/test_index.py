@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import replace
+
+import pytest
+from result_factory import make_result
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.store import index
+from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.index import indexed_episodes
+from pytest_drive_robust.store.record_files import RecordFiles
+
+TIMED_OUT = make_result("3", end=End.BLOCKED, outcome=Outcome.AGENT_ERROR)
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Three good records of two agents and one that no other run takes over."""
+    kept = FolderStore(tmp_path / ".drive-robust", run="one")
+    kept.put("aa01", make_result("1"))
+    kept.put("aa02", make_result("2", end=End.TICK_CAP))
+    kept.put("bb01", make_result("1", agent="other"))
+    kept.put("bb02", TIMED_OUT)
+    return kept
+
+
+def test_the_index_reads_only_what_changed(store, monkeypatch):
+    files = RecordFiles(store.folder)
+    before = indexed_episodes(files)
+    store.put("cc01", make_result("9"))
+    files.path("aa01").unlink()
+    store.put("bb02", make_result("3"))
+    read = []
+    monkeypatch.setattr(index.RecordFiles, "read", lambda self, key: read.append(key) or self.path(key).read_bytes())
+    after = indexed_episodes(files)
+    assert read == ["bb02", "cc01"]
+    assert [row.key for row in before] == ["aa01", "aa02", "bb01", "bb02"]
+    assert [(row.key, row.outcome) for row in after] == [
+        ("aa02", "failed"),
+        ("bb01", "completed"),
+        ("bb02", "completed"),
+        ("cc01", "completed"),
+    ]
+
+
+@pytest.mark.parametrize("content", [None, b"", b"nonsense" * 1000, "another version", "another table"])
+def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
+    files = RecordFiles(store.folder)
+    before, path = indexed_episodes(files), store.folder / "index.sqlite"
+    if content is None:
+        path.unlink()
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        with sqlite3.connect(path) as database:
+            database.execute("DROP TABLE records")
+            database.execute("CREATE TABLE records (something TEXT)")
+            database.execute(f"PRAGMA user_version = {99 if content == 'another version' else index._VERSION}")
+        database.close()
+    assert indexed_episodes(files) == before
+    assert indexed_episodes(files) == before
+
+
+def test_the_index_holds_names_and_numbers_that_sqlite_does_not(store):
+    odd = replace(make_result(), episode=Episode("a\udcff", "../x\0y", "e" * 10_000, 2**80))
+    store.put("dd01", odd)
+    (row,) = [row for row in indexed_episodes(RecordFiles(store.folder)) if row.key == "dd01"]
+    assert (row.agent, row.route_id, row.seed) == ("a\\udcff", "../x\0y", 2**80)
