@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lockstep_agents import drive_together
 
 from drive_robust_agents.classical import Classical
 from pytest_drive_robust import CameraSpec, GlobalPlan
@@ -22,7 +23,6 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.lockstep.lockstep import drive_together
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
