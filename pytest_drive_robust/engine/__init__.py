@@ -1,1 +1,1 @@
-"""Where episodes are driven: guarded child processes, and executors that keep many of them busy."""
+"""Where episodes are driven: worker processes with a supervisor each, and executors that keep many of them busy."""

@@ -125,7 +125,7 @@ def _ours(detail: str) -> Explanation:
 
 
 def _ending(status: int) -> tuple[str, int | None]:
-    """`("SIGSEGV", 11)`, `("exit code 3", None)`."""
+    """Return `("SIGSEGV", 11)`, or `("left the process with exit code 3", None)`."""
     if not os.WIFSIGNALED(status):
         return f"left the process with exit code {os.waitstatus_to_exitcode(status)}", None
     number = os.WTERMSIG(status)

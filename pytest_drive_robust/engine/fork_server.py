@@ -178,9 +178,9 @@ class ForkServer:
             self._control.close()
         if self._process is not None:
             if not self._ready:
-                self._process.kill()  # it would not look up from its work, and has no children yet
+                self._process.kill()  # it hears nothing while it loads, and has no workers yet
             try:
-                self._process.wait(3.0)  # it kills its children first
+                self._process.wait(3.0)  # it kills its workers first
             except subprocess.TimeoutExpired:
                 with suppress(OSError):
                     os.killpg(self._process.pid, 9)

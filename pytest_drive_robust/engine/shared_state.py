@@ -94,7 +94,7 @@ class SharedState:
         self.enter(Phase.IDLE, 0)
 
     def phase(self, name: str, tick: int) -> None:
-        """See `runner.episode.loop.Watch`."""
+        """Note a phase by its name: see `runner.episode.loop.Watch`."""
         self.enter(_BY_NAME[name], tick)
 
     def enter(self, phase: Phase, tick: int) -> None:

@@ -111,13 +111,13 @@ class WorkerProcess:
     def _read_status(self) -> int | None:
         if self._status is None and not self._closed and select.select([self.sentinel], [], [], 0)[0]:
             told = os.read(self.sentinel, 4)
-            # Without a word: the fork server died, and its children with it.
+            # Nothing was told: the fork server died, and its workers with it.
             self._status = int.from_bytes(told, "little", signed=True) if len(told) == 4 else int(signal.SIGKILL)
         return self._status
 
 
 def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[int, int]:
-    """A pipe whose ends are closed with their stacks."""
+    """Make a pipe whose ends are closed with their stacks."""
     reader, writer = os.pipe()
     reading.callback(os.close, reader)
     writing.callback(os.close, writer)

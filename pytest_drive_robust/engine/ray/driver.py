@@ -36,8 +36,8 @@ CLUSTER, REFUSED, LOST = b"c", b"x", b"l"
 NEEDS = struct.Struct("<dd")
 """Cores and GPUs of an episode."""
 
-_NOBODY = bytes(TOKEN_BYTES)
-_LOOK_S = 1.0
+_NO_EPISODE = bytes(TOKEN_BYTES)
+_POLL_S = 1.0
 _CONNECT_S = 10.0
 _PATIENCE_S = 60.0
 _LOST_NODES = 2
@@ -59,13 +59,13 @@ class _Cluster:
         self._nodes: list[list[float]] = []
         self._hopeless_since_s: dict[bytes, float] = {}
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Tell about nodes that came or went; give up what no node can drive any more."""
         alive = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
         nodes = [[node.get("CPU", 0.0), node.get("GPU", 0.0)] for node in alive]
         if nodes != self._nodes:
             self._nodes = nodes
-            self._reply(Message(CLUSTER, _NOBODY, json.dumps(nodes).encode()))
+            self._reply(Message(CLUSTER, _NO_EPISODE, json.dumps(nodes).encode()))
         for number, (ref, needs) in tuple(self._running.items()):
             if self._fits(needs):
                 self._hopeless_since_s.pop(number, None)
@@ -102,7 +102,7 @@ class _Cluster:
         else:
             self._end(number, LOST, f"{type(error).__name__}: {_brief(error)}")
         if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
-            _die_anyway(_LAST_MESSAGES_S)
+            _kill_own_group(_LAST_MESSAGES_S)
 
     def _end(self, number: bytes, kind: bytes, content: bytes | str) -> None:
         if self._running.pop(number, None) is not None:  # otherwise it was cancelled or given up
@@ -134,18 +134,18 @@ def main() -> None:
     try:
         cluster = _opened(json.loads(opening.payload), reply)
     except (Exception, SystemExit) as error:
-        reply(Message(REFUSED, _NOBODY, _brief(error).encode()))
+        reply(Message(REFUSED, _NO_EPISODE, _brief(error).encode()))
         return
     try:
         _serve(cluster, inbox)
     finally:
-        _die_anyway(_SHUTDOWN_S)
+        _kill_own_group(_SHUTDOWN_S)
         cluster.cancel()
         sys.modules["ray"].shutdown()
 
 
-def _die_anyway(after_s: float) -> None:
-    """Ray waits a minute for a cluster that is gone. This process leads a group of its own."""
+def _kill_own_group(after_s: float) -> None:
+    """Kill our own process group after a while: Ray waits a minute for a cluster that is gone."""
     timer = threading.Timer(after_s, os.killpg, (os.getpgrp(), signal.SIGKILL))
     timer.daemon = True
     timer.start()
@@ -154,9 +154,9 @@ def _die_anyway(after_s: float) -> None:
 def _serve(cluster: _Cluster, inbox: queue.SimpleQueue[Message | None]) -> None:
     while True:
         try:
-            message = inbox.get(timeout=_LOOK_S)
+            message = inbox.get(timeout=_POLL_S)
         except queue.Empty:
-            cluster.look()
+            cluster.update()
             continue
         if message is None:
             return
@@ -178,7 +178,7 @@ def _opened(wanted: dict[str, Any], reply: Any) -> _Cluster:
         **(own if address == "local" else {"runtime_env": wanted["runtime_env"]}),
     )
     cluster = _Cluster(ray, reply)
-    cluster.look()
+    cluster.update()
     return cluster
 
 
@@ -197,20 +197,20 @@ def _read_all(connection: Connection, inbox: queue.SimpleQueue[Message | None]) 
 
 
 def _is_setup(error: BaseException) -> bool:
-    """Whether the request could not even begin, on any node."""
+    """Tell whether the request could not even begin, on any node."""
     unable = isinstance(getattr(error, "cause", None), ImportError) or "failed to import" in str(error)
     return unable or type(error).__name__ == "RuntimeEnvSetupError"
 
 
 def _brief(error: BaseException) -> str:
-    """What an error of Ray says, without its tracebacks and advice about log files."""
+    """Return what an error of Ray says, without its tracebacks and advice about log files."""
     cause = getattr(error, "cause", None)
     text = str(cause if isinstance(cause, BaseException) else error).strip() or type(error).__name__
     return " ".join(text.split())[:_MOST_TEXT].rstrip(".")
 
 
 def _last_line(error: BaseException) -> str:
-    """Where a text with tracebacks in it says what happened."""
+    """Return the line in which a text with tracebacks says what happened."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[-1][:_MOST_TEXT].rstrip(".") if lines else type(error).__name__
 

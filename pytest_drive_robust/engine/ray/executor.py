@@ -74,14 +74,14 @@ class RayExecutor:
         """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
         agent = request.episode.agent
         if agent not in self._needs:
-            self._needs[agent] = self._meet(agent)
+            self._needs[agent] = self._needs_of_new(agent)
         self._latest = self._needs[agent]
         if self._link is not None and self._link.is_lost:
             self._link.close(cancel=True)
             self._link = None
         if self._link is None:
             self._link = self._connected()
-        assert self._setup is not None  # _meet made it
+        assert self._setup is not None  # _needs_of_new made it
         cluster_request = ClusterRequest(
             self._setup, self._limits, PickledRequest.of(request), request.identity, self._packages
         )
@@ -95,8 +95,8 @@ class RayExecutor:
         if self._link is not None:
             self._link.close(cancel=cancel)
 
-    def _meet(self, agent: str) -> tuple[float, float]:
-        """What an episode of this agent takes; and make sure that its code travels with every episode from now on."""
+    def _needs_of_new(self, agent: str) -> tuple[float, float]:
+        """Return what an episode of this agent takes, and have its code travel with every episode from now on."""
         if self._registry is None:
             self._registry = default_registry()
         if self._setup is None:
@@ -119,7 +119,7 @@ class RayExecutor:
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:
-    """Cores and GPUs that an episode of this agent takes. Raises `UsageError` for what is no such number."""
+    """Return the cores and GPUs that an episode of this agent takes. Raises `UsageError` for what is no such number."""
     cores, gpus = getattr(factory, "num_cpus", 1), getattr(factory, "num_gpus", 0)
     for name, given, least in (("num_cpus", cores, "> 0"), ("num_gpus", gpus, ">= 0")):
         is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)

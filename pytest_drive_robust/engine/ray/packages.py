@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NodePackages", "contents_of"]
 
-_LEFT_AT_HOME = (
+_EXCLUDED = (
     ".git",
     ".drive-robust",
     ".venv",
@@ -69,19 +69,19 @@ class NodePackages:
 
     @classmethod
     def of(cls, worker_setup: WorkerSetup, definitions: Iterable[object]) -> NodePackages:
-        """What a run by `worker_setup` must take along; `definitions` are the factories of its agents."""
+        """Find what a run by `worker_setup` must take along; `definitions` are the factories of its agents."""
         files = [file for found in definitions if (file := _file_of(found)) is not None]
         files += [(module, Path(file)) for module, file in worker_setup.plugins]
-        packages = (_root_of(module, file) for module, file in files if not _is_at_hand(file, worker_setup.folder))
+        packages = (_root_of(module, file) for module, file in files if not _is_there_anyway(file, worker_setup.folder))
         return cls(worker_setup.folder, tuple(dict.fromkeys(map(str, packages))), session=SESSION)
 
     def runtime_env(self) -> dict[str, object]:
-        """The same in Ray's words."""
+        """Return the same as a `runtime_env` of Ray."""
         packages = {"py_modules": list(self.packages)} if self.packages else {}
-        return {"working_dir": self.folder, "excludes": list(_LEFT_AT_HOME), **packages}
+        return {"working_dir": self.folder, "excludes": list(_EXCLUDED), **packages}
 
     def unpacked(self, worker_setup: WorkerSetup) -> WorkerSetup:
-        """On the node: the same worker_setup with its paths as they are here. Ray made the folder the current one."""
+        """Return the setup with its paths as they are on this node, where Ray made the folder the current one."""
         here = os.getcwd()
         moved = [self._moved(path, here) for path in worker_setup.python_path if _is_within(path, self.folder)]
         plugins = ((module, self._plugin(module, file, here)) for module, file in worker_setup.plugins)
@@ -142,7 +142,7 @@ class NodePackages:
 
 
 def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) -> dict[str, str]:
-    """Digests of what decides the numbers and may differ between machines, by what people call it.
+    """Return digests of what decides the numbers and may differ between machines, by what people call it.
 
     Together they are what `identity_of` makes the keys of the store of. Raises `UsageError` when the agent or the
     simulator does not load or weights do not read.
@@ -162,7 +162,7 @@ def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) ->
 
 
 def main() -> None:
-    """On a node: answer `NodePackages.check`."""
+    """Answer `NodePackages.check`, on a node."""
     worker_setup, agent = pickle.load(sys.stdin.buffer)
     contents = contents_of(worker_setup.registry(), agent, worker_setup=worker_setup)
     sys.stdout.flush()
@@ -170,7 +170,7 @@ def main() -> None:
 
 
 def _file_of(definition: object) -> tuple[str, Path] | None:
-    """The module that defines a class or function, and its file."""
+    """Return the module that defines a class or function, and its file."""
     try:
         return str(getattr(definition, "__module__", "")), Path(inspect.getfile(inspect.unwrap(definition)))  # type: ignore[arg-type]
     except (OSError, TypeError):
@@ -178,14 +178,14 @@ def _file_of(definition: object) -> tuple[str, Path] | None:
 
 
 def _root_of(module: str, file: Path) -> Path:
-    """What Python imports to come to `module`: the folder of its outermost package, or the file."""
+    """Return what Python imports to come to `module`: the folder of its outermost package, or the file."""
     inside = module.split(".")
     depth = len(inside) - (0 if file.name == "__init__.py" else 1)
     return file.parents[depth - 1] if depth > 0 else file
 
 
-def _is_at_hand(file: Path, folder: str) -> bool:
-    """Whether it travels with the folder, or was installed with pip and not as a link to somebody's checkout."""
+def _is_there_anyway(file: Path, folder: str) -> bool:
+    """Tell whether a file travels with the folder, or was installed with pip and not as a link to a checkout."""
     installed = (*site.getsitepackages(), site.getusersitepackages(), sysconfig.get_path("stdlib"))
     return any(_is_within(str(file), place) for place in (folder, *installed))
 

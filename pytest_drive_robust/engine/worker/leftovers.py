@@ -24,7 +24,7 @@ class Leftovers:
         self._files = _open_files()
 
     def found(self) -> tuple[str, ...]:
-        """What is not as it was, in words; empty when the next episode may be driven here."""
+        """Return what is not as it was, in words; empty when the next episode may be driven here."""
         problems = []
         threads = max(_thread._count() - self._threads, threading.active_count() - 1 - self._threads)
         if threads > 0:
@@ -40,7 +40,7 @@ class Leftovers:
 
 
 def resident_bytes() -> int:
-    """Memory that this process occupies."""
+    """Return the memory that this process occupies."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGE_SIZE")
@@ -58,7 +58,7 @@ def _identity(number: int) -> tuple[int, int] | None:
 
 
 def _children() -> int:
-    """Child processes, those of children that ended included: a child process is a subreaper."""
+    """Count child processes, with those of children that ended: a worker is a subreaper."""
     try:
         return sum(map(_children_of, os.listdir(_TASKS)))
     except OSError:

@@ -57,7 +57,7 @@ def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _attributes(name: str, owner: Any, *attributes: str) -> _Item:
-    """What some attributes of a module are."""
+    """Look after attributes of a module."""
 
     def write(wanted: tuple[Any, ...]) -> None:
         for attribute, value in zip(attributes, wanted, strict=True):
@@ -67,7 +67,7 @@ def _attributes(name: str, owner: Any, *attributes: str) -> _Item:
 
 
 def _settings(name: str, module: str, *pairs: tuple[str, str]) -> _Item:
-    """What pairs of functions of a module read and write; what is read as a dictionary is written as keywords."""
+    """Look after what pairs of functions of a module read and write; a dictionary is written as keywords."""
 
     def read() -> tuple[Any, ...]:
         found = (getattr(sys.modules[module], getter)() for getter, _ in pairs)
@@ -82,7 +82,7 @@ def _settings(name: str, module: str, *pairs: tuple[str, str]) -> _Item:
 
 
 def _list(name: str, owner: Any, attribute: str) -> _Item:
-    """The elements of a list that stays the same object."""
+    """Look after the elements of a list that stays the same object."""
 
     def write(wanted: list[Any]) -> None:
         getattr(owner, attribute)[:] = wanted

@@ -43,7 +43,7 @@ def limit_memory(size_bytes: int | None) -> None:
 
 
 def no_core_files() -> None:
-    """Crash without leaving a file."""
+    """Let this process crash without leaving a file."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))

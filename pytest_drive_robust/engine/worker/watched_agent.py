@@ -42,7 +42,7 @@ class WatchedAgent:
         return getattr(self._agent, name)  # `consumes` and `privileged`, where the agent has them
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """The agent's cameras."""
+        """Return the agent's cameras."""
         cameras: Any = call_contained(self._agent.sensors)
         self._cameras = cameras
         return self._cameras
@@ -54,7 +54,7 @@ class WatchedAgent:
         call_contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
-        """The agent's control, remembered."""
+        """Return the agent's control and keep it."""
         try:  # spelled out, not `call_contained`: this is called in every tick
             self._asked = control = self._agent.act(observation)
         except (Exception, SystemExit) as error:
@@ -67,7 +67,7 @@ class WatchedAgent:
         return control
 
     def ticked(self, tick: int, world: WorldState, observation: Observation, applied: Control) -> None:
-        """A tick was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
+        """Note a tick that was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
         self._state.add(tick, self._asked, applied, world.ego)
         self._asked = None
 
@@ -94,7 +94,7 @@ def call_contained(function: Callable[..., T], *arguments: object) -> T:
 
 
 def _print(error: BaseException) -> None:
-    """The whole traceback, among what the agent printed: a result holds one line of it."""
+    """Print the whole traceback, among what the agent printed: a result holds one line of it."""
     with contextlib.suppress(Exception):  # the agent may have closed what it goes to
         traceback.print_exception(error)
 
