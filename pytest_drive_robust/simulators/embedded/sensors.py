@@ -34,15 +34,15 @@ class Sensors:
 
             self._rig = CameraRig(lane_map, weather, cameras, around=route[:, :2])
 
-    def observe(self, frame: WorldState) -> Observation:
+    def observe(self, state: WorldState) -> Observation:
         """Return what the sensors deliver at this moment.
 
         Cameras slower than the tick deliver their last image again.
         """
-        tick, ego = frame.tick, frame.ego
+        tick, ego = state.tick, state.ego
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]
         if self._rig is not None and due:
-            for name, pixels in self._rig.render(frame, due).items():
+            for name, pixels in self._rig.render(state, due).items():
                 self._images[name] = Image(pixels, tick)
         return Observation(
             tick=tick,

@@ -67,23 +67,23 @@ class LiveRoad:
         self.ended = bool(terminated or truncated)
         self.tick += 1
 
-    def frame(self) -> WorldState:
+    def state(self) -> WorldState:
         """Return the dynamic world of this moment; its arrays belong to the caller."""
-        ego = self.ego
+        body = self.ego
         forward, right, yaw_rate = self._accelerations
-        state = EgoState(
-            x_m=float(ego.position[0]),
-            y_m=float(ego.position[1]),
-            yaw_rad=math.remainder(float(ego.heading), 2.0 * math.pi),
-            speed_mps=float(ego.speed),
+        ego = EgoState(
+            x_m=float(body.position[0]),
+            y_m=float(body.position[1]),
+            yaw_rad=math.remainder(float(body.heading), 2.0 * math.pi),
+            speed_mps=float(body.speed),
             forward_mps2=forward,
             right_mps2=right,
             yaw_rate_radps=yaw_rate,
-            length_m=float(ego.LENGTH),
-            width_m=float(ego.WIDTH),
+            length_m=float(body.LENGTH),
+            width_m=float(body.WIDTH),
         )
-        rows = [self._row(body) for body in self.others()]
-        return WorldState(self.tick, state, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
+        rows = [self._row(other) for other in self.others()]
+        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
         """Return every vehicle and solid object but the ego."""

@@ -41,9 +41,9 @@ class _Episode:
     road: LiveRoad
     line: RouteLine
     lane_map: LaneMap
-    judge: EpisodeCriteria
+    criteria: EpisodeCriteria
     sensors: Sensors
-    frame: WorldState
+    state: WorldState
 
 
 class GymnasiumSimulator:
@@ -97,7 +97,7 @@ class GymnasiumSimulator:
                 self._env = make_environment(self._spec, name=self.name)
             self._env.reset(seed=number)
             self._episode = self._begin(self._env, route, cameras)
-        return self._episode.frame
+        return self._episode.state
 
     def plan(self) -> GlobalPlan:
         """Return the sparse plan of the current route."""
@@ -106,37 +106,37 @@ class GymnasiumSimulator:
     def observe(self) -> Observation:
         """Return the clean sensors of this moment."""
         episode = self._now
-        return episode.sensors.observe(episode.frame)
+        return episode.sensors.observe(episode.state)
 
     def truth(self) -> GroundTruth:
         """Return the state of the world of this moment."""
         episode = self._now
-        return GroundTruth(episode.frame, episode.lane_map, episode.line.rows, episode.judge.row)
+        return GroundTruth(episode.state, episode.lane_map, episode.line.rows, episode.criteria.row)
 
     def step(self, control: Control) -> WorldState:
         """Advance by 50 ms."""
         episode = self._now
         with self._classes.inside():
             episode.road.step(control)
-            episode.frame = episode.road.frame()
-            episode.judge.look(episode.frame, dt_s=self.dt_s, options=self.options)
-        return episode.frame
+            episode.state = episode.road.state()
+            episode.criteria.judge(episode.state, dt_s=self.dt_s, options=self.options)
+        return episode.state
 
     @property
     def done(self) -> End | None:
         """Why the episode is over, or None while it is not."""
-        return self._now.judge.end
+        return self._now.criteria.end
 
     @property
     def progress_m(self) -> float:
         """Metres of the route that are behind the ego."""
-        return self._now.judge.progress_m
+        return self._now.criteria.progress_m
 
     def score(self) -> EpisodeScore:
         """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
         self._classes.check()
         episode = self._now
-        return episode.judge.score(episode.frame, dt_s=self.dt_s, options=self.options)
+        return episode.criteria.score(episode.state, dt_s=self.dt_s, options=self.options)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -183,9 +183,9 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=road_map.lane_map,
-            judge=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
+            criteria=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
             sensors=Sensors(
                 cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
             ),
-            frame=road.frame(),
+            state=road.state(),
         )
