@@ -32,7 +32,7 @@ EPISODES = 16
 TICKS = 60
 
 
-class Driver:
+class NetAgent:
     """Straight on at a speed that the net chooses: every episode is as long as the others."""
 
     network: Callable[[Any], Any]
@@ -48,7 +48,7 @@ class Driver:
         return self.act_batch([self], [observation])[0]
 
     @classmethod
-    def act_batch(cls, agents: Sequence[Driver], observations: Sequence[Observation]) -> list[Control]:
+    def act_batch(cls, agents: Sequence[NetAgent], observations: Sequence[Observation]) -> list[Control]:
         if cls.cameras:
             inputs = np.stack([seen.cameras[CAMERA.name].pixels for seen in observations])
         else:
@@ -59,13 +59,13 @@ class Driver:
         return [Control(throttle=0.3 + 0.1 * float(row[0])) for row in cls.network(inputs)]
 
 
-def numpy_mlp() -> type[Driver]:
+def numpy_mlp() -> type[NetAgent]:
     rng = np.random.default_rng(0)
     first, second = (rng.normal(size=shape).astype(np.float32) / 16.0 for shape in ((64, 256), (256, 4)))
-    return driver("numpy MLP 64-256-4", lambda inputs: np.tanh(np.tanh(inputs @ first) @ second))
+    return agent_class("numpy MLP 64-256-4", lambda inputs: np.tanh(np.tanh(inputs @ first) @ second))
 
 
-def torch_drivers() -> list[type[Driver]]:
+def torch_agents() -> list[type[NetAgent]]:
     try:
         import torch
     except ImportError:
@@ -98,40 +98,42 @@ def torch_drivers() -> list[type[Driver]]:
         return cnn(pixels.permute(0, 3, 1, 2).float() / 255.0)
 
     return [
-        driver("torch MLP 64-256-256-4", plain(mlp)),
-        driver("torch transformer, 3 layers of 128", plain(attend)),
-        driver("torch CNN, one 256x128 camera", plain(look), (CAMERA,)),
+        agent_class("torch MLP 64-256-256-4", plain(mlp)),
+        agent_class("torch transformer, 3 layers of 128", plain(attend)),
+        agent_class("torch CNN, one 256x128 camera", plain(look), (CAMERA,)),
     ]
 
 
-def driver(name: str, network: Callable[[Any], Any], cameras: tuple[CameraSpec, ...] = ()) -> type[Driver]:
-    return type(name, (Driver,), {"network": staticmethod(network), "cameras": cameras})
+def agent_class(name: str, network: Callable[[Any], Any], cameras: tuple[CameraSpec, ...] = ()) -> type[NetAgent]:
+    return type(name, (NetAgent,), {"network": staticmethod(network), "cameras": cameras})
 
 
 def world() -> EmbeddedSimulator:
     return EmbeddedSimulator(SimulatorOptions(tick_cap=TICKS))
 
 
-def tasks() -> list[EpisodeRequest]:
+def requests() -> list[EpisodeRequest]:
     routes = named_routes("one-per-scenario")[:EPISODES]
-    return [EpisodeRequest(Episode("driver", route.id, "clean", 0), route, Setting.CLEAN) for route in routes]
+    return [EpisodeRequest(Episode("net", route.id, "clean", 0), route, Setting.CLEAN) for route in routes]
 
 
-def singly(made: type[Driver]) -> Callable[[], int]:
+def singly(made: type[NetAgent]) -> Callable[[], int]:
     simulator, agent = world(), made()
 
     def work() -> int:
         return sum(
-            drive_episode(simulator, agent, route=task.route, setting=task.setting, seed=0, agent_name="driver").ticks
-            for task in TASKS
+            drive_episode(
+                simulator, agent, route=request.route, setting=request.setting, seed=0, agent_name="net"
+            ).ticks
+            for request in REQUESTS
         )
 
     return work
 
 
-def together(made: type[Driver], width: int) -> Callable[[], int]:
+def together(made: type[NetAgent], width: int) -> Callable[[], int]:
     lockstep = Lockstep(world, made, width=width)
-    return lambda: sum(result.ticks for _, result in lockstep.drive(TASKS))
+    return lambda: sum(result.ticks for _, result in lockstep.drive(REQUESTS))
 
 
 def rate(work: Callable[[], int]) -> float:
@@ -140,7 +142,7 @@ def rate(work: Callable[[], int]) -> float:
     return ticks / (time.process_time() - started_s)
 
 
-TASKS = tasks()
+REQUESTS = requests()
 
 
 def main() -> None:
@@ -150,7 +152,7 @@ def main() -> None:
     table = Table(
         "", "one by one", *(f"{width} at once" for width in WIDTHS), "agree to the bit", title="ticks/s of CPU"
     )
-    for made in [numpy_mlp(), *torch_drivers()]:
+    for made in [numpy_mlp(), *torch_agents()]:
         works = [singly(made), *(together(made, width) for width in WIDTHS)]
         for work in works:
             work()  # compile, make worlds
@@ -158,7 +160,9 @@ def main() -> None:
         single, *many = (statistics.median(column) for column in zip(*rates, strict=True))
         gains = [statistics.median(row[number] / row[0] for row in rates) for number in range(1, len(works))]
         shown = [f"{value:,.0f} (x{gain:.2f})" for value, gain in zip(many, gains, strict=True)]
-        recordings = [recording for task in TASKS[:2] if (recording := record(world(), made(), task)) is not None]
+        recordings = [
+            recording for request in REQUESTS[:2] if (recording := record(world(), made(), request)) is not None
+        ]
         table.add_row(made.__name__, f"{single:,.0f}", *shown, "no" if check_lockstep(made, recordings) else "yes")
     Console(width=120).print(table)
 

@@ -66,7 +66,7 @@ class Expert:
         self._scene: StaticScene | None = None
         self._lanes: LaneChanges | None = None
         self._traffic = Traffic()
-        self._junctions = RightOfWay()
+        self._right_of_way = RightOfWay()
         self._siren = Siren()
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
@@ -107,33 +107,33 @@ class Expert:
             self._scene = StaticScene(truth)
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
-        moment = self._see(self._scene, truth)
-        self._held_back = self._waits_beside_the_lane(self._lanes, moment)
+        now = self._see(self._scene, truth)
+        self._held_back = self._waits_beside_the_lane(self._lanes, now)
         if self._held_back:
-            return self._control(truth.frame.ego, self._lanes.profile, moment, -1.0, moment.stop_row)
-        obstacle = self._choose_lane(self._lanes, moment, truth)
-        profile = self._profile(self._lanes, moment, truth)
-        stop = min(moment.stop_row, self._lanes.stop_row(), self._before(obstacle, moment))
-        cruise = self._lanes.traffic_mps(self._traffic, moment.row)
+            return self._control(truth.frame.ego, self._lanes.profile, now, -1.0, now.stop_row)
+        obstacle = self._choose_lane(self._lanes, now, truth)
+        profile = self._profile(self._lanes, now, truth)
+        stop = min(now.stop_row, self._lanes.stop_row(), self._before(obstacle, now))
+        cruise = self._lanes.traffic_mps(self._traffic, now.row)
         acceleration = self._speed.choose(
-            moment,
-            moment.path(profile),
+            now,
+            now.path(profile),
             stop,
             cruise_mps=math.inf if cruise is None else _SLOWER * cruise,
-            hurry=self._hurries(self._lanes, profile, moment),
+            hurry=self._hurries(self._lanes, profile, now),
         )
         self._held_back |= obstacle is not None and not obstacle.moving
-        return self._control(truth.frame.ego, profile, moment, acceleration, stop)
+        return self._control(truth.frame.ego, profile, now, acceleration, stop)
 
     def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
         """Gather everything that the decisions of this tick need."""
-        frame, ego = truth.frame, truth.frame.ego
-        self._traffic.update(frame, scene.graph)
+        world, ego = truth.frame, truth.frame.ego
+        self._traffic.update(world, scene.graph)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
-        stop = self._junctions.stop_row(scene, frame, row)
+        stop = self._right_of_way.stop_row(scene, world, row)
         k = int(np.clip(row, 0, scene.count - 1))
         drift = math.tan(float(np.clip(math.remainder(ego.yaw_rad - scene.route[k, 2], math.tau), -1.2, 1.2)))
-        return Situation(scene, self._traffic, self._junctions, row, right, drift, ego.speed_mps, stop)
+        return Situation(scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop)
 
     # --- where ---
 

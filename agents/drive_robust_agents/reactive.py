@@ -58,8 +58,8 @@ class Reactive:
 
 def _leader(truth: GroundTruth) -> tuple[float, float]:
     """Return (bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, or (inf, 0)."""
-    frame, ego = truth.frame, truth.frame.ego
-    rows = frame.actors[frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
+    world, ego = truth.frame, truth.frame.ego
+    rows = world.actors[world.actors[:, WorldState.KIND] != ActorKind.DIRT]
     boxes = np.ascontiguousarray(
         rows[:, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]]
     )

@@ -34,8 +34,7 @@ from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
-from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
-from pytest_drive_robust.domain.camera_rigs import rig
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["CAMERAS", "SimLingo"]

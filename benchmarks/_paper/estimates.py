@@ -18,7 +18,7 @@ from pytest_drive_robust.metrics.averages import mean
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 
 __all__ = [
-    "Estimate", "Means", "degradation", "driving_score", "ds_means", "efficiency", "efficiency_means", "gap",
+    "IntervalEstimate", "Means", "degradation", "driving_score", "ds_means", "efficiency", "efficiency_means", "gap",
     "mean_degradation", "rd_means", "success_rate",
 ]  # fmt: skip
 
@@ -27,7 +27,7 @@ Means = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class IntervalEstimate:
     """A value and its two-sided 95 % interval."""
 
     value: float
@@ -35,37 +35,37 @@ class Estimate:
     high: float
 
 
-def driving_score(results: Results, agent: str, setting: str) -> Estimate | None:
-    """Mean DS, 0..100, Student's interval; None where that was not driven, here and below."""
+def driving_score(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
+    """Return the mean DS, 0..100, with Student's interval; None where it was not driven, here and below."""
     scores = results.scores(agent, setting)
     if scores is None:
         return None
-    return Estimate(mean(scores.driving_score), *mean_interval(scores.driving_score, bounds=(0.0, 100.0)))
+    return IntervalEstimate(mean(scores.driving_score), *mean_interval(scores.driving_score, bounds=(0.0, 100.0)))
 
 
-def success_rate(results: Results, agent: str, setting: str) -> Estimate | None:
-    """Success rate 0..1, Wilson's interval."""
+def success_rate(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
+    """Return the success rate 0..1 with Wilson's interval."""
     scores = results.scores(agent, setting)
-    return None if scores is None else Estimate(mean(scores.success), *share_interval(scores.success))
+    return None if scores is None else IntervalEstimate(mean(scores.success), *share_interval(scores.success))
 
 
 def efficiency(results: Results, agent: str, setting: str) -> float | None:
-    """Mean over the routes that have data, percent of the traffic's speed."""
+    """Return the mean over the routes that have data, percent of the traffic's speed."""
     scores = results.scores(agent, setting)
     known = [] if scores is None else [value for value in scores.efficiency if value is not None]
     return mean(known) if known else None
 
 
-def degradation(results: Results, agent: str, setting: str) -> Estimate | None:
-    """RD = 1 - DS / DS clean, Fieller's interval."""
+def degradation(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
+    """Return RD = 1 - DS / DS clean with Fieller's interval."""
     clean, perturbed = results.scores(agent, CLEAN), results.scores(agent, setting)
     if clean is None or perturbed is None:
         return None
     return _fieller(clean.driving_score, perturbed.driving_score)
 
 
-def mean_degradation(results: Results, agent: str) -> Estimate | None:
-    """RD of the mean DS over the eleven settings, which is the mean of their RDs; Fieller's interval."""
+def mean_degradation(results: Results, agent: str) -> IntervalEstimate | None:
+    """Return RD of the mean DS over the eleven settings, the mean of their RDs, with Fieller's interval."""
     clean = results.scores(agent, CLEAN)
     rows = [scores.driving_score for setting in SETTINGS if (scores := results.scores(agent, setting)) is not None]
     if clean is None or len(rows) < len(SETTINGS):
@@ -73,18 +73,18 @@ def mean_degradation(results: Results, agent: str) -> Estimate | None:
     return _fieller(clean.driving_score, [mean(of_route) for of_route in zip(*rows, strict=True)])
 
 
-def _fieller(clean: Sequence[float], perturbed: Sequence[float]) -> Estimate:
-    return Estimate(1.0 - mean(perturbed) / mean(clean), *ratio_interval(clean, perturbed))
+def _fieller(clean: Sequence[float], perturbed: Sequence[float]) -> IntervalEstimate:
+    return IntervalEstimate(1.0 - mean(perturbed) / mean(clean), *ratio_interval(clean, perturbed))
 
 
 def ds_means(results: Results, agent: str, setting: str) -> Means | None:
-    """The driving score."""
+    """Return the means of the driving score."""
     scores = results.scores(agent, setting)
     return None if scores is None else _means(scores.driving_score)
 
 
 def rd_means(results: Results, agent: str, settings: Sequence[str]) -> Means | None:
-    """RD, the mean over `settings`."""
+    """Return the means of RD over `settings`."""
     clean = ds_means(results, agent, CLEAN)
     rows = [row for setting in settings if (row := ds_means(results, agent, setting)) is not None]
     if clean is None or len(rows) < len(settings):
@@ -94,7 +94,7 @@ def rd_means(results: Results, agent: str, settings: Sequence[str]) -> Means | N
 
 
 def efficiency_means(results: Results, agent: str, setting: str) -> tuple[Means, Means] | None:
-    """The efficiency clean and under a setting, over the routes that have data in both."""
+    """Return the efficiency clean and under a setting, over the routes that have data in both."""
     clean, perturbed = results.scores(agent, CLEAN), results.scores(agent, setting)
     if clean is None or perturbed is None:
         return None
@@ -108,12 +108,12 @@ def efficiency_means(results: Results, agent: str, setting: str) -> tuple[Means,
     return _means([before for before, _ in pairs]), _means([after for _, after in pairs])
 
 
-def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> Estimate | None:
-    """How much larger the first is, with the jackknife's interval; None when either was not driven."""
+def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> IntervalEstimate | None:
+    """Return how much larger the first is, with the jackknife's interval; None when either was not driven."""
     if more is None or less is None:
         return None
     value, *without_route = (float(difference) for difference in more - less)
-    return Estimate(value, *jackknife_interval(value, without_route, confidence))
+    return IntervalEstimate(value, *jackknife_interval(value, without_route, confidence))
 
 
 def _means(values: Sequence[float]) -> Means:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 
-from _paper.estimates import Estimate, degradation, driving_score
+from _paper.estimates import IntervalEstimate, degradation, driving_score
 from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT
 from _paper.results import Results
 
@@ -47,11 +47,11 @@ _MOST_KEPT = 1.25
 _LOWEST_RD = -1.0
 """Where intervals end that have no lower end."""
 
-_Cell = Estimate | float | None
+_Cell = IntervalEstimate | float | None
 
 
 def heat_map(results: Results) -> str:
-    """RD of every agent and setting, ours with intervals left, the paper's right."""
+    """Draw RD of every agent and setting, ours with intervals left, the paper's right."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 5.8), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True)
@@ -83,15 +83,15 @@ def _heat_text(axes: Axes, x: int, y: int, cell: _Cell) -> None:
         axes.text(x, y, "not driven", ha="center", va="center", color="#767676", fontsize=8)
         return
     colour = "white" if _value(cell) > 0.70 else "#222222"
-    lift = 0.15 if isinstance(cell, Estimate) else 0.0
+    lift = 0.15 if isinstance(cell, IntervalEstimate) else 0.0
     axes.text(x, y - lift, _two_digits(_value(cell)), ha="center", va="center", color=colour)
-    if isinstance(cell, Estimate):
+    if isinstance(cell, IntervalEstimate):
         interval = f"{_two_digits(cell.low)} to {_two_digits(cell.high)}"
         axes.text(x, y + 0.24, interval, ha="center", va="center", color=colour, fontsize=7.5)
 
 
 def retention_radar(results: Results) -> str:
-    """What each agent keeps of its clean DS under every setting: filled ours, with intervals; dashed the paper's."""
+    """Draw what each agent keeps of its clean DS under every setting: ours filled, the paper's dashed."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 10.0), layout="constrained")
         panels = figure.subplots(2, 2, subplot_kw={"projection": "polar"})
@@ -104,8 +104,8 @@ def retention_radar(results: Results) -> str:
         return _svg(figure)
 
 
-def _radar_panel(axes: Axes, agent: str, driven: Sequence[Estimate | None]) -> None:
-    """The line of an agent is drawn only when it drove under all settings."""
+def _radar_panel(axes: Axes, agent: str, driven: Sequence[IntervalEstimate | None]) -> None:
+    """Draw the line of an agent only when it drove under all settings."""
     angles = [2.0 * math.pi * place / len(driven) for place in range(len(driven))]
     known = [(angle, rd) for angle, rd in zip(angles, driven, strict=True) if rd is not None]
     axes.set(theta_offset=math.pi / 2.0, theta_direction=-1)
@@ -130,7 +130,7 @@ def _radar_panel(axes: Axes, agent: str, driven: Sequence[Estimate | None]) -> N
 
 
 def latency_curves(results: Results) -> str:
-    """DS and RD by latency, ours with 95 % intervals in the left column, the paper's in the right one."""
+    """Draw DS and RD by latency, ours with 95 % intervals in the left column, the paper's in the right one."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 7.2), layout="constrained")
         (score, paper_score), (lost, paper_lost) = figure.subplots(2, 2, sharex=True, sharey="row")
@@ -154,8 +154,8 @@ def latency_curves(results: Results) -> str:
         return _svg(figure)
 
 
-def _curve(axes: Axes, agent: str, cells: Sequence[Estimate | None]) -> None:
-    """One agent's line, broken where it was not driven. Lines are set apart a little, or intervals overlap."""
+def _curve(axes: Axes, agent: str, cells: Sequence[IntervalEstimate | None]) -> None:
+    """Draw one agent's line, broken where it was not driven. Lines are set apart a little, or intervals overlap."""
     beside = 4.0 * (AGENTS.index(agent) - 1.5)
     places = [ms + beside for ms in _LATENCY_MS.values()]
     known = [(place, cell) for place, cell in zip(places, cells, strict=True) if cell is not None]
@@ -167,12 +167,12 @@ def _curve(axes: Axes, agent: str, cells: Sequence[Estimate | None]) -> None:
     axes.plot(places, [math.nan if cell is None else cell.value for cell in cells], **look)
 
 
-def _exact(value: float) -> Estimate:
-    return Estimate(value, value, value)
+def _exact(value: float) -> IntervalEstimate:
+    return IntervalEstimate(value, value, value)
 
 
-def _lost(results: Results, agent: str, setting: str) -> Estimate | None:
-    """RD, which is 0 without latency by its definition."""
+def _lost(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
+    """Return RD, which is 0 without latency by definition."""
     if setting == CLEAN:
         return _exact(0.0) if agent in results.agents else None
     return degradation(results, agent, setting)
@@ -189,8 +189,8 @@ def _family_ends() -> list[int]:
     return ends[1:-1]
 
 
-def _value(cell: Estimate | float) -> float:
-    return cell.value if isinstance(cell, Estimate) else cell
+def _value(cell: IntervalEstimate | float) -> float:
+    return cell.value if isinstance(cell, IntervalEstimate) else cell
 
 
 def _two_digits(value: float) -> str:

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Literal
 
-from _paper.estimates import Estimate, ds_means, efficiency_means, gap, rd_means
+from _paper.estimates import IntervalEstimate, ds_means, efficiency_means, gap, rd_means
 from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT, published_mean_rd
 from _paper.results import Results
 
-__all__ = ["FAR", "Part", "Pattern", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
+__all__ = ["FAR", "Comparison", "Pattern", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
 
 Verdict = Literal["appears", "does not appear", "cannot be told", "not driven"]
 
@@ -35,12 +35,12 @@ _MILD, _SEVERE = FAMILIES["latency"][0], FAMILIES["latency"][-1]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class Comparison:
     """One comparison. `agents` are those whose column it belongs to; `paper` is the same in the paper's table."""
 
     agents: tuple[str, ...]
     what: str
-    estimate: Estimate | None
+    estimate: IntervalEstimate | None
     paper: float
     verdict: Verdict
 
@@ -52,7 +52,7 @@ class Pattern:
     key: str
     statement: str
     unit: str
-    parts: tuple[Part, ...]
+    parts: tuple[Comparison, ...]
     verdict: Verdict
     how: str = ""
     digits: int = 2
@@ -64,8 +64,8 @@ class Pattern:
         return all_of(own) if own else None
 
 
-def judge(estimate: Estimate | None, needs: float = 0.0) -> Verdict:
-    """What an interval says about "more than `needs`"; an interval of the one point `needs` is no more."""
+def judge(estimate: IntervalEstimate | None, needs: float = 0.0) -> Verdict:
+    """Judge what an interval says about "more than `needs`"; an interval of the one point `needs` is no more."""
     if estimate is None:
         return "not driven"
     if estimate.low > needs:
@@ -74,12 +74,12 @@ def judge(estimate: Estimate | None, needs: float = 0.0) -> Verdict:
 
 
 def all_of(verdicts: Iterable[Verdict]) -> Verdict:
-    """The verdict on a statement that holds when every part does. What was not driven cannot be told, alone or not."""
+    """Return the verdict on a statement that holds when every part does; what was not driven cannot be told."""
     return _together(verdicts, decisive="does not appear", otherwise="appears")
 
 
 def any_of(verdicts: Iterable[Verdict]) -> Verdict:
-    """The verdict on a statement that holds when one part does."""
+    """Return the verdict on a statement that holds when one part does."""
     return _together(verdicts, decisive="appears", otherwise="does not appear")
 
 
@@ -93,7 +93,7 @@ def _together(verdicts: Iterable[Verdict], *, decisive: Verdict, otherwise: Verd
 
 
 def patterns_of(results: Results) -> tuple[Pattern, ...]:
-    """All seven; the last one judges pairs of agents, the others agents."""
+    """Return all seven patterns; the last one judges pairs of agents, the others agents."""
     return (
         _all("severity", "RD rises with severity in every family", _severity(results)),
         _all("latency", "Latency of 500 ms hurts every agent more than 100 ms", _latency(results)),
@@ -122,13 +122,17 @@ def patterns_of(results: Results) -> tuple[Pattern, ...]:
     )
 
 
-def _all(key: str, statement: str, parts: list[Part], *, how: str = "", unit: str = "RD", digits: int = 2) -> Pattern:
-    """A pattern that appears when all its parts do."""
+def _all(
+    key: str, statement: str, parts: list[Comparison], *, how: str = "", unit: str = "RD", digits: int = 2
+) -> Pattern:
+    """Return a pattern that appears when all its parts do."""
     return Pattern(key, statement, unit, tuple(parts), all_of(part.verdict for part in parts), how, digits)
 
 
-def _rd_gap(results: Results, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]) -> Estimate | None:
-    """How much larger the mean RD of the first (agent, settings) is."""
+def _rd_gap(
+    results: Results, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]
+) -> IntervalEstimate | None:
+    """Return how much larger the mean RD of the first (agent, settings) is."""
     return gap(rd_means(results, *more), rd_means(results, *less))
 
 
@@ -137,17 +141,17 @@ def _paper_rd(agent: str, settings: tuple[str, ...]) -> float:
     return sum(1.0 - rows[setting].ds / rows[CLEAN].ds for setting in settings) / len(settings)
 
 
-def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> Part:
-    """One agent: RD under some settings against RD under others."""
+def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> Comparison:
+    """Compare RD under some settings with RD under others, for one agent."""
     estimate = _rd_gap(results, (agent, more), (agent, less))
-    return Part((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
+    return Comparison((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
 
 
-def _step(results: Results, agent: str, mild: str, severe: str) -> Part:
+def _step(results: Results, agent: str, mild: str, severe: str) -> Comparison:
     return _within(results, agent, (severe,), (mild,), f"{agent}: {SHORT[severe]} - {SHORT[mild]}")
 
 
-def _severity(results: Results) -> list[Part]:
+def _severity(results: Results) -> list[Comparison]:
     return [
         _step(results, agent, mild, severe)
         for agent in AGENTS
@@ -156,11 +160,11 @@ def _severity(results: Results) -> list[Part]:
     ]
 
 
-def _latency(results: Results) -> list[Part]:
+def _latency(results: Results) -> list[Comparison]:
     return [_step(results, agent, _MILD, _SEVERE) for agent in AGENTS]
 
 
-def _gps(results: Results) -> list[Part]:
+def _gps(results: Results) -> list[Comparison]:
     severe = FAMILIES["GPS"][-1:]
     parts = []
     for agent in AGENTS:
@@ -168,11 +172,11 @@ def _gps(results: Results) -> list[Part]:
             estimate = _rd_gap(results, (agent, severe), (REFERENCE, severe))
             what = f"{agent} - {REFERENCE}: {SHORT[severe[0]]}, more than {FAR:.2f}"
             paper = _paper_rd(agent, severe) - _paper_rd(REFERENCE, severe)
-            parts.append(Part((agent,), what, estimate, paper, judge(estimate, FAR)))
+            parts.append(Comparison((agent,), what, estimate, paper, judge(estimate, FAR)))
     return parts
 
 
-def _occlusion(results: Results) -> list[Part]:
+def _occlusion(results: Results) -> list[Comparison]:
     mild, severe = FAMILIES["occlusion"]
     parts = [_step(results, agent, mild, severe) for agent in AGENTS]
     for agent in AGENTS:
@@ -180,29 +184,29 @@ def _occlusion(results: Results) -> list[Part]:
             estimate = _rd_gap(results, (REFERENCE, (severe,)), (agent, (severe,)))
             paper = _paper_rd(REFERENCE, (severe,)) - _paper_rd(agent, (severe,))
             what = f"{REFERENCE} - {agent}: {SHORT[severe]}"
-            parts.append(Part((REFERENCE,), what, estimate, paper, judge(estimate)))
+            parts.append(Comparison((REFERENCE,), what, estimate, paper, judge(estimate)))
     return parts
 
 
-def _burst(results: Results) -> list[Part]:
+def _burst(results: Results) -> list[Comparison]:
     more, less = FAMILIES["occlusion"], FAMILIES["burst"]
     what = "mean of occlusion - mean of burst"
     return [_within(results, agent, more, less, f"{agent}: {what}") for agent in AGENTS]
 
 
-def _speed(results: Results) -> list[Part]:
+def _speed(results: Results) -> list[Comparison]:
     parts = []
     for agent in CAPPED:
         for setting in FAMILIES["speed"]:
             pair = efficiency_means(results, agent, setting)
             estimate = None if pair is None else gap(pair[1], pair[0])
             paper = PUBLISHED[agent][setting].efficiency - PUBLISHED[agent][CLEAN].efficiency
-            parts.append(Part((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
+            parts.append(Comparison((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
     return parts
 
 
 def _ranking(results: Results) -> Pattern:
-    """Of each pair of agents: does the one that drives better without failures lose more of it under them?"""
+    """Judge for each pair of agents whether the one that drives better cleanly loses more under failures."""
     pairs = list(combinations(AGENTS, 2))
     confidence = 1.0 - 0.05 / len(pairs)
     parts = tuple(_reversal(results, *pair, confidence) for pair in pairs)
@@ -218,12 +222,12 @@ def _ranking(results: Results) -> Pattern:
     )
 
 
-def _reversal(results: Results, first: str, second: str, confidence: float) -> Part:
-    """It appears when the better driver's RD is clearly larger, and both DS and RD are clearly apart."""
+def _reversal(results: Results, first: str, second: str, confidence: float) -> Comparison:
+    """Judge one pair: the better agent's RD is clearly larger, and both DS and RD are clearly apart."""
     better, worse = first, second
     ahead = gap(ds_means(results, first, CLEAN), ds_means(results, second, CLEAN), confidence)
     if ahead is not None and ahead.value < 0.0:
-        better, worse, ahead = second, first, Estimate(-ahead.value, -ahead.high, -ahead.low)
+        better, worse, ahead = second, first, IntervalEstimate(-ahead.value, -ahead.high, -ahead.low)
     lost = gap(rd_means(results, better, SETTINGS), rd_means(results, worse, SETTINGS), confidence)
     verdict = judge(lost)
     if ahead is not None and ahead.low <= 0.0 and verdict != "not driven":
@@ -231,4 +235,4 @@ def _reversal(results: Results, first: str, second: str, confidence: float) -> P
     what = f"{better} - {worse}"
     if ahead is not None:
         what += f" (clean DS {ahead.value:+.1f}, {ahead.low:+.1f} to {ahead.high:+.1f})"
-    return Part((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)
+    return Comparison((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)

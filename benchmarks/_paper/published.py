@@ -119,6 +119,6 @@ PUBLISHED: dict[str, dict[str, Published]] = {
 
 
 def published_mean_rd(agent: str) -> float:
-    """RD of the mean DS over the eleven settings: the paper's row "Avg. all perturb."."""
+    """Return RD of the mean DS over the eleven settings: the paper's row "Avg. all perturb."."""
     rows = PUBLISHED[agent]
     return 1.0 - sum(rows[setting].ds for setting in SETTINGS) / len(SETTINGS) / rows[CLEAN].ds

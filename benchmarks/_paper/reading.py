@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from _paper.published import AGENTS, CLEAN, SETTINGS
-from _paper.results import FORMAT, Driven, Results, Scores, results_of
+from _paper.results import FORMAT, DrivenAgent, Results, Scores, results_of
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError, UsageError
 from pytest_drive_robust.metrics.averages import mean
@@ -29,7 +29,7 @@ _FEWEST_ROUTES = 2
 
 
 def read(paths: Sequence[Path]) -> Results:
-    """All files as one. Of an agent that several files hold, each setting is that of the last file which has it.
+    """Read all files as one. Of an agent that several files hold, each setting is that of the last file which has it.
 
     Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not or one on two
     engines; `ComparisonError` for episodes without a score, for routes that lack some setting, for files of different
@@ -76,7 +76,7 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
     routes = {route: (scenarios[route], fingerprint["routes"][route]) for route in sorted(scenarios, key=_place)}
     kept = {key: str(value) for key, value in versions.items() if key not in MACHINE_FACTS}
     agents = {
-        name.removesuffix(_ON_ONNX): Driven(
+        name.removesuffix(_ON_ONNX): DrivenAgent(
             {"driven": name, **fingerprint["agents"][name]}, kept, _driven(by_setting, list(routes), f"{path}: {name}")
         )
         for name, by_setting in episodes.items()
@@ -90,7 +90,7 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
 
 
 def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str, dict[str, list[_Episode]]]:
-    """RunOptions that the paper does not have are left out."""
+    """Group episodes; settings that the paper does not have are left out."""
     found: dict[str, dict[str, list[_Episode]]] = defaultdict(lambda: defaultdict(list))
     for episode in episodes:
         if episode["setting"] in (CLEAN, *SETTINGS):
@@ -139,7 +139,7 @@ def _scores(episodes: Sequence[_Episode], routes: Sequence[str], what: str) -> S
 
 
 def _efficiency(ratios_pct: Sequence[float]) -> float | None:
-    """As `metrics.efficiency` does it in the mode `bench2drive`; a report holds no `EpisodeResult`."""
+    """Compute it as `metrics.efficiency` does in the mode `bench2drive`; a report holds no `EpisodeResult`."""
     kept = [ratio for ratio in ratios_pct if ratio <= LARGEST_RATIO_PCT]
     return round(mean(kept), 3) if kept else None
 
@@ -166,7 +166,7 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
     return Results(first.world, first.routes, {**first.agents, **second.agents, **both})
 
 
-def _completed(earlier: Driven, later: Driven, what: str) -> Driven:
+def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAgent:
     """The later drive with the settings that only the earlier one has, if their clean episodes are the same ones."""
     lacking = [
         setting for setting in (CLEAN, *SETTINGS) if setting in earlier.settings and setting not in later.settings
@@ -180,6 +180,6 @@ def _completed(earlier: Driven, later: Driven, what: str) -> Driven:
             "weights, versions or processor). A setting is compared with its own clean run: drive those again, too."
         )
     settings = {**earlier.settings, **later.settings}
-    return Driven(
+    return DrivenAgent(
         later.made_of, later.versions, {name: settings[name] for name in (CLEAN, *SETTINGS) if name in settings}
     )

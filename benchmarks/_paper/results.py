@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["FORMAT", "Driven", "Results", "Scores", "results_of", "text_of"]
+__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "results_of", "text_of"]
 
 FORMAT = "drive-robust paper table 1"
 """What the compact file says it is."""
@@ -29,7 +29,7 @@ class Scores:
 
 
 @dataclass(frozen=True, slots=True)
-class Driven:
+class DrivenAgent:
     """Everything that one agent drove. `made_of` identifies its code and weights, `versions` what it ran on."""
 
     made_of: Mapping[str, str]
@@ -46,16 +46,16 @@ class Results:
 
     world: Mapping[str, object]
     routes: Mapping[str, tuple[str, str]]
-    agents: Mapping[str, Driven]
+    agents: Mapping[str, DrivenAgent]
 
     def scores(self, agent: str, setting: str) -> Scores | None:
-        """None where that was not driven."""
+        """Return the scores of an agent under a setting, or None where that was not driven."""
         driven = self.agents.get(agent)
         return None if driven is None else driven.settings.get(setting)
 
 
 def text_of(results: Results) -> str:
-    """The compact file, `results.json`: one line for each list of values."""
+    """Return the compact file, `results.json`: one line for each list of values."""
     agents = {
         name: {
             "made_of": driven.made_of,
@@ -86,7 +86,7 @@ def _json(value: object, indent: str = "") -> str:
 def results_of(document: Mapping[str, Any]) -> Results:
     """The content of a compact file."""
     agents = {
-        name: Driven(
+        name: DrivenAgent(
             driven["made_of"],
             driven["versions"],
             {

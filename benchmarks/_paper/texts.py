@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from _paper.estimates import Estimate, degradation, driving_score, efficiency, mean_degradation, success_rate
+from _paper.estimates import IntervalEstimate, degradation, driving_score, efficiency, mean_degradation, success_rate
 from _paper.patterns import Pattern
 from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS, published_mean_rd
-from _paper.results import Driven, Results
+from _paper.results import DrivenAgent, Results
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["explanations", "patterns_text", "table_text"]
@@ -45,7 +45,7 @@ def table_text(results: Results) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _missing(agent: str, driven: Driven | None) -> str:
+def _missing(agent: str, driven: DrivenAgent | None) -> str:
     """What of an agent was not driven, empty when all was."""
     if driven is None:
         return agent
@@ -82,7 +82,7 @@ def _glance(results: Results) -> list[str]:
     return _table(("setting", *AGENTS), [*rows, ("mean of the eleven", *means)])
 
 
-def _beside(ours: Estimate | None, paper: float) -> str:
+def _beside(ours: IntervalEstimate | None, paper: float) -> str:
     return f"{_number(ours, '.2f')} ({_number(paper, '.2f')})"
 
 
@@ -176,22 +176,22 @@ def explanations(path: Path, patterns: Sequence[Pattern]) -> dict[str, str]:
     return found
 
 
-def _shown(estimate: Estimate | None, digits: str, factor: float = 1.0) -> str:
+def _shown(estimate: IntervalEstimate | None, digits: str, factor: float = 1.0) -> str:
     """A value with its interval."""
     if estimate is None:
         return _NONE
     return f"{_number(estimate, digits, factor)} ({_range(estimate, digits, factor)})"
 
 
-def _range(estimate: Estimate, digits: str, factor: float = 1.0) -> str:
+def _range(estimate: IntervalEstimate, digits: str, factor: float = 1.0) -> str:
     return f"{_number(estimate.low, digits, factor)} to {_number(estimate.high, digits, factor)}"
 
 
-def _number(value: Estimate | float | None, digits: str, factor: float = 1.0) -> str:
+def _number(value: IntervalEstimate | float | None, digits: str, factor: float = 1.0) -> str:
     """The value times `factor`, a zero without its sign; a dash where there is none."""
     if value is None:
         return _NONE
-    text = format(factor * (value.value if isinstance(value, Estimate) else value), digits)
+    text = format(factor * (value.value if isinstance(value, IntervalEstimate) else value), digits)
     return text if text.strip("+-0.") else text.lstrip("+-")
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import call_hook, imported_from
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
@@ -84,7 +85,6 @@ class WorkerSetup:
 
         Raises `UsageError` for a plugin that does not load.
         """
-        from pytest_drive_robust.registry.registry import default_registry
 
         sys.path[:] = self.python_path
         os.chdir(self.folder)

@@ -43,7 +43,7 @@ class Draws:
         self._blocks: dict[str, tuple[int, list[Four]]] = {}
 
     def uniform(self, sensor: str, tick: int) -> Four:
-        """Four independent numbers, uniform in [0, 1). `tick` counts from 0."""
+        """Return four independent numbers, uniform in [0, 1). `tick` counts from 0."""
         number, row = divmod(tick, _BLOCK_TICKS)
         cached = self._blocks.get(sensor)
         if cached is None or cached[0] != number:
@@ -51,7 +51,7 @@ class Draws:
         return cached[1][row]
 
     def normal(self, sensor: str, tick: int) -> Four:
-        """Four independent numbers of the standard normal distribution (Box and Muller, 1958)."""
+        """Return four independent numbers of the standard normal distribution (Box and Muller, 1958)."""
         u, v, w, z = self.uniform(sensor, tick)
         first = math.sqrt(-2.0 * math.log(1.0 - u))  # 1 - u lies in (0, 1], so the logarithm is finite
         second = math.sqrt(-2.0 * math.log(1.0 - w))
@@ -64,7 +64,7 @@ class Draws:
 
 
 def _key(names: tuple[str, ...]) -> int:
-    """128 bits of the names. Each is preceded by its length, so that ("a", "bc") and ("ab", "c") differ."""
+    """Return 128 bits of the names. Each is preceded by its length, so that ("a", "bc") and ("ab", "c") differ."""
     digest = hashlib.blake2b(digest_size=16, person=_PERSON)
     for name in names:
         encoded = name.encode("utf-8", "surrogatepass")
@@ -73,7 +73,7 @@ def _key(names: tuple[str, ...]) -> int:
 
 
 def _block(key: int, number: int) -> list[Four]:
-    """The numbers of `_BLOCK_TICKS` ticks: a step of the counter gives four words of 64 bits, one row."""
+    """Return the numbers of `_BLOCK_TICKS` ticks: a step of the counter gives four words of 64 bits, one row."""
     import numpy as np
 
     generator = np.random.Philox(key=key, counter=number * _BLOCK_TICKS)

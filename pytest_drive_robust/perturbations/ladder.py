@@ -37,12 +37,12 @@ class Ladder:
     tick_ms: float | None = None
 
     def at(self, level: float) -> Perturbation:
-        """The perturbation of that severity. Raises `PerturbationError` for one that it cannot have."""
+        """Return the perturbation of that severity. Raises `PerturbationError` for one that it cannot have."""
         changed: dict[str, Any] = {self.field: level}
         return dataclasses.replace(self.template, **changed)
 
     def level_of(self, perturbation: Perturbation) -> float:
-        """Its severity on this ladder. Raises `PerturbationError` for another class or other severities beside it."""
+        """Return its severity on this ladder. Raises `PerturbationError` for what differs in another severity."""
         if type(perturbation) is type(self.template):
             level = perturbation.parameters()[self.field]
             if isinstance(level, (int, float)) and self.at(level).parameters() == perturbation.parameters():
@@ -53,13 +53,13 @@ class Ladder:
         )
 
     def severity(self, level: float) -> float:
-        """A number that grows with severity and is the same for levels that do the same."""
+        """Return a number that grows with severity and is the same for levels that do the same."""
         if self.tick_ms is not None:
             return whole_ticks(level, self.tick_ms)
         return level if self.levels[-1] >= self.levels[0] else -level
 
     def label(self, level: float) -> str:
-        """`"140 ms"`, `"0.5"`."""
+        """Return `"140 ms"`, `"0.5"`."""
         return f"{render_value(round(float(level), 9))} {self.unit}".rstrip()
 
     @property
@@ -75,7 +75,7 @@ class Ladder:
 
 
 def failure_word(cls: type[Perturbation]) -> str:
-    """The phrase of a class without severities and their units.
+    """Return the phrase of a class without severities and their units.
 
     >>> from pytest_drive_robust.perturbations import FrameBlend, GpsNoise, InferenceLatency
     >>> failure_word(InferenceLatency), failure_word(GpsNoise), failure_word(FrameBlend)
@@ -88,7 +88,7 @@ def failure_word(cls: type[Perturbation]) -> str:
 def ladder_of(
     perturbation: Perturbation | type[Perturbation], *, dt_s: float, levels: Iterable[float] | None = None
 ) -> Ladder:
-    """The ladder of a class with its default severities, or of an object, whose other severities are kept.
+    """Return the ladder of a class with its default severities, or of an object, whose other severities are kept.
 
     `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first.
     Raises `PerturbationError` for a class without a ladder, and for levels that go up and down or are no severities.

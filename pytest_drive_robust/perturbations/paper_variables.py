@@ -152,9 +152,8 @@ class _Variables(Generic[_P]):
         """Refuse a seed, which would do nothing: every draw is keyed by the seed of its episode."""
         text = self.text(name)
         if text:
-            raise self._refused(
-                name, f"it unset: the seed of the episode keys every draw. Use --drive-seeds={text} instead"
-            )
+            advice = f"Use --drive-seeds={text} instead (--seed={text} of bench2drive.evaluator)"
+            raise self._refused(name, f"it unset: the seed of the episode keys every draw. {advice}")
 
     def refuse_idle(self) -> None:
         """Refuse a severity that would do nothing because nobody said whether its switch is on or off."""

@@ -60,11 +60,11 @@ class Template(Generic[_S]):
         return tuple(name for _, name, _, _ in string.Formatter().parse(self.text) if name is not None)
 
     def fits(self, parameters: Mapping[str, object]) -> bool:
-        """True when the parameters have all that the form implies."""
+        """Return True when the parameters have all that the form implies."""
         return all(name in parameters and parameters[name] == value for name, value in self.fixed.items())
 
     def fill(self, parameters: Mapping[str, object]) -> str:
-        """The sentence without brackets. Raises `PerturbationError` when the template shows an unknown field."""
+        """Return the sentence without brackets. Raises `PerturbationError` when the template shows an unknown field."""
         missing = sorted({*self.shown} - {*parameters})
         if missing:
             raise PerturbationError(
@@ -74,7 +74,7 @@ class Template(Generic[_S]):
         return self.text.format(**{name: render_value(parameters[name]) for name in self.shown})
 
     def pattern(self) -> re.Pattern[str]:
-        """Matches the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
+        """Match the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
         kinds = field_types(self.cls)
         parts: list[str] = []
         for literal, name, _, _ in string.Formatter().parse(self.text):
@@ -104,7 +104,7 @@ def kebab_name(cls: type) -> str:
 
 
 def render(perturbation: Spoken) -> str:
-    """The sentence of a perturbation; fields that it does not show follow in brackets when they are not the default."""
+    """Return the sentence; fields that it does not show follow in brackets when they are not the default."""
     parameters = perturbation.parameters()
     template = next(form for form in templates_of(type(perturbation)) if form.fits(parameters))
     defaults = _defaults(type(perturbation))
@@ -119,7 +119,7 @@ def render(perturbation: Spoken) -> str:
 
 
 def parse(text: str, known: Iterable[type[_S]]) -> _S:
-    """The inverse of `render` over the classes `known`. Case and spacing do not matter; `"200ms latency"` is fine.
+    """Read what `render` writes, over the classes `known`. Case and spacing do not matter; `"200ms latency"` is fine.
 
     Raises `RequirementError` with the nearest valid sentence, and `PerturbationError` when the sentence is right but
     its severity is not.
@@ -175,7 +175,7 @@ def _match(text: str, known: Iterable[type[_S]]) -> tuple[Template[_S], re.Match
 
 
 def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, object]) -> Iterable[tuple[str, str]]:
-    """The `name=value` pairs within the brackets, names checked."""
+    """Return the `name=value` pairs within the brackets, names checked."""
     if brackets is None:
         return
     open_fields = [name for name in field_types(cls) if name not in taken]
@@ -234,7 +234,7 @@ def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
 
 
 def _example(form: Template[_S], numbers: list[float]) -> str | None:
-    """A valid sentence of the form, with the given numbers as far as they are possible."""
+    """Return a valid sentence of the form, with the given numbers as far as they are possible."""
     usual = {**form.cls.example, **form.fixed}
     given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers, strict=False)}
     for values in ({**usual, **given}, usual):
@@ -244,14 +244,14 @@ def _example(form: Template[_S], numbers: list[float]) -> str | None:
 
 
 def _in_unit(name: str, number: float) -> float:
-    """`0.2` for milliseconds was meant in seconds, `200` for seconds in milliseconds."""
+    """Convert a number in the wrong unit: `0.2` ms was meant in seconds, `200` s in milliseconds."""
     if name.split("_")[-1] == "ms" and 0.0 < number < 1.0:
         return 1000.0 * number
     return number / 1000.0 if name.endswith("_s") and number >= 100.0 else number
 
 
 def _literal(text: str, *, after_number: bool) -> str:
-    """Words of a template as a pattern; the blank between a number and its unit may be left out."""
+    """Return words of a template as a pattern; the blank between a number and its unit may be left out."""
     words = r"\s+".join(re.escape(word) for word in text.split())
     before = r"\s*" if after_number else ""
     after = r"\s+" if words and text[-1:].isspace() else ""

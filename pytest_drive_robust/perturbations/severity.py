@@ -25,7 +25,7 @@ _ROUNDING = 1e-9  # 100 ms / 50 ms must be 2 ticks, although 0.1 / 0.05 may come
 def checked_number(
     owner: object, name: str, *, expected: str, low: float = 0.0, high: float = math.inf, above_low: bool = False
 ) -> float:
-    """The field `name` of `owner` as a finite float in `low..high` (`above_low`: without `low` itself).
+    """Return the field `name` of `owner` as a finite float in `low..high` (`above_low`: without `low` itself).
 
     Raises `PerturbationError` with the value and `expected`, which names the unit and the range for people.
     """
@@ -38,7 +38,7 @@ def checked_number(
 
 
 def checked_count(owner: object, name: str, *, expected: str, low: int = 0) -> int:
-    """The field `name` of `owner` as an int of at least `low`. Raises `PerturbationError`."""
+    """Return the field `name` of `owner` as an int of at least `low`. Raises `PerturbationError`."""
     value = getattr(owner, name)
     if _is_number(value):
         number = float(value)
@@ -48,7 +48,7 @@ def checked_count(owner: object, name: str, *, expected: str, low: int = 0) -> i
 
 
 def checked_numbers(owner: object, name: str, *, expected: str) -> tuple[float, ...]:
-    """The field `name` of `owner` as a tuple of finite floats of at least 0. Raises `PerturbationError`."""
+    """Return the field `name` of `owner` as a tuple of finite floats of at least 0. Raises `PerturbationError`."""
     values = getattr(owner, name)
     if isinstance(values, Iterable):
         values = tuple(values)
@@ -58,7 +58,7 @@ def checked_numbers(owner: object, name: str, *, expected: str) -> tuple[float, 
 
 
 def checked_flag(owner: object, name: str) -> bool:
-    """The field `name` of `owner` as a bool. Raises `PerturbationError`."""
+    """Return the field `name` of `owner` as a bool. Raises `PerturbationError`."""
     value = getattr(owner, name)
     if isinstance(value, bool):
         return value
@@ -66,7 +66,7 @@ def checked_flag(owner: object, name: str) -> bool:
 
 
 def checked_choice(owner: object, name: str, choices: tuple[str, ...]) -> str:
-    """The field `name` of `owner` as one of `choices`. Raises `PerturbationError` with the nearest choice."""
+    """Return the field `name` of `owner` as one of `choices`. Raises `PerturbationError` with the nearest choice."""
     value = getattr(owner, name)
     if isinstance(value, str) and value in choices:
         return value
@@ -76,7 +76,7 @@ def checked_choice(owner: object, name: str, choices: tuple[str, ...]) -> str:
 
 
 def whole_ticks(duration_s: float, dt_s: float) -> int:
-    """How many whole ticks fit into `duration_s`: `floor(ms * SIM_RATE / 1000)` of the paper, safe against rounding.
+    """Count the whole ticks in `duration_s`: `floor(ms * SIM_RATE / 1000)` of the paper, safe against rounding.
 
     >>> whole_ticks(0.1, 0.05), whole_ticks(0.149, 0.05), whole_ticks(0.3, 0.1)
     (2, 2, 3)
@@ -86,7 +86,7 @@ def whole_ticks(duration_s: float, dt_s: float) -> int:
 
 
 def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int:
-    """`whole_ticks`, but a duration between 0 and one tick is refused: it would be the clean setting in disguise."""
+    """Count whole ticks, but refuse a duration between 0 and one tick: it would do nothing under another name."""
     ticks = whole_ticks(duration_s, dt_s)
     if ticks == 0 and duration_s > 0.0:
         rate = f"{1000.0 * duration_s:g} ms is 0 ticks at {1.0 / dt_s:g} Hz"
@@ -95,7 +95,7 @@ def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int
 
 
 def refusal(owner: object, name: str, expected: str) -> PerturbationError:
-    """The error to raise when the field `name` of `owner` is not what was `expected`."""
+    """Return the error to raise when the field `name` of `owner` is not what was `expected`."""
     return PerturbationError(f"{type(owner).__name__}: {name} is {getattr(owner, name)!r}, expected {expected}")
 
 

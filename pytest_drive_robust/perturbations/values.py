@@ -25,7 +25,7 @@ _FIELD_TYPES: weakref.WeakKeyDictionary[type, dict[str, object]] = weakref.WeakK
 
 
 def render_value(value: object) -> str:
-    """The text of a severity: shortest exact number, bare word or JSON string, tuples with slashes.
+    """Return the text of a severity: shortest exact number, bare word or JSON string, tuples with slashes.
 
     >>> render_value(200.0), render_value("hold"), render_value((0.12, 0.3)), render_value((0.12,))
     ('200', 'hold', '0.12/0.3', '0.12/')
@@ -47,7 +47,7 @@ def render_value(value: object) -> str:
 
 
 def parse_value(text: str, kind: object) -> object:
-    """The inverse of `render_value` for a field of type `kind` (`object` when unknown). Raises `ValueError`."""
+    """Return the inverse of `render_value` for a field of type `kind` (`object` when unknown). Raises `ValueError`."""
     origin = typing.get_origin(kind) or kind
     if origin in (types.UnionType, typing.Union):
         return _first_that_fits(text, typing.get_args(kind))
@@ -70,7 +70,7 @@ def parse_value(text: str, kind: object) -> object:
 
 
 def field_types(cls: type) -> dict[str, object]:
-    """The type of each dataclass field that the constructor takes; `object` where the annotation does not resolve."""
+    """Return the type of each field that the constructor takes; `object` where the annotation does not resolve."""
     if cls in _FIELD_TYPES:
         return dict(_FIELD_TYPES[cls])
     try:
@@ -86,13 +86,13 @@ def field_types(cls: type) -> dict[str, object]:
 
 
 def is_number_type(kind: object) -> bool:
-    """True for `int`, `float` and unions of them with None."""
+    """Return True for `int`, `float` and unions of them with None."""
     arguments = typing.get_args(kind) or (kind,)
     return all(argument in (int, float, type(None)) for argument in arguments)
 
 
 def split_outside_quotes(text: str, separator: str) -> list[str]:
-    """`re.split(separator, text)`, ignoring case and not inside of JSON strings."""
+    """Split as `re.split(separator, text)` does, ignoring case and not inside of JSON strings."""
     masked = _QUOTED.sub(lambda quoted: "\0" * len(quoted.group()), text)
     parts, start = [], 0
     for found in re.finditer(separator, masked, re.IGNORECASE):
@@ -118,7 +118,7 @@ def _sequence(text: str, kinds: tuple[object, ...], *, as_list: bool) -> object:
 
 
 def _first_that_fits(text: str, kinds: tuple[object, ...]) -> object:
-    """The value as one of several types, the narrow ones first: None, bool, int, float, then the others."""
+    """Return the value as one of several types, the narrow ones first: None, bool, int, float, then the others."""
     narrow: list[object] = [type(None), bool, int, float]
     for kind in sorted(kinds, key=lambda kind: narrow.index(kind) if kind in narrow else len(narrow)):
         with contextlib.suppress(ValueError):
@@ -127,7 +127,7 @@ def _first_that_fits(text: str, kinds: tuple[object, ...]) -> object:
 
 
 def _guessed(text: str) -> object:
-    """A value whose type nobody told: what `render_value` would have written so."""
+    """Return a value whose type nobody told: what `render_value` would have written so."""
     parts = split_outside_quotes(text, "/")
     if len(parts) > 1:
         return tuple(_guessed(part) for part in parts if part)

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.executors import InlineExecutor
+from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
+from pytest_drive_robust.simulators.base import SimulatorOptions
+
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.options.execution import ExecutionOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.runner.executors import Executor
@@ -20,65 +27,60 @@ __all__ = ["executor_of"]
 
 def executor_of(
     config: pytest.Config,
-    settings: RunOptions,
+    options: RunOptions,
     execution: ExecutionOptions,
     *,
     shared: bool,
     agents: Callable[[], tuple[str, ...]],
     ticked: Callable[[], object],
 ) -> Executor:
-    """The executor that was asked for; nothing is started before its first episode.
+    """Return the executor that was asked for; nothing is started before its first episode.
 
     `shared`: other processes of this run drive beside us. `agents()` are the agents of the plan, asked for at the first
     episode. `ticked` is called after every tick that this process drives itself. Raises `UsageError` when the executor
     is not installed.
     """
-    from pytest_drive_robust.registry.registry import default_registry
-    from pytest_drive_robust.simulators.base import SimulatorOptions
-
-    width = execution.lockstep
     if execution.executor == "inline":
-        from pytest_drive_robust.runner.executors import InlineExecutor
-        from pytest_drive_robust.runner.lockstep.local import lockstep_inline
-
-        options = SimulatorOptions(stuck_stop_s=settings.stuck_stop_s)
-        if width is not None:
-            return lockstep_inline(
-                default_registry(), simulator=settings.simulator, options=options, ticked=ticked, width=width
-            )
-        return InlineExecutor(default_registry(), simulator=settings.simulator, options=options, ticked=ticked)
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.pool import ProcessExecutor
-
+        return _inline(options, ticked, width=execution.lockstep)
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
+
+    def worker_setup() -> WorkerSetup:
+        return _setup_of(config, options, agents())
+
     if execution.executor == "ray":
         from pytest_drive_robust.engine.ray.executor import RayExecutor
 
-        address, most = execution.ray_address, execution.workers
-        return RayExecutor(lambda: _setup_of(config, settings, agents()), limits, address=address, slots=most)
+        return RayExecutor(worker_setup, limits, address=execution.ray_address, slots=execution.workers)
     slots = execution.slots(shared=shared)
-    if width is not None:
+    if execution.lockstep is not None:
         from pytest_drive_robust.engine.lockstep.processes import lockstep_in_processes
-        from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
 
         return lockstep_in_processes(
-            lambda: _setup_of(config, settings, agents()),
+            worker_setup,
             limits,
             workers=slots,
-            width=width,
+            width=execution.lockstep,
             shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
         )
-    return ProcessExecutor(lambda: _setup_of(config, settings, agents()), limits, slots=slots)
+    from pytest_drive_robust.engine.pool import ProcessExecutor
+
+    return ProcessExecutor(worker_setup, limits, slots=slots)
+
+
+def _inline(options: RunOptions, ticked: Callable[[], object], *, width: int | None) -> Executor:
+    """Return an executor that drives in this process."""
+    from pytest_drive_robust.runner.lockstep.local import lockstep_inline
+
+    world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
+    if width is None:
+        return InlineExecutor(default_registry(), simulator=options.simulator, options=world, ticked=ticked)
+    return lockstep_inline(default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=width)
 
 
 def _setup_of(config: pytest.Config, options: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
     """Return how a fresh process comes to know the names that this one knows."""
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
-    from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
-    from pytest_drive_robust.simulators.base import SimulatorOptions
-
     return WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),

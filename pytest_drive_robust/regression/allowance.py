@@ -54,7 +54,7 @@ DEFAULT_ALLOWANCES = (Allowance("DS", 0.05, relative=True),)
 
 
 def parse_allowances(given: Iterable[str], *, source: str) -> tuple[Allowance, ...]:
-    """Each of the texts, which may hold several with commas between them; `DEFAULT_ALLOWANCES` when there is none.
+    """Read each of the texts, which may hold several with commas between them; `DEFAULT_ALLOWANCES` when there is none.
 
     Raises `UsageError`, naming `source`, for anything else.
     """

@@ -61,7 +61,7 @@ class Baseline:
     routes: Mapping[Place, BlessedRoute] = field(default_factory=dict)
 
     def to_text(self) -> str:
-        """The file: sorted, one route a line, numbers rounded to three digits."""
+        """Return the file: sorted, one route a line, numbers rounded to three digits."""
         lines = ["{", f'  "schema": {SCHEMA},', f'  "agent": {_line(self.agent)},', '  "blessings": {']
         lines += _joined(
             f"    {_line(name)}: {_line(_blessing_json(blessing))}" for name, blessing in sorted(self.blessings.items())
@@ -85,7 +85,7 @@ class Baseline:
 
 
 def merge(old: Baseline, new: Baseline) -> Baseline:
-    """`new` over `old`: its routes replace those of the same place, every other place stays as it is.
+    """Put `new` over `old`: its routes replace those of the same place, every other place stays as it is.
 
     Blessings that no route refers to any more are dropped; git remembers them. Raises `UsageError` when the two are of
     different agents.
@@ -101,7 +101,7 @@ def merge(old: Baseline, new: Baseline) -> Baseline:
 
 
 def baseline_file(folder: Path, agent: str) -> Path:
-    """Where the baseline of an agent is; agents whose name is no file name get a digest behind what is left of it."""
+    """Return where the baseline of an agent is; a name that is no file name gets a digest behind what is left of it."""
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "-", agent).strip("-.") or "agent"
     if plain != agent:
         plain += "-" + hashlib.blake2b(agent.encode(), digest_size=3).hexdigest()
@@ -109,7 +109,7 @@ def baseline_file(folder: Path, agent: str) -> Path:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """The baseline in `path`. Raises `UsageError` for a file that is none."""
+    """Read the baseline in `path`. Raises `UsageError` for a file that is none."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document["schema"] != SCHEMA:
@@ -135,7 +135,7 @@ def read_baseline(path: Path) -> Baseline:
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
-    """`name` with the first number that is free, or that holds the same blessing."""
+    """Return `name` with the first number that is free, or that holds the same blessing."""
     number = 1
     while taken.get(f"{name}-{number}", blessing) != blessing:
         number += 1
@@ -166,7 +166,7 @@ def _line(value: object) -> str:
 
 
 def _joined(items: Iterable[str]) -> list[str]:
-    """With a comma behind all but the last."""
+    """Put a comma behind all but the last."""
     listed = list(items)
     return [*(f"{item}," for item in listed[:-1]), *listed[-1:]]
 
@@ -176,5 +176,5 @@ def _firsts(places: Iterable[tuple[str, ...]]) -> list[str]:
 
 
 def _natural(text: str) -> list[tuple[int, int, str]]:
-    """`"merge-v0-2"` before `"merge-v0-10"`."""
+    """Return what sorts `"merge-v0-2"` before `"merge-v0-10"`."""
     return [(0, int(part), part) if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", text)]

@@ -74,7 +74,7 @@ def bless(
 
 
 def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, label: str) -> Snapshot:
-    """What was blessed for one simulator, as a run; for the only one there is when `simulator` is None.
+    """Return what was blessed for one simulator, as a run; for the only one there is when `simulator` is None.
 
     Raises `UsageError` when nothing was blessed for it, or when it is not clear which one is meant.
     """

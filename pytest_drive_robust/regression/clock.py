@@ -8,10 +8,10 @@ __all__ = ["now", "today"]
 
 
 def today() -> date:
-    """The local date: a waiver ends at the owner's midnight."""
+    """Return the local date: a waiver ends at the owner's midnight."""
     return date.today()
 
 
 def now() -> datetime:
-    """The time in UTC, to the second."""
+    """Return the time in UTC, to the second."""
     return datetime.now(timezone.utc).replace(microsecond=0)

@@ -53,7 +53,7 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
 
 
 def _renamed(before: Snapshot, after: Snapshot) -> Mapping[str, str]:
-    """New name to old name, where each run has one agent and they differ."""
+    """Map the new name to the old one, where each run has one agent and they differ."""
     if len(before.agents) == len(after.agents) == 1 and before.agents != after.agents:
         return {after.agents[0]: before.agents[0]}
     return {}
@@ -72,7 +72,7 @@ def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
 
 
 def _about_rules(cells: Sequence[CellComparison]) -> Iterable[str]:
-    """What few routes mean, in words."""
+    """Say what few routes mean."""
     lists = sorted({cell.routes for cell in cells if cell.rule == "list" and cell.changed})
     if lists:
         yield f"verdicts on {_listed(lists)} routes by the rule list: they speak of exactly these routes and seeds"
@@ -91,7 +91,7 @@ def _broken(cell: Cell) -> str:
 
 
 def _pairs(old: Cell, new: Cell) -> list[Pair]:
-    """The routes that both hold, in the planned order of the setting."""
+    """Return the routes that both hold, in the planned order of the setting."""
     common = [route for route in new.routes if route in old.routes]
     types = [new.routes[route].scenario for route in common]
     order = planned_order(common, types, f"{new.agent} {new.setting}")
@@ -131,7 +131,7 @@ def _numbers(scores: Sequence[RouteScore], clean_and_perturbed: Sequence[tuple[f
 def _quartets(
     before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], pairs: Sequence[Pair]
 ) -> tuple[Quartet, ...]:
-    """The routes that have clean scores in both runs too; none for a clean setting."""
+    """Return the routes that have clean scores in both runs too; none for a clean setting."""
     old, new = cells
     sentence = _clean_sentence(new.setting)
     clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
@@ -183,7 +183,7 @@ def _clean_sentence(setting: str) -> str:
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:
-    """Newly failing routes first, the largest loss of driving score first."""
+    """Return the routes that flipped, newly failing ones first, the largest loss of driving score first."""
     flips = [Flip(was.succeeds, was, now) for was, now in pairs if was.succeeds != now.succeeds]
     return tuple(sorted(flips, key=lambda flip: (not flip.fails, flip.after.ds - flip.before.ds, flip.after.route_id)))
 

@@ -24,7 +24,7 @@ READS_SCHEMA = 1
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """The document in `path`. Raises `UsageError` for what is no run of a schema that we know."""
+    """Read the document in `path`. Raises `UsageError` for what is no run of a schema that we know."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -43,7 +43,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def snapshot_of(document: Mapping[str, Any], *, label: str) -> Snapshot:
-    """The scores and the fingerprint of a run. Raises `UsageError` for a document that lacks what runs have."""
+    """Return the scores and the fingerprint of a run. Raises `UsageError` for a document that lacks what runs have."""
     try:
         return _Reader(document, label).snapshot()
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -58,7 +58,7 @@ class _Reader:
         self._prints: dict[str, Fingerprint] = {}
 
     def snapshot(self) -> Snapshot:
-        """Cells in the order of the summaries."""
+        """Return cells in the order of the summaries."""
         found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
         specs: dict[CellKey, str] = {}
         for row in self._document["summaries"]:
@@ -91,7 +91,7 @@ class _Reader:
         return Cell(*key, routes_spec, scores, tuple(broken))
 
     def _require_one_route(self, key: CellKey, route_id: str, episodes: Iterable[Mapping[str, Any]]) -> None:
-        """A run may drive two files that use the same id; their episodes must not be averaged."""
+        """Refuse two routes of one id, as of two files that a run drove: their episodes must not be averaged."""
         seeds = [item["seed"] for item in episodes]
         if len(set(seeds)) != len(seeds):
             raise UsageError(
@@ -118,7 +118,7 @@ def _taken(item: Mapping[str, Any]) -> Taken:
 
 
 def _outcome(item: Mapping[str, Any]) -> str:
-    """The words that every report uses. They need no trajectory, which a document does not hold."""
+    """Return the words that every report uses. They need no trajectory, which a document does not hold."""
     return describe_outcome(
         EpisodeResult(
             episode=Episode(item["agent"], item["route_id"], item["setting"], item["seed"]),

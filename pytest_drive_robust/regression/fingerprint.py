@@ -64,14 +64,14 @@ class Mismatch:
     text: str
 
     def refuses(self, policy: MismatchPolicy) -> bool:
-        """True when the comparison must not be made. A changed agent is what one compares, so it never refuses."""
+        """Tell whether the comparison must not be made. A changed agent is what one compares, so it never refuses."""
         if self.kind == "agent" or policy == "warn":
             return False
         return policy == "refuse" or self.kind in ("simulator", "routes")
 
 
 def parse_policy(given: str) -> MismatchPolicy:
-    """The policy of that name. Raises `UnknownNameError`."""
+    """Return the policy of that name. Raises `UnknownNameError`."""
     known: dict[str, MismatchPolicy] = {name: name for name in get_args(MismatchPolicy)}
     if given not in known:
         raise UnknownNameError.of("policy for mismatches", given, known)
@@ -79,7 +79,7 @@ def parse_policy(given: str) -> MismatchPolicy:
 
 
 def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[Mismatch, ...]:
-    """Everything but the routes that differs between two fingerprints of `agent`. What one side lacks is not known."""
+    """Return what differs between two fingerprints of `agent`, but for the routes. What one side lacks is not known."""
     return (*_simulators(before, after), *_versions(before, after), *_agents(before.agent, after.agent, agent))
 
 

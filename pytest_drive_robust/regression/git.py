@@ -11,20 +11,20 @@ _PATIENCE_S = 10.0
 
 
 def commit(folder: Path) -> str:
-    """The short name of the commit, with `-changed` when tracked files differ from it; empty outside a repository."""
+    """Return the commit's short name, with `-changed` when tracked files differ from it; empty outside a repository."""
     name = _git(folder, "rev-parse", "--short=9", "HEAD")
     changed = bool(name) and bool(_git(folder, "status", "--porcelain", "--untracked-files=no"))
     return f"{name}-changed" if changed else name
 
 
 def author(folder: Path) -> str:
-    """`"NAME <ADDRESS>"` out of git's configuration; what is not configured is left out."""
+    """Return `"NAME <ADDRESS>"` out of git's configuration; what is not configured is left out."""
     name, mail = _git(folder, "config", "user.name"), _git(folder, "config", "user.email")
     return f"{name} <{mail}>".strip() if mail else name
 
 
 def _git(folder: Path, *words: str) -> str:
-    """What git prints; empty when it fails or is not there."""
+    """Return what git prints; empty when it fails or is not there."""
     try:
         done = subprocess.run(
             ["git", *words], cwd=folder, capture_output=True, text=True, timeout=_PATIENCE_S, check=False

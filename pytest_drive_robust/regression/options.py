@@ -30,7 +30,7 @@ def _policy(given: Given) -> MismatchPolicy:
 
 
 def _compare(given: Given) -> str:
-    """`--drive-compare suites/` takes the folder that was meant to be collected: refused with advice."""
+    """Refuse a place: `--drive-compare suites/` takes the folder that was meant to be collected."""
     reference = given.text
     if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
         raise UsageError(
@@ -47,7 +47,7 @@ def _baselines(given: Given) -> Path:
 
 
 def _waivers(given: Given) -> Path | None:
-    """The file that was named, which must be there, or the usual one where it is."""
+    """Return the file that was named, which must be there, or the usual one where it is."""
     if given.text:
         path = _home(given) / given.text
         if not path.is_file():

@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression.baselines import read_baseline
 from pytest_drive_robust.regression.blessing import blessed_snapshot
 from pytest_drive_robust.regression.document import read_document, snapshot_of
-from pytest_drive_robust.regression.runs import AUTO, RunFolder
+from pytest_drive_robust.regression.runs import AUTO, StoredRuns
 from pytest_drive_robust.regression.snapshot import Snapshot
 
 __all__ = ["BASELINES", "References"]
@@ -33,11 +33,11 @@ class References:
     """Finds runs below `home`; `baselines` is the folder of the blessed ones."""
 
     def __init__(self, home: Path, baselines: Path | None = None) -> None:
-        self.runs = RunFolder(home)
+        self.runs = StoredRuns(home)
         self.baselines = home / BASELINES if baselines is None else baselines
 
     def load(self, reference: str, *, simulator: str | None = None) -> Snapshot:
-        """The snapshot of a reference. `simulator` says which scores of a baseline are meant.
+        """Return the snapshot of a reference. `simulator` says which scores of a baseline are meant.
 
         Raises `UsageError` for what is not there or cannot be read.
         """
@@ -52,14 +52,14 @@ class References:
         return self.stored(reference)
 
     def load_run(self, reference: str) -> Snapshot:
-        """As `load`, for whole runs only. Raises `UsageError` for a baseline too."""
+        """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""
         path = Path(reference)
         if reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
             raise UsageError(f"{reference!r} is a baseline, expected a run. `drive-robust runs list` shows them.")
         return self.load(reference)
 
     def stored(self, name: str) -> Snapshot:
-        """The stored run of a name. Raises `UsageError`."""
+        """Return the stored run of a name. Raises `UsageError`."""
         path = self.runs.find(name)
         return snapshot_of(read_document(path), label=path.stem)
 

@@ -46,7 +46,7 @@ class Rise:
 
 
 def rise_of(*settings: Sequence[Quartet]) -> Rise | None:
-    """How much the RD of a setting rose, or the mean RD of several, over the routes that all of them have.
+    """Return how much the RD of a setting rose, or the mean RD of several, over the routes that all of them have.
 
     The interval is the jackknife's, over routes. None below two routes, and where a clean mean is 0 with or without
     some route: then there is no RD to compare.
@@ -74,7 +74,7 @@ def _less(total: _Sums, row: _Sums) -> _Sums:
 
 
 def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
-    """Before and after, the mean over settings."""
+    """Return before and after, the mean over settings."""
     return (
         fmean(1.0 - before / clean for clean, before, _, _ in sums),
         fmean(1.0 - after / clean for _, _, clean, after in sums),

@@ -13,7 +13,7 @@ from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["AUTO", "RESERVED", "RunFolder", "StoredRun", "check_run_name", "home_of"]
+__all__ = ["AUTO", "RESERVED", "StoredRun", "StoredRuns", "check_run_name", "home_of"]
 
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
@@ -36,7 +36,7 @@ class StoredRun:
 
 
 def home_of(folder: Path) -> Path:
-    """The nearest folder upwards that has stored runs or blessed baselines; `folder` itself where none has."""
+    """Return the nearest folder upwards that has stored runs or blessed baselines; `folder` itself where none has."""
     for candidate in (folder, *folder.parents):
         if (candidate / _HOME).is_dir() or (candidate / "suites" / "baselines").is_dir():
             return candidate
@@ -44,7 +44,7 @@ def home_of(folder: Path) -> Path:
 
 
 def check_run_name(name: str, *, source: str) -> str:
-    """The name when a file can be called so and nothing else is. Raises `UsageError`, naming `source`.
+    """Return the name when a file can be called so and nothing else is. Raises `UsageError`, naming `source`.
 
     A path is refused with advice: `--drive-save suites/` takes the folder that was meant to be collected.
     """
@@ -58,7 +58,7 @@ def check_run_name(name: str, *, source: str) -> str:
     return name
 
 
-class RunFolder:
+class StoredRuns:
     """The stored runs below `home`. Nothing is created before something is stored."""
 
     def __init__(self, home: Path) -> None:
@@ -85,12 +85,12 @@ class RunFolder:
         return path
 
     def names(self) -> list[str]:
-        """Every stored run, the oldest first."""
+        """Return every stored run, the oldest first."""
         paths = sorted(self.path.glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name))
         return [path.stem for path in paths]
 
     def find(self, name: str) -> Path:
-        """The file of a run; `"latest"` is the newest. Raises `UnknownNameError`."""
+        """Return the file of a run; `"latest"` is the newest. Raises `UnknownNameError`."""
         names = self.names()
         if name == "latest" and names:
             name = names[-1]
@@ -99,7 +99,7 @@ class RunFolder:
         return self.path / f"{name}.json"
 
     def runs(self) -> list[StoredRun]:
-        """All of them, the oldest first. A file that is no run is listed with its problem."""
+        """Return all of them, the oldest first. A file that is no run is listed with its problem."""
         return [self._describe(name) for name in self.names()]
 
     def _describe(self, name: str) -> StoredRun:
@@ -118,14 +118,14 @@ class RunFolder:
             return StoredRun(name, problem=str(error))
 
     def _free(self, name: str) -> str:
-        """`name`, or with a number behind it when two runs end in the same second."""
+        """Return `name`, or with a number behind it when two runs end in the same second."""
         number, free = 1, name
         while (self.path / f"{free}.json").exists():
             number, free = number + 1, f"{name}_{number + 1}"
         return free
 
     def _hide_from_git(self) -> None:
-        """Stored runs are large and belong to one machine; baselines are what is committed."""
+        """Keep stored runs out of git: they are large and belong to one machine. Baselines are what is committed."""
         ignore = self._home / _HOME / ".gitignore"
         if not ignore.exists():
             write_whole(ignore, "*\n")

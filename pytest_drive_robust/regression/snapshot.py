@@ -46,7 +46,7 @@ class RouteScore:
     def of(
         cls, route_id: str, scenario: str, taken: Sequence[Taken], *, digest: str, fingerprint: Fingerprint
     ) -> RouteScore:
-        """The mean over the episodes of a route, at least one."""
+        """Return the mean over the episodes of a route, at least one."""
         worst = min(taken, key=lambda item: (item.ds, item.seed))
         return cls(
             route_id=route_id,

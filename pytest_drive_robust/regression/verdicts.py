@@ -32,14 +32,14 @@ MARGIN = 0.10
 
 
 def parse_kind(given: str, *, source: str) -> str:
-    """The rule of that name, or `"auto"`. Raises `UnknownNameError`, naming `source`."""
+    """Return the rule of that name, or `"auto"`. Raises `UnknownNameError`, naming `source`."""
     if given not in VERDICT_KINDS:
         raise UnknownNameError.of(f"rule for {source}", given, VERDICT_KINDS)
     return given
 
 
 def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> VerdictKind:
-    """The rule for so many common routes: `"auto"` is evidence from 20 routes on and the list below, as in a run.
+    """Return the rule for so many common routes: `"auto"` is evidence from 20 routes on, the list below, as in a run.
 
     Other seeds are another list: nothing about the old one follows from them, so they are evidence in any number. The
     same seeds without one changed score are a list in any number: that nothing changed there needs no evidence.
@@ -54,7 +54,7 @@ def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> Verdi
 def judge_drop(
     pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
 ) -> Decision:
-    """Did DS or SR drop by more than allowed? `pairs` are (before, after) of each route in planned order.
+    """Judge whether DS or SR dropped by more than allowed. `pairs` are (before, after) of each route in planned order.
 
     `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most `alpha` of
     the time on routes like these. Raises `ComparisonError` when there is no pair.
@@ -66,7 +66,7 @@ def judge_drop(
 def judge_rise(
     routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
 ) -> Decision:
-    """Did RD rise by more than allowed? By evidence that is inconclusive below 20 routes.
+    """Judge whether RD rose by more than allowed. By evidence that is inconclusive below 20 routes.
 
     Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
     this never passes, and a fail stays a fail unless a clean score is 0.
@@ -81,7 +81,7 @@ def judge_rise(
 
 
 def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind, alpha: float) -> Decision:
-    """`judge_rise` without its floor."""
+    """Judge as `judge_rise` does, without its floor."""
     clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
     if clean_before <= 0.0 or clean_after <= 0.0:
         return "inconclusive"

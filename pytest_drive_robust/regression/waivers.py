@@ -56,7 +56,7 @@ class Waiver:
         return f"waived by {self.owner} until {self.expires}: {self.reason}"
 
     def covers(self, sentence: str, nodeid: str, *, agent: str) -> bool:
-        """True for the requirement of that sentence in that test, when `agent` is meant too."""
+        """Return True for the requirement of that sentence in that test, when `agent` is meant too."""
         case = nodeid[nodeid.index("[") + 1 :].removesuffix("]") if "[" in nodeid else nodeid
         return _matches(self.agent, agent) and any(
             _matches(self.requirement, text) for text in (sentence, case, nodeid)
@@ -72,24 +72,24 @@ class Waivers:
 
     @classmethod
     def of(cls, path: Path | None) -> Waivers:
-        """Those of a file, or none. Raises `UsageError` for what is wrong in the file."""
+        """Read those of a file, or none. Raises `UsageError` for what is wrong in the file."""
         return cls(() if path is None else read_waivers(path))
 
     def __bool__(self) -> bool:
         return bool(self._waivers)
 
     def find(self, sentence: str, nodeid: str, *, agent: str) -> Waiver | None:
-        """The waiver of a requirement; of several the one that holds longest."""
+        """Return the waiver of a requirement; of several the one that holds longest."""
         found = [waiver for waiver in self._waivers if waiver.covers(sentence, nodeid, agent=agent)]
         return max(found, key=lambda waiver: waiver.expires, default=None)
 
     def holds(self, waiver: Waiver) -> bool:
-        """True up to and on the day on which it expires."""
+        """Return True up to and on the day on which it expires."""
         today = clock.today if self._today is None else self._today
         return today() <= waiver.expires
 
     def review(self, judged: Sequence[Judged], *, whole: bool) -> list[str]:
-        """What people should know at the end: a line for each waiver, in the order of the file.
+        """Return what people should know at the end: a line for each waiver, in the order of the file.
 
         `whole` says that every test was selected and ran: only then a waiver that matches nothing is a mistake.
         """
@@ -112,7 +112,7 @@ class Waivers:
 
 
 def read_waivers(path: Path) -> tuple[Waiver, ...]:
-    """The waivers of a file. Raises `UsageError` that names the file and the waiver for what is wrong in it."""
+    """Read the waivers of a file. Raises `UsageError` that names the file and the waiver for what is wrong in it."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -151,5 +151,5 @@ def _date(given: object, where: str) -> date:
 
 
 def _matches(pattern: str, text: str) -> bool:
-    """Equal texts match although they may hold brackets, which mean something in a pattern."""
+    """Match a pattern, or equal texts: they may hold brackets, which mean something in a pattern."""
     return pattern == text or fnmatchcase(text, pattern)

@@ -25,7 +25,7 @@ _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "b
 
 
 def comparison_text(comparison: Comparison, *, colour: bool) -> str:
-    """Everything about a comparison. Of one that is refused only why. `colour` adds terminal escapes."""
+    """Tell everything about a comparison, of one that is refused only why. `colour` adds terminal escapes."""
     page = Page(colour=colour)
     for line in _fingerprint_lines(comparison):
         page.print(line, wraps=False)
@@ -38,7 +38,7 @@ def comparison_text(comparison: Comparison, *, colour: bool) -> str:
 
 
 def conclusion(comparison: Comparison) -> str:
-    """One line: what the exit code says, with the reason."""
+    """Say in one line what the exit code says, with the reason."""
     label = comparison.before.label
     if comparison.refusals:
         return (
@@ -91,7 +91,7 @@ def _table(comparison: Comparison, *, colour: bool) -> Table:
 
 
 def _stories(comparison: Comparison) -> Iterator[str]:
-    """What is behind each verdict that is not a pass, and behind each flip."""
+    """Give what is behind each verdict that is not a pass, and behind each flip."""
     for cell in comparison.cells:
         telling = ("fail", "error", "inconclusive") if cell.changed else ("fail", "error")
         broken = [finding for finding in cell.findings if finding.verdict in telling]

@@ -46,7 +46,7 @@ def write_csv(path: Path, run: RunResult) -> None:
 
 
 def csv_text(run: RunResult) -> str:
-    """A header and one line for each episode, in the order of the run; empty where there is no number."""
+    """Return a header and one line for each episode, in the order of the run; empty where there is no number."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -22,7 +22,7 @@ __all__ = ["failure_text", "replay_command", "value_text"]
 
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
-    """The whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
+    """Return the whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
     lines = [
         *_headline(verdict),
         *_promise(verdict),
@@ -39,14 +39,14 @@ def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, pri
 
 
 def value_text(metric: str, setting: str, value: float) -> str:
-    """`"RD under 200 ms latency = 0.44"`."""
+    """Return `"RD under 200 ms latency = 0.44"`."""
     return f"{metric} under {setting} = {shown(metric, value)}"
 
 
 def replay_command(
     worst: WorstRoute | Episode, agent: str, setting: str, options: RunOptions, *, routes_spec: str
 ) -> str:
-    """The command line that drives one episode again. Options are left out where the defaults say the same."""
+    """Return the command line that drives one episode again, without the options that say what the defaults say."""
     words = ["drive-robust", *(word for plugin in options.plugins for word in ("-p", plugin))]
     words += ["replay", worst.route_id, "--agent", agent, "--setting", setting]
     words += ["--seed", str(worst.seed)]
@@ -60,7 +60,7 @@ def replay_command(
 
 
 def _headline(verdict: Verdict) -> list[str]:
-    """Value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
+    """Return value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
     metric = requirement.metric.name
     value = value_text(metric, str(requirement.setting), verdict.value)
@@ -76,7 +76,7 @@ def _headline(verdict: Verdict) -> list[str]:
 
 
 def _promise(verdict: Verdict) -> list[str]:
-    """What the verdict says and how often it may be wrong; nothing for a plain comparison."""
+    """Return what the verdict says and how often it may be wrong; nothing for a plain comparison."""
     metric, kind = verdict.requirement.metric.name, verdict.verdict_rule.kind
     if verdict.reason:
         return [f"  open: {verdict.reason}"]
@@ -111,7 +111,7 @@ def _promise(verdict: Verdict) -> list[str]:
 
 
 def _summaries(verdict: Verdict) -> list[str]:
-    """Driving score and success rate, side by side with the clean ones where those were driven."""
+    """Return driving score and success rate, side by side with the clean ones where those were driven."""
     under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
     columns: list[tuple[str, Summary]] = [(under, verdict.perturbed)]
     if verdict.clean is not None and under != "clean":
@@ -128,7 +128,7 @@ def _summaries(verdict: Verdict) -> list[str]:
 
 
 def _worst(verdict: Verdict) -> list[str]:
-    """Each of the worst routes with its story, or both stories and the second at which they parted."""
+    """Return each of the worst routes with its story, or both stories and the second at which they parted."""
     lines = ["  worst routes"] if verdict.worst else []
     under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
     compared = verdict.clean is not None and under != "clean"
@@ -155,7 +155,7 @@ def _cut(text: str, width: int) -> str:
 
 
 def _quoted(word: str) -> str:
-    """Double quotes where the shell needs any: they mean the same in every shell that people use."""
+    """Add double quotes where the shell needs any: they mean the same in every shell that people use."""
     if re.fullmatch(r"[\w@%+=:,./-]+", word):
         return word
     return shlex.quote(word) if re.search(r"[\"$`\\!]", word) else f'"{word}"'

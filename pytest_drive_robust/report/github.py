@@ -33,7 +33,7 @@ def append_step_summary(run: RunResult, environ: Mapping[str, str]) -> None:
 
 
 def step_summary(run: RunResult) -> str:
-    """Markdown: the verdicts, the table of settings, the footnotes. Empty when nothing was asked for."""
+    """Return as Markdown the verdicts, the table of settings, the footnotes. Empty when nothing was asked for."""
     if not run.rows and not run.judged:
         return ""
     parts = [f"## drive-robust: {_headline(run)}"]
@@ -87,7 +87,7 @@ def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _cell(text: str) -> str:
-    """One line, in which nothing ends a cell, begins a tag or is taken for a footnote's star."""
+    """Return the text as one line, in which nothing ends a cell, begins a tag or is taken for a footnote's star."""
     text = " ".join(text.split())
     for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|")):
         text = text.replace(sign, written)

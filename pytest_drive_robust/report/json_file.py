@@ -31,12 +31,12 @@ def write_json(path: Path, run: RunResult) -> None:
 
 
 def json_text(document: Mapping[str, object]) -> str:
-    """The document as the text of a file."""
+    """Return the document as the text of a file."""
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def run_as_json(run: RunResult) -> dict[str, object]:
-    """The run as plain JSON types; NaN and infinity become None."""
+    """Return the run as plain JSON types; NaN and infinity become None."""
     document = {
         "schema": SCHEMA,
         "settings": run.options.to_json(),
@@ -52,7 +52,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
 
 
 def _fingerprint(run: RunResult) -> dict[str, object]:
-    """What the agents and the routes were made of: two runs with the same values drove the same thing."""
+    """Return what the agents and the routes were made of: two runs with the same values drove the same thing."""
     return {
         "agents": {
             item.agent: {"distribution": item.distribution, "source": item.source, "weights": item.weights}
@@ -96,7 +96,7 @@ def _summary(summary: Summary) -> dict[str, object]:
 
 
 def _episode(key: str, result: EpisodeResult) -> dict[str, object]:
-    """The record of an episode; of its trajectory only the digest."""
+    """Return the record of an episode; of its trajectory only the digest."""
     score, success = _score(result)
     return {
         "key": key,
@@ -135,7 +135,7 @@ def _score(result: EpisodeResult) -> tuple[float | None, bool | None]:
 
 
 def _finite(value: object) -> object:
-    """JSON has no NaN and no infinity; numpy scalars become Python numbers."""
+    """Return plain types: None for NaN and infinity, which JSON has not, Python numbers for numpy scalars."""
     if isinstance(value, Mapping):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -14,7 +14,7 @@ __all__ = ["mixed_machines"]
 
 
 def mixed_machines(run: RunResult) -> list[str]:
-    """A sentence for each digest (see `runner.episode.machine`) of which the episodes have several."""
+    """Return a sentence for each digest (see `runner.episode.machine`) of which the episodes have several."""
     sentences = []
     for name in MACHINE_FACTS:
         found = Counter(result.versions[name] for result in run.episodes.values() if name in result.versions)

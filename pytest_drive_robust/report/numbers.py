@@ -12,7 +12,7 @@ _SHARES = ("RD", "SR")
 
 
 def shown(metric: str, value: float | None) -> str:
-    """Shares (RD, SR) and scores with two digits after the point, `"-"` where there is no number."""
+    """Write shares (RD, SR) and scores with two digits after the point, `"-"` where there is no number."""
     if value is None or not math.isfinite(value):
         return "-"
     text = f"{value:.2f}"
@@ -21,7 +21,7 @@ def shown(metric: str, value: float | None) -> str:
 
 
 def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
-    """`"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
+    """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
     name = f"{100.0 * confidence:.3g} % interval"
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{name} unknown"
@@ -41,9 +41,10 @@ def duration_text(seconds: float) -> str:
 
 
 def legible(text: str, *, controls: bool = False) -> str:
-    """`text` as every terminal, file and channel takes it: half characters (lone surrogates), which names of routes and
-    words of agents may hold, are spelled out, and so are control characters but tab and line feed unless they are
-    meant (`controls`).
+    """Return `text` as every terminal, file and channel takes it.
+
+    Half characters (lone surrogates), which names of routes and words of agents may hold, are spelled out, and so are
+    control characters but tab and line feed unless they are meant (`controls`).
     """
     plain = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return plain if controls else plain.translate(_CONTROLS)

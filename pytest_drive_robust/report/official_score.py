@@ -16,7 +16,7 @@ _MOST_IDS = 30
 
 
 def score_as_json(score: OfficialTotals, notes: tuple[str, ...]) -> dict[str, Any]:
-    """As plain JSON types, numbers in full."""
+    """Return the totals as plain JSON types, numbers in full."""
     return {
         "metrics": score.mode,
         "ds": score.ds,
@@ -42,7 +42,7 @@ def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
 
 
 def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:
-    """The totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
+    """Return the totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
     lines = [
         f"{shown(source, quotes=False)}: {score.records} records of {score.routes} routes, {score.mode} metrics",
         "",
@@ -92,6 +92,6 @@ def _ids(names: tuple[str, ...]) -> str:
 
 
 def _marks(names: tuple[str, ...], notes: tuple[str, ...]) -> str:
-    """The numbers of the footnotes that are about a line: `"[1][4]"`."""
+    """Return the numbers of the footnotes that are about a line: `"[1][4]"`."""
     about = [set(note.partition(":")[0].split(", ")) for note in notes]
     return "".join(f"[{number}]" for number, topics in enumerate(about, start=1) if topics & {*names, "all"})

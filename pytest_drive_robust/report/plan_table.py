@@ -19,7 +19,7 @@ __all__ = ["plan_text"]
 def plan_text(
     requests: Iterable[EpisodeRequest], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool
 ) -> str:
-    """A row for each agent and setting, and the wall time that is left when `slots` episodes are driven at a time.
+    """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
 
     The time rests on the stored episodes of the plan; where there are none it is not known.
     """

@@ -25,7 +25,7 @@ class Screen(Protocol):
     """Where people look, as opposed to what pytest captures from tests."""
 
     def exclusive(self) -> AbstractContextManager[TextIO]:
-        """The stream of the real terminal, at the start of a line, while nobody else writes to it."""
+        """Return the stream of the real terminal, at the start of a line, while nobody else writes to it."""
         ...
 
 
@@ -89,12 +89,12 @@ class ProgressState:
         return self.done < self.total
 
     def counts(self) -> str:
-        """`"37/264 episodes, about 3 min left"`."""
+        """Return `"37/264 episodes, about 3 min left"`."""
         left = "" if self.left_s is None or self.done == self.total else f", about {duration_text(self.left_s)} left"
         return f"{self.done}/{self.total} episodes{left}"
 
     def now(self) -> str:
-        """What is under way: `"classical, 200 ms latency, 501 HardBreakRoute"`, of several the last one begun."""
+        """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`."""
         if not self._running:
             return ""
         last = list(self._running.values())[-1]
@@ -122,13 +122,13 @@ class SilentProgress:
     """For `-q` and `-p no:terminal`."""
 
     def see(self, event: Event) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def refresh(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def pause(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 class PlainProgress:
@@ -152,7 +152,7 @@ class PlainProgress:
             self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
     def pause(self) -> None:
-        """Nothing to take back: lines stay."""
+        """Do nothing: lines stay."""
 
     def _write(self, text: str) -> None:
         self._written_s = self._clock()

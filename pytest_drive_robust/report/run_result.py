@@ -116,7 +116,7 @@ class RunResult:
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
-    """What was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
+    """Return what was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
     known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
     if options.correction == "none" or not known:
         return judged, ()
@@ -131,7 +131,7 @@ def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged],
 
 
 def _merged(asked: Iterable[Asked]) -> list[Asked]:
-    """Each setting once, though several tests asked for it; its clean twins are known when one of them compared."""
+    """Return each setting once, though several tests asked for it, with its clean twins when one of them compared."""
     found: dict[tuple[str, ...], Asked] = {}
     for item in asked:
         if item.keys not in found or item.clean_keys:
@@ -140,7 +140,7 @@ def _merged(asked: Iterable[Asked]) -> list[Asked]:
 
 
 def _needed_keys(events: Sequence[Event]) -> list[str]:
-    """Keys in the order of the plan, then of asking: the same however many workers took part."""
+    """Return keys in the order of the plan, then of asking: the same however many workers took part."""
     planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
     asked = (key for event in events if isinstance(event, Asked) for key in (*event.clean_keys, *event.keys))
     return list(dict.fromkeys((*planned, *asked)))
@@ -170,7 +170,7 @@ def _row(
 
 
 def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str]) -> float | None:
-    """Over the routes that were driven in both ways; None when one is missing that nobody spared."""
+    """Return RD over the routes that were driven in both ways; None when one is missing that nobody spared."""
     if any(key not in episodes and key not in spared for key in (*asked.clean_keys, *asked.keys)):
         return None
     pairs = [
@@ -197,7 +197,7 @@ def _worst(verdicts: Iterable[str]) -> str:
 
 
 def _simulator_versions(results: Iterable[EpisodeResult]) -> dict[str, str]:
-    """What the episodes say decided their numbers. Several values of one name are all shown."""
+    """Return what the episodes say decided their numbers. Several values of one name are all shown."""
     found: dict[str, dict[str, None]] = {}
     for result in results:
         for name, version in result.versions.items():

@@ -28,7 +28,7 @@ _STYLES = {"pass": "green", "fail": "red", "inconclusive": "yellow", "error": "b
 
 
 def run_summary(run: RunResult, *, colour: bool) -> str:
-    """The table with its footnotes; empty when nothing was asked for. `colour` adds terminal escapes."""
+    """Return the table with its footnotes; empty when nothing was asked for. `colour` adds terminal escapes."""
     if not run.rows:
         return ""
     page = Page(colour=colour)
@@ -59,7 +59,7 @@ def _table(run: RunResult, *, colour: bool) -> Table:
 
 
 def numbers_of(row: SettingRow) -> list[str]:
-    """DS, SR, RD, efficiency, comfort and the count of routes, as they are shown."""
+    """Return DS, SR, RD, efficiency, comfort and the count of routes, as they are shown."""
     summary = row.summary
     routes = str(row.routes) + (f" x {len(row.seeds)}" if len(row.seeds) > 1 else "")
     if len(row.results) < row.needed:
@@ -77,7 +77,7 @@ def numbers_of(row: SettingRow) -> list[str]:
 
 
 def footnotes(run: RunResult) -> list[str]:
-    """What the table alone would not say, a sentence each."""
+    """Return what the table alone would not say, a sentence each."""
     lines = []
     if any(row.privileged for row in run.rows):
         lines.append("* privileged: this agent sees ground truth")
@@ -100,12 +100,12 @@ def footnotes(run: RunResult) -> list[str]:
 
 
 def _late(run: RunResult) -> list[str]:
-    """What failed after its test was over."""
+    """Return what failed after its test was over."""
     return [f"NOT GREEN: {item.requirement}: {shown(item.metric, item.value)}, {item.message}" for item in run.late]
 
 
 def _several(run: RunResult) -> list[str]:
-    """How often the verdicts of this run, taken together, are wrong."""
+    """Return how often the verdicts of this run, taken together, are wrong."""
     shared = [item for item in run.judged if item.p_value is not None]
     if len(shared) < 2:
         return []
@@ -135,7 +135,7 @@ def _several(run: RunResult) -> list[str]:
 
 
 def _open(run: RunResult) -> list[str]:
-    """What was neither shown to hold nor to be broken."""
+    """Return what was neither shown to hold nor to be broken."""
     lines = []
     for judged in run.judged:
         if judged.verdict == "inconclusive":
@@ -146,7 +146,7 @@ def _open(run: RunResult) -> list[str]:
 
 
 def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:
-    """Equal reasons once, with how many episodes ended that way and one of them by name."""
+    """Tell equal reasons once, with how many episodes ended that way and one of them by name."""
     reasons: dict[str, list[EpisodeResult]] = {}
     for result in run.episodes.values():
         if result.outcome is outcome:
@@ -164,7 +164,7 @@ def _first(results: Sequence[EpisodeResult]) -> str:
 
 
 def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
-    """How far it came and the command that drives it again."""
+    """Return how far it came and the command that drives it again."""
     specs = (row.routes_spec for row in run.rows if any(result is item for item in row.results))
     routes_spec = next(specs, None)
     if routes_spec is None:
@@ -175,5 +175,5 @@ def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
 
 
 def _short(routes_spec: str) -> str:
-    """A file by its name: the folder is the same for all of them as a rule."""
+    """Name a file without its folder: that is the same for all of them as a rule."""
     return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]

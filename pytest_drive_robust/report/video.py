@@ -27,7 +27,7 @@ _ENCODERS = ("libx264", "libopenh264")
 
 
 def has_encoder() -> bool:
-    """True when a video can be written here."""
+    """Return True when a video can be written here."""
     return _encoder() is not None
 
 

@@ -67,15 +67,18 @@ class Simulator(Protocol):
         ...
 
     def plan(self) -> GlobalPlan:
-        """The sparse plan of the current route: what the agent's `reset` gets."""
+        """Return the sparse plan of the current route: what the agent's `reset` gets."""
         ...
 
     def observe(self) -> Observation:
-        """Clean sensors of this moment, `truth` left out. Pixels may be reused by the simulator in a later tick."""
+        """Return the clean sensors of this moment, `truth` left out.
+
+        Pixels may be reused by the simulator in a later tick.
+        """
         ...
 
     def truth(self) -> GroundTruth:
-        """The state of the world of this moment, for scoring, drawing and privileged agents."""
+        """Return the state of the world of this moment, for scoring, drawing and privileged agents."""
         ...
 
     def step(self, control: Control) -> WorldState:
@@ -97,7 +100,7 @@ class Simulator(Protocol):
         ...
 
     def versions(self) -> Mapping[str, str]:
-        """What decides the numbers: backend, its version, versions of the libraries that compute."""
+        """Return what decides the numbers: backend, its version, versions of the libraries that compute."""
         ...
 
     def close(self) -> None:

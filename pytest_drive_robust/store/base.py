@@ -28,7 +28,7 @@ class EpisodeStore(Protocol):
     """Finished episodes by key, and who drives which missing one."""
 
     def get(self, key: str) -> EpisodeResult | None:
-        """The finished episode, or None when it must be driven. Never raises."""
+        """Return the finished episode, or None when it must be driven. Never raises."""
         ...
 
     def put(self, key: str, result: EpisodeResult) -> None:
@@ -36,7 +36,7 @@ class EpisodeStore(Protocol):
         ...
 
     def claim(self, key: str) -> Claim | None:
-        """The right to drive an episode, None when a living process drives it already. Never waits.
+        """Return the right to drive an episode, or None when a living process drives it already. Never waits.
 
         Ask `get` once more under the claim: its last holder may have finished the episode meanwhile. Put the result
         before you release the claim. The claims of a dead process are free at once.
@@ -44,7 +44,7 @@ class EpisodeStore(Protocol):
         ...
 
     def problems(self) -> tuple[str, ...]:
-        """What went wrong with the place itself, one sentence each, every one once."""
+        """Return what went wrong with the place itself, one sentence each, every one once."""
         ...
 
 
@@ -55,7 +55,7 @@ class MemoryStore:
         self._results: dict[str, EpisodeResult] = {}
 
     def get(self, key: str) -> EpisodeResult | None:
-        """The finished episode, or None."""
+        """Return the finished episode, or None."""
         return self._results.get(key)
 
     def put(self, key: str, result: EpisodeResult) -> None:
@@ -63,16 +63,16 @@ class MemoryStore:
         self._results[key] = result
 
     def claim(self, key: str) -> Claim:
-        """Nobody else is there: always granted."""
+        """Return the claim: nobody else is there."""
         return Claim()
 
     def problems(self) -> tuple[str, ...]:
-        """None."""
+        """Return nothing."""
         return ()
 
 
 def is_reusable(result: EpisodeResult) -> bool:
-    """True when driving it again in another run would give the same: the agent's drive, or its own exception.
+    """Tell whether another run would get the same by driving it again: the agent's drive, or its own exception.
 
     A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again.
     """
@@ -80,7 +80,7 @@ def is_reusable(result: EpisodeResult) -> bool:
 
 
 def ends_reusable(outcome: Outcome, end: End) -> bool:
-    """As `is_reusable`, for an episode of which only its end is known."""
+    """Tell as `is_reusable` does, for an episode of which only its end is known."""
     if outcome is Outcome.AGENT_ERROR:
         return end is End.AGENT_CRASHED
     return outcome in (Outcome.COMPLETED, Outcome.FAILED)

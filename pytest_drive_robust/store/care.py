@@ -59,7 +59,7 @@ class Swept:
 
 
 def statistics(folder: Path) -> Statistics:
-    """What is in the store. Reads only records that changed since the last time (see `index`)."""
+    """Count what is in the store. Reads only records that changed since the last time (see `index`)."""
     rows = indexed_episodes(RecordFiles(folder))
     whole = [row for row in rows if not row.problem]
     return Statistics(
@@ -146,7 +146,7 @@ def _is_reusable(row: IndexedEpisode) -> bool:
 
 
 def _now_s(folder: Path) -> float:
-    """The time by the clock that dates the files: on a network share that is the server's, not ours."""
+    """Return the time by the clock that dates the files: on a network share that is the server's, not ours."""
     probe = folder / f".now-{os.getpid()}.tmp"
     try:
         probe.touch()
@@ -158,7 +158,7 @@ def _now_s(folder: Path) -> float:
 
 
 def _age_s(path: Path, now_s: float) -> float:
-    """Seconds since a file was written; a file of the future is new."""
+    """Return seconds since a file was written; a file of the future is new."""
     try:
         return max(0.0, now_s - path.stat().st_mtime)
     except OSError:

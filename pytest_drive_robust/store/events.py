@@ -179,12 +179,12 @@ _KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in get_args(Event)}
 
 
 def event_to_json(event: Event) -> str:
-    """One line of JSON."""
+    """Return the event as one line of JSON."""
     return json.dumps({"event": type(event).__name__, **asdict(event)})
 
 
 def event_from_json(line: str) -> Event:
-    """The inverse of `event_to_json`. Raises `ValueError` for a line that was cut off."""
+    """Read what `event_to_json` wrote. Raises `ValueError` for a line that was cut off."""
     fields = json.loads(line)
     kind = _KINDS[fields.pop("event")]
     event: Event = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})

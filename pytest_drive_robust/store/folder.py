@@ -58,7 +58,7 @@ class FolderStore:
         return self._files.folder
 
     def get(self, key: str) -> EpisodeResult | None:
-        """The finished episode, or None when it must be driven. A damaged record is moved aside and counts as none."""
+        """Return the finished episode, or None when it must be driven. A damaged record is set aside, not counted."""
         known = self._known.get(key)
         if known is not None:
             return known
@@ -80,11 +80,11 @@ class FolderStore:
             self._write_spill(key, data)
 
     def claim(self, key: str) -> Claim | None:
-        """The right to drive an episode, None when a living process drives it already. Never waits."""
+        """Return the right to drive an episode, or None when a living process drives it already. Never waits."""
         return self._claims.attempt(key)
 
     def problems(self) -> tuple[str, ...]:
-        """What went wrong with the folder and its files, one sentence each, every one once."""
+        """Return what went wrong with the folder and its files, one sentence each, every one once."""
         return tuple(self._problems)
 
     def _found(self, files: RecordFiles, key: str) -> EpisodeResult | None:

@@ -41,7 +41,7 @@ class IndexedEpisode:
 
 
 def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
-    """A row for each record of a store, in the order of keys. Only files that changed since the last time are read."""
+    """Return what each record of a store says, in the order of keys. Only files that changed since then are read."""
     try:
         with contextlib.closing(_open(files.folder / _FILE)) as database:
             return _updated(database, files)

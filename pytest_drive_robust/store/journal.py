@@ -34,7 +34,7 @@ class JournalReader:
         self._positions: dict[Path, int] = {}
 
     def read(self) -> list[Event]:
-        """New events, in order within each process. A line whose writer died in the middle of it is left out."""
+        """Read new events, in order within each process. A line whose writer died in the middle of it is left out."""
         events: list[Event] = []
         for path in sorted(self._folder.glob("*.jsonl")):
             with path.open("rb") as file:

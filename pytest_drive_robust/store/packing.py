@@ -18,7 +18,7 @@ _LEVEL = 4
 
 
 def pack(rows: NDArray[Any]) -> bytes:
-    """A table as bytes: column after column, of each number the first byte of all ticks, then the second, and so on.
+    """Pack a table column by column: of each number the first byte of all ticks, then the second, and so on.
 
     Neighbouring ticks differ in their last bytes only, so the first ones compress to almost nothing.
     """
@@ -30,7 +30,7 @@ def pack(rows: NDArray[Any]) -> bytes:
 
 
 def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
-    """The inverse of `pack`, in memory of its own. Raises `ValueError` for bytes that are no such table."""
+    """Unpack what `pack` packed, in memory of its own. Raises `ValueError` for bytes that are no such table."""
     kind = np.dtype(dtype)
     ticks, width = shape
     try:
@@ -49,7 +49,7 @@ def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
 def unpack_columns(
     data: bytes, wanted: Sequence[int], *, dtype: str, shape: tuple[int, int]
 ) -> tuple[NDArray[Any], ...]:
-    """The `wanted` columns of a table, by number, without what lies behind the last one. Raises as `unpack` does.
+    """Unpack the `wanted` columns of a table, by number, and not what lies behind them. Raises as `unpack` does.
 
     They have the strides that they have in the whole table: the last bit of a sum may depend on that.
     """
@@ -99,7 +99,7 @@ class StoredTrace(Trace):
         return rows
 
     def columns(self, *names: str) -> tuple[NDArray[np.float64], ...]:
-        """As in `Trace`; nothing else is unpacked."""
+        """Return columns as `Trace` does; nothing else is unpacked."""
         if self._unpacked is not None:
             return super().columns(*names)
         return unpack_columns(self._packed, [*map(self.COLUMNS.index, names)], dtype="<f8", shape=self._shape)
@@ -110,7 +110,7 @@ class StoredTrace(Trace):
         return self._digest or Trace(self.rows).digest
 
     def __reduce__(self) -> tuple[type[Trace], tuple[NDArray[np.float64]]]:
-        """Elsewhere it is an ordinary trace."""
+        """Return an ordinary trace: that is what it is elsewhere."""
         return Trace, (self.rows,)
 
 
@@ -141,5 +141,5 @@ class StoredGiven(Given):
         return rows
 
     def __reduce__(self) -> tuple[type[Given], tuple[NDArray[np.float32]]]:
-        """Elsewhere it is an ordinary table."""
+        """Return an ordinary table: that is what it is elsewhere."""
         return Given, (self.rows,)

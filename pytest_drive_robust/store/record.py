@@ -77,7 +77,7 @@ class EpisodeRecord:
 
 
 def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None) -> bytes:
-    """The bytes of a finished episode. Equal results with equal notes give equal bytes."""
+    """Return the bytes of a finished episode. Equal results with equal notes give equal bytes."""
     tables: dict[str, NDArray[Any]] = {
         "trace": np.asarray(result.trace.rows, dtype="<f8"),
         "speed_ratios_pct": np.asarray(result.speed_ratios_pct, dtype="<f8").reshape(-1, 1),
@@ -98,7 +98,7 @@ def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None
 
 
 def decode_episode(data: bytes) -> EpisodeResult:
-    """The inverse of `encode_episode`, bit for bit; the trace is unpacked when it is first read.
+    """Read what `encode_episode` wrote, bit for bit; the trace is unpacked when it is first read.
 
     Raises `CorruptRecordError` for anything else, `OtherFormatError` for a record of another version.
     """
@@ -106,7 +106,7 @@ def decode_episode(data: bytes) -> EpisodeResult:
 
 
 def decode_record(data: bytes) -> EpisodeRecord:
-    """As `decode_episode`, with the notes."""
+    """Read as `decode_episode` does, with the notes."""
     _check(data)
     try:
         return _decoded(data)
@@ -173,7 +173,7 @@ def _tuple(value: Any) -> Any:
 
 
 def _header(result: EpisodeResult) -> dict[str, object]:
-    """Everything but the tables, as plain JSON types."""
+    """Return everything but the tables, as plain JSON types."""
     return {
         "episode": _fields(result.episode),
         "outcome": result.outcome.value,
@@ -191,6 +191,6 @@ def _fields(value: Any) -> dict[str, object]:
 
 
 def _plain(value: Any) -> object:
-    """Numpy scalars as Python numbers: simulators compute with numpy and JSON does not know it."""
+    """Turn numpy scalars into Python numbers: simulators compute with numpy and JSON does not know it."""
     item = getattr(value, "item", None)
     return item() if item is not None and getattr(value, "ndim", None) == 0 else value

@@ -15,7 +15,7 @@ import numpy as np
 import paper_table
 import pytest
 from _paper import estimates, figures, patterns, published, reading, results, texts
-from _paper.estimates import Estimate
+from _paper.estimates import IntervalEstimate
 from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS
 from hypothesis import given
 from hypothesis import strategies as st
@@ -186,7 +186,7 @@ def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
 
 def test_no_line_leads_through_what_was_not_driven() -> None:
     axes = Figure().subplots()
-    figures._curve(axes, "vad", [Estimate(60.0, 55.0, 65.0), None, None, Estimate(50.0, 45.0, 55.0)])
+    figures._curve(axes, "vad", [IntervalEstimate(60.0, 55.0, 65.0), None, None, IntervalEstimate(50.0, 45.0, 55.0)])
     (line,) = axes.get_lines()
     assert np.isnan(line.get_ydata()).tolist() == [False, True, True, False]
 
@@ -277,7 +277,7 @@ def test_more_speed_under_a_failure_is_a_rise_in_efficiency(tmp_path: Path) -> N
     files = saved(tmp_path, report("tcp", ALIKE, efficiency_of=faster), report("uniad", ALIKE))
     found = {pattern.key: pattern for pattern in patterns.patterns_of(reading.read(files))}["speed"]
     assert [found.verdict_of(agent) for agent in ("tcp", "uniad", "vad")] == ["appears", "does not appear", None]
-    assert found.parts[0].estimate == Estimate(20.0, 20.0, 20.0)
+    assert found.parts[0].estimate == IntervalEstimate(20.0, 20.0, 20.0)
 
 
 def test_rankings_differ_when_the_better_driver_loses_more(tmp_path: Path) -> None:
@@ -298,8 +298,8 @@ def test_agents_that_drive_alike_have_no_ranking(tmp_path: Path) -> None:
 @given(bounds=st.tuples(st.floats(-1, 1), st.floats(-1, 1)).map(sorted), needs=st.floats(-0.5, 0.5))
 def test_a_verdict_and_its_opposite_exclude_each_other(bounds: list[float], needs: float) -> None:
     low, high = bounds
-    verdict = patterns.judge(Estimate((low + high) / 2.0, low, high), needs)
-    mirrored = patterns.judge(Estimate(-(low + high) / 2.0, -high, -low), -needs)
+    verdict = patterns.judge(IntervalEstimate((low + high) / 2.0, low, high), needs)
+    mirrored = patterns.judge(IntervalEstimate(-(low + high) / 2.0, -high, -low), -needs)
     assert (verdict == "cannot be told") == (low <= needs < high)
     assert not (verdict == mirrored == "appears")
     assert verdict != "appears" or low > needs

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.lockstep.lockstep import WIDTH, Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.testing import fake_route
 
@@ -83,3 +86,19 @@ def task(*, metres: float = 20.0, seed: int = 0, setting: str = "clean", agent: 
 def bits(result: EpisodeResult) -> bytes:
     """The record of an episode, but for the clock and the words about how it was driven."""
     return encode_episode(replace(result, wall_s=0.0, versions={}))
+
+
+def drive_together(
+    make_world: Callable[[], Simulator],
+    make_agent: Callable[[], Agent],
+    requests: Sequence[EpisodeRequest],
+    *,
+    width: int = WIDTH,
+) -> list[EpisodeResult]:
+    """Drive `requests`, `width` at a time, and give their results in the order of `requests`."""
+    lockstep = Lockstep(make_world, make_agent, width=width)
+    try:
+        results = {id(request): result for request, result in lockstep.drive(requests)}
+    finally:
+        lockstep.close()
+    return [results[id(request)] for request in requests]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.domain.reception import Reception, Touch
+from pytest_drive_robust.domain.result import EpisodeResult, Given, Injection, Trace
 
 DT_S = 0.05
 
@@ -76,3 +79,25 @@ def scored(route_id: str, score: float, **given: object) -> EpisodeResult:
 
 def crashed_simulation(route_id: str = "1", **given: object) -> EpisodeResult:
     return make_result(route_id, end=End.SIMULATION_CRASHED, end_detail="the server went away", **given)  # type: ignore[arg-type]
+
+
+FULL = replace(
+    make_result(
+        "12",
+        seed=3,
+        setting="GPS noise 5.0 m",
+        end=End.BLOCKED,
+        completion_pct=100.0 / 3.0,
+        infractions=[infraction(InfractionKind.OUTSIDE_LANES, share_pct=12.5), InfractionKind.RED_LIGHT],
+        speed_ratios_pct=(0.1 + 0.2, 70.0),
+        trace=trace_of(7, x_m=math.pi, speed_mps=float("nan")),
+        versions={"embedded": "1", "numba": "0.60"},
+    ),
+    schedule=(Injection("gps-noise", "gps", 0, 6),),
+    inference_s=(0.01, 0.02),
+    privileged=True,
+    junction_passed=True,
+    reception=Reception(("front",), ("cameras", "gps"), 7, (Touch("gps", 7, 0),)),
+    given=Given(np.arange(42, dtype=np.float32).reshape(7, 6) / 7),
+)
+"""A result in which every field has a value of its own."""

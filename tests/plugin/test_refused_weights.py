@@ -44,8 +44,8 @@ def new_weights(agent: str, folder: Path, *, seed: int = 0) -> Path:
     """What a training that had no time would publish."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    settings = TrainingOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
-    return write_weights(recipe_of(agent).make(), folder, settings=settings, step=0)
+    options = TrainingOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
+    return write_weights(recipe_of(agent).make(), folder, options=options, step=0)
 
 
 def listed(file: Path) -> dict[str, Any]:

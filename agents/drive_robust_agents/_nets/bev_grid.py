@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust import CameraSpec
-from pytest_drive_robust.domain.camera_rigs import rig
+from pytest_drive_robust import CameraSpec, rig
 
 __all__ = ["OUT_OF_SIGHT", "BevSpec", "TokensInSight", "camera_views", "project"]
 

@@ -101,11 +101,11 @@ class Siren:
         """Whether the ego is out of the way now."""
         return self._aside is not None
 
-    def shifts(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> list[Floats]:
+    def shifts(self, scene: StaticScene, traffic: Traffic, world: WorldState, row: float) -> list[Floats]:
         """Return profiles, best first, that free the lane when added to its own; none while nobody wants to pass."""
         if self.active:
             return []
-        ahead = self._metres_ahead(traffic, frame)
+        ahead = self._metres_ahead(traffic, world)
         if ahead is None or not -self._APPROACH_M < ahead < -3.0:
             return []
         share = blend(scene.rows, row, row + self._SHIFT_M)
@@ -115,18 +115,18 @@ class Siren:
         """Hold this profile until the siren has passed."""
         self._aside = profile
 
-    def profile(self, scene: StaticScene, traffic: Traffic, frame: WorldState, row: float) -> Floats | None:
+    def profile(self, scene: StaticScene, traffic: Traffic, world: WorldState, row: float) -> Floats | None:
         """Return what is added to the lane's own profile now, or None."""
         if self._aside is None:
             return None
-        ahead = self._metres_ahead(traffic, frame)
+        ahead = self._metres_ahead(traffic, world)
         if ahead is None or ahead > self._PASSED_M:
             self._aside = None
         return self._aside
 
     @staticmethod
-    def _metres_ahead(traffic: Traffic, frame: WorldState) -> float | None:
-        ego = frame.ego
+    def _metres_ahead(traffic: Traffic, world: WorldState) -> float | None:
+        ego = world.ego
         for box in traffic.boxes[traffic.kinds == ActorKind.EMERGENCY]:
             if math.cos(box[2] - ego.yaw_rad) > 0.7 and box[3] > 1.0:
                 dx, dy = box[0] - ego.x_m, box[1] - ego.y_m

@@ -30,14 +30,14 @@ class RightOfWay:
     def __init__(self) -> None:
         self._stopped_at: set[int] = set()
 
-    def stop_row(self, scene: StaticScene, frame: WorldState, row: float) -> float:
+    def stop_row(self, scene: StaticScene, world: WorldState, row: float) -> float:
         """Return the row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
-        nearest, v = math.inf, frame.ego.speed_mps
+        nearest, v = math.inf, world.ego.speed_mps
         for index, at in scene.stops:
             if not -2.0 < at - row < _LOOK_M:
                 continue
-            light = LightState(int(frame.lights[index]))
-            front = at - row - frame.ego.length_m / 2.0
+            light = LightState(int(world.lights[index]))
+            front = at - row - world.ego.length_m / 2.0
             if light is LightState.STOP_SIGN and index not in self._stopped_at:
                 if v < 0.09 and front < 3.0:
                     self._stopped_at.add(index)

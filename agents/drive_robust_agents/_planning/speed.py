@@ -58,7 +58,7 @@ class Situation:
 
     scene: StaticScene
     traffic: Traffic
-    junctions: RightOfWay
+    right_of_way: RightOfWay
     row: float
     right_m: float
     drift: float
@@ -127,7 +127,7 @@ class _SpeedTrial:
         traffic = now.traffic
         self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
         self.leads = leaders(path, now.row, traffic.boxes)
-        self.boxes = now.junctions.keep_clear(now.scene, traffic, path, self.leads)
+        self.boxes = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
         self.forecast = np.ascontiguousarray(traffic.forecast[:, : _HORIZON_STEPS + 1])
         self.horizon_s = 0.2 * _HORIZON_STEPS
         front, rear = now.row + 0.5 * now.scene.size[0], now.row - 0.5 * now.scene.size[0]

@@ -38,11 +38,11 @@ class Traffic:
         self.sizes: Floats = np.zeros((0, 2))
         self.forecast: Floats = np.zeros((0, 2, 4))
 
-    def update(self, frame: WorldState, graph: LaneGraph) -> None:
+    def update(self, world: WorldState, graph: LaneGraph) -> None:
         """See the actors of a new tick."""
-        rows = frame.actors
+        rows = world.actors
         near = (
-            np.abs(rows[:, WorldState.X] - frame.ego.x_m) + np.abs(rows[:, WorldState.Y] - frame.ego.y_m)
+            np.abs(rows[:, WorldState.X] - world.ego.x_m) + np.abs(rows[:, WorldState.Y] - world.ego.y_m)
             < 1.4 * _RANGE_M
         )
         rows = rows[near & (rows[:, WorldState.KIND] != ActorKind.DIRT)]

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.memory import Memory, Sensed, can_bus, motion_between
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
-from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
-from pytest_drive_robust.domain.camera_rigs import rig
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 
 __all__ = ["CAMERAS", "BevAgent"]
 

@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
+    from pytest_drive_robust import Agent
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]

@@ -18,8 +18,8 @@ from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.routes import training_keys
 from drive_robust_agents.training.data.shards import Shard, WrittenShard
+from pytest_drive_robust import Setting
 from pytest_drive_robust.errors import DriveRobustError, UsageError
-from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 

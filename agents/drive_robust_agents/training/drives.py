@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from drive_robust_agents.training import candidates
+from pytest_drive_robust import Setting
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
@@ -23,7 +24,6 @@ from pytest_drive_robust.metrics.guards import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
-from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.scheduler import Scheduler

@@ -57,7 +57,7 @@ class OfficialAgent:
         self._payloads = Payloads(self._rig, seed=0, route="")
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """The agent's cameras."""
+        """Return the agent's cameras."""
         return self._rig.cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -70,7 +70,7 @@ class OfficialAgent:
             raise ValueError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
 
     def act(self, observation: Observation) -> Control:
-        """One `run_step`."""
+        """Run one `run_step`."""
         tick = observation.tick
         time_s = game_time_s(tick)
         self._world.update(observation)

@@ -66,7 +66,7 @@ class Actor:
     is_alive: bool = True
 
     def get_transform(self) -> Any:
-        """Where it stands and how."""
+        """Return where it stands and how."""
         x_m, y_m, yaw = self.place
         carla = _carla()
         return carla.Transform(
@@ -74,7 +74,7 @@ class Actor:
         )
 
     def get_location(self) -> Any:
-        """Where it stands."""
+        """Return where it stands."""
         return self.get_transform().location
 
     def get_velocity(self) -> Any:
@@ -90,7 +90,7 @@ class Actor:
         return _carla().Vector3D(x=0.0, y=0.0, z=math.degrees(self.yaw_rate_radps))
 
     def get_control(self) -> Any:
-        """The command of the last tick."""
+        """Return the command of the last tick."""
         given = self.command
         return _carla().VehicleControl(throttle=given.throttle, steer=given.steer, brake=given.brake)
 
@@ -102,7 +102,7 @@ class Actor:
         return carla.BoundingBox(carla.Location(x=0.0, y=0.0, z=height), carla.Vector3D(x=length, y=width, z=height))
 
     def get_world(self) -> SeenWorld:
-        """The world that it is in."""
+        """Return the world that it is in."""
         assert self.world is not None  # every world gives itself to its actors
         return self.world
 
@@ -122,11 +122,11 @@ class ActorList(Sequence[Actor]):
         self._actors = tuple(actors)
 
     def filter(self, pattern: str) -> ActorList:
-        """Those whose type matches."""
+        """Return those whose type matches."""
         return ActorList([actor for actor in self._actors if fnmatch.fnmatch(actor.type_id, pattern)])
 
     def find(self, number: int) -> Actor | None:
-        """The one of that id, or None."""
+        """Return the one of that id, or None."""
         return next((actor for actor in self._actors if actor.id == number), None)
 
     def __getitem__(self, index: Any) -> Any:
@@ -163,7 +163,7 @@ class SeenWorld:
         hero.size_m = (ego.length_m, ego.width_m, _HERO_HEIGHT_M)
 
     def get_actors(self) -> ActorList:
-        """The hero; with the ground truth also everybody else."""
+        """Return the hero; with the ground truth also everybody else."""
         others = [] if self._truth is None else [self._actor(row) for row in self._truth.frame.actors.tolist()]
         return ActorList([self.hero, *others])
 
@@ -176,7 +176,7 @@ class SeenWorld:
         return _carla_map(_Known(self._truth.lane_map))
 
     def speed_limit_mps(self) -> float:
-        """The limit where the hero drives; 0 where nothing is known of it."""
+        """Return the limit where the hero drives; 0 where nothing is known of it."""
         return 0.0 if self._truth is None else float(self._truth.route[self._truth.progress, 3])
 
     def _actor(self, row: list[float]) -> Actor:

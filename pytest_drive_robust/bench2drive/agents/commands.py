@@ -12,7 +12,7 @@ _FIELDS = (("throttle", 0.0), ("steer", -1.0), ("brake", 0.0))
 
 
 def control_of(command: object) -> Control:
-    """The same command, held within its ranges as CARLA does. Raises `TypeError` and `ValueError`.
+    """Return the same command, held within its ranges as CARLA does. Raises `TypeError` and `ValueError`.
 
     The hand brake brakes with all that there is. Our vehicle has no reverse gear: to ask for it is an error, not a
     drive forward. Numbers that are none (NaN) stay what they are, for the loop to blame.

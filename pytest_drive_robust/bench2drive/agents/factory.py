@@ -40,7 +40,7 @@ class OfficialAgentFactory:
         self.num_gpus = getattr(cls, "num_gpus", 0)
 
     def __call__(self) -> OfficialAgent:
-        """A new agent. Raises `UsageError` when it cannot be set up or has sensors that nobody knows."""
+        """Return a new agent. Raises `UsageError` when it cannot be set up or has sensors that nobody knows."""
         name = f"{self._class.__name__} of {self.reference.file.name}"
         return OfficialAgent(self._class, self.reference.config, name=name, sees_world=self._sees_world())
 
@@ -64,7 +64,7 @@ class OfficialAgentFactory:
         }
 
     def _sees_world(self) -> bool:
-        """Whether the agent's own file imports what shows the world."""
+        """Return whether the agent's own file imports what shows the world."""
         return re.search(rf"^[ \t]*(?:from|import)\b.*\b{_PROVIDER}\b", self._text, re.MULTILINE) is not None
 
     @functools.cached_property
@@ -73,7 +73,7 @@ class OfficialAgentFactory:
 
 
 def leaderboard_agent(argument: str) -> OfficialAgentFactory:
-    """What `leaderboard:argument` makes agents with. Raises `UsageError`."""
+    """Return what `leaderboard:argument` makes agents with. Raises `UsageError`."""
     return _factory(argument, os.getcwd())
 
 

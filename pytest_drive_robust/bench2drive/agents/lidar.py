@@ -29,7 +29,7 @@ _ATTENUATION_PER_M = 0.004
 
 
 def sweep(sensor: Sensor, truth: GroundTruth) -> NDArray[np.float32]:
-    """(n, 4) points of this tick: metres forward, right and up of the sensor, and intensity 0..1."""
+    """Return (n, 4) points of this tick: metres forward, right and up of the sensor, and intensity 0..1."""
     pose = sensor_pose(truth, x_m=sensor.x_m, y_m=sensor.y_m, yaw_deg=sensor.yaw_deg)
     boxes, _ = boxes_near(truth, *pose[:2], reach_m=_REACH_M)
     start = 0.0 if truth.frame.tick % 2 == 0 else np.pi

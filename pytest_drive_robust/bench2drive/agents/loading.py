@@ -74,7 +74,7 @@ def _imported(file: Path) -> ModuleType:
 
 
 def _module_name(file: Path) -> str:
-    """The stem, as in the leaderboard; made unique where something else has that name already."""
+    """Return the stem, as in the leaderboard; made unique where something else has that name already."""
     name = re.sub(r"\W", "_", file.stem)
     known = sys.modules.get(name)
     if known is not None:

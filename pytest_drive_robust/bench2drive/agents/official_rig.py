@@ -115,7 +115,7 @@ def _camera(name: str, numbers: Mapping[str, float]) -> CameraSpec:
 
 
 def _numbers_of(spec: object, agent: str) -> dict[str, float]:
-    """Every number of one specification, with 0 for what a place does not say. Raises `UsageError`."""
+    """Return every number of one specification, with 0 for what a place does not say. Raises `UsageError`."""
     if not isinstance(spec, Mapping) or "type" not in spec or "id" not in spec:
         raise UsageError(f"sensors() of {agent} returned {spec!r}, expected a dictionary with 'type' and 'id'.")
     kind, what = spec["type"], f"the sensor {spec['id']!r} of {agent}"

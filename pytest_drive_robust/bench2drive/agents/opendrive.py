@@ -34,7 +34,7 @@ _Links = list[tuple[int, int, int, int]]
 
 
 def opendrive_of(lane_map: LaneMap) -> str:
-    """The map in OpenDRIVE 1.4; a road has the number of its leftmost lane.
+    """Return the map in OpenDRIVE 1.4; a road has the number of its leftmost lane.
 
     The end of a lane that leads nowhere is one more road, because CARLA's planner knows only roads that lead on.
     """

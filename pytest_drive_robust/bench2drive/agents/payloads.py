@@ -60,7 +60,7 @@ _COMPASS_WAKES = 3
 
 
 def frame_number(tick: int) -> int:
-    """The number of the frame of a tick, counted from 1 at the start of the route."""
+    """Return the number of the frame of a tick, counted from 1 at the start of the route."""
     return tick + 1
 
 
@@ -78,7 +78,7 @@ class Payloads:
         self._map: str | None = None
 
     def of(self, observation: Observation) -> InputData:
-        """What `run_step` is given; every array is the agent's own."""
+        """Return what `run_step` is given; every array is the agent's own."""
         frame = frame_number(observation.tick)
         return {sensor.id: (frame, self._payload(sensor, observation)) for sensor in self._rig.sensors}
 

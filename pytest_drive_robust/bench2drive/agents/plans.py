@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
 __all__ = ["STRAIGHT_PLAN", "WorldPlan", "gps_plan", "world_plan"]
 
 WorldPlan = list[tuple[Any, Any]]
-"""`(carla.Transform, RoadOption)` for every metre of the way."""
+"""Return `(carla.Transform, RoadOption)` for every metre of the way."""
 
 STRAIGHT_PLAN = GlobalPlan(
     tuple(PlanPoint(x, 0.0, RoadOption.LANE_FOLLOW) for x in (0.0, 50.0, 100.0)),
@@ -21,7 +21,7 @@ STRAIGHT_PLAN = GlobalPlan(
 
 
 def gps_plan(plan: GlobalPlan) -> list[tuple[dict[str, float], Any]]:
-    """`({"lat": ..., "lon": ..., "z": 0.0}, RoadOption)` for every point of the dense plan, degrees."""
+    """Return `({"lat": ..., "lon": ..., "z": 0.0}, RoadOption)` for every point of the dense plan, degrees."""
     options = _options()
     return [
         ({"lat": point.latitude_deg, "lon": point.longitude_deg, "z": 0.0}, options(int(point.command)))
@@ -30,7 +30,7 @@ def gps_plan(plan: GlobalPlan) -> list[tuple[dict[str, float], Any]]:
 
 
 def world_plan(plan: GlobalPlan) -> WorldPlan:
-    """`(carla.Transform, RoadOption)` for every point of the dense plan, each turned to the next one."""
+    """Return `(carla.Transform, RoadOption)` for every point of the dense plan, each turned to the next one."""
     carla: Any = importlib.import_module("carla")
     options = _options()
     points = _points(plan)

@@ -22,7 +22,7 @@ _REACH_M = 100.0
 
 
 def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.float32]:
-    """(n, 4): depth in m, altitude and azimuth in radians, velocity towards the sensor negative, in m/s.
+    """Return (n, 4): depth in m, altitude and azimuth in radians, velocity towards the sensor negative, in m/s.
 
     Rays leave in directions drawn within the elliptic field of view; those that meet nothing give no detection.
     """

@@ -21,14 +21,14 @@ _FLAT = (ActorKind.DIRT,)
 
 
 def sensor_pose(truth: GroundTruth, *, x_m: float, y_m: float, yaw_deg: float) -> tuple[float, float, float]:
-    """(x, y, yaw) in the world of a sensor that is mounted on the ego."""
+    """Return (x, y, yaw) in the world of a sensor that is mounted on the ego."""
     ego = truth.frame.ego
     cos, sin = np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)
     return ego.x_m + x_m * cos - y_m * sin, ego.y_m + x_m * sin + y_m * cos, ego.yaw_rad + np.radians(yaw_deg)
 
 
 def boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) -> Boxes:
-    """Every actor and building of which a part may be within reach of a point."""
+    """Return every actor and building of which a part may be within reach of a point."""
     actors = truth.frame.actors
     actors = actors[~np.isin(actors[:, WorldState.KIND], _FLAT)]
     columns = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT]
@@ -45,7 +45,7 @@ def boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) ->
 def first_hits(
     pose: tuple[float, float, float], z_m: float, azimuths: Floats, slopes: Floats, boxes: Floats, *, reach_m: float
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """How far rays fly in the plane, and what they meet: (azimuths, slopes) each.
+    """Return how far rays fly in the plane, and what they meet: (azimuths, slopes) each.
 
     `azimuths` are radians to the right of the sensor, `slopes` metres up per metre forward, of as many rays for each
     azimuth: (m,) for all alike or (n, m). The number of the box is -1 for the ground and -2 for nothing within reach.

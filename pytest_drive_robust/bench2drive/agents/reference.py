@@ -60,7 +60,7 @@ leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/
 
 
 def _instead(missing: Path) -> str:
-    """`" (did you mean 'agent.py'?)"`, or nothing."""
+    """Return `" (did you mean 'agent.py'?)"`, or nothing."""
     folder = missing.parent
     if not folder.is_dir():
         return ""

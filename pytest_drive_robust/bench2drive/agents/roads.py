@@ -29,7 +29,7 @@ class Road:
 
 
 def roads_of(lanes: Sequence[Lane]) -> tuple[Road, ...]:
-    """Every lane in exactly one road, whose number is that of its leftmost lane."""
+    """Return every lane in exactly one road, whose number is that of its leftmost lane."""
     by_index = {lane.index: lane for lane in lanes}
     found: list[Road] = []
     for lane in lanes:
@@ -43,7 +43,7 @@ def roads_of(lanes: Sequence[Lane]) -> tuple[Road, ...]:
 
 
 def _left_of(lane: Lane, by_index: dict[int, Lane]) -> Lane | None:
-    """The lane at its left, when both are of one road."""
+    """Return the lane at its left, when both are of one road."""
     left = by_index.get(lane.left)
     if left is None or not lane.left_same_way or left.right != lane.index or lane.junction or left.junction:
         return None

@@ -97,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
 def _drive_all(
     setup: EvaluatorSetup, routes: Sequence[str], run_folder: RunFolder, *, slots: int, gpus: tuple[int, ...]
 ) -> tuple[list[DrivenRoute], bool]:
-    """What came of every route, and whether somebody interrupted: then what was under way is gone."""
+    """Return what came of every route, and whether somebody interrupted: then what was under way is gone."""
     stop = threading.Event()
     free: SimpleQueue[int] = SimpleQueue()
     for slot in range(slots):
@@ -135,7 +135,7 @@ def _line(driven: DrivenRoute) -> str:
 
 
 def _routes(spec: str) -> tuple[Path, list[str]]:
-    """The file and the ids to drive. Raises `UsageError`."""
+    """Return the file and the ids to drive. Raises `UsageError`."""
     name, colon, wanted = spec.rpartition(":")
     if not colon or Path(spec).is_file():
         name, wanted = spec, ""

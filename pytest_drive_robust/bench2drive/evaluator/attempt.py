@@ -16,7 +16,7 @@ from pathlib import Path
 
 __all__ = ["Attempt", "Patience", "attempt"]
 
-_KEEPER = Path(__file__).with_name("keeper.py")
+_SUBREAPER = Path(__file__).with_name("subreaper.py")
 _MARK = "PDR_ATTEMPT"
 _SERVER_SIGN = b"-carla-rpc-port="
 _POLL_S = 0.1
@@ -63,8 +63,8 @@ def attempt(
     started_s = time.monotonic()
     trouble = ""
     with log.open("ab") as output:
-        keeper = subprocess.Popen(
-            [sys.executable, "-I", str(_KEEPER), *command],
+        subreaper = subprocess.Popen(
+            [sys.executable, "-I", str(_SUBREAPER), *command],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -74,12 +74,12 @@ def attempt(
         )
     try:
         watch = _Watch(mark, log, patience, started_s)
-        while keeper.poll() is None and not trouble:
+        while subreaper.poll() is None and not trouble:
             trouble = "stopped" if stop is not None and stop.is_set() else watch.trouble()
             time.sleep(_POLL_S)
     finally:
-        _end(keeper, mark)
-    return Attempt(keeper.returncode, trouble, time.monotonic() - started_s)
+        _end(subreaper, mark)
+    return Attempt(subreaper.returncode, trouble, time.monotonic() - started_s)
 
 
 class _Watch:
@@ -94,7 +94,7 @@ class _Watch:
         self._server_s: float | None = None
 
     def trouble(self) -> str:
-        """Why to give up, or nothing."""
+        """Return why to give up, or nothing."""
         now_s = time.monotonic()
         if now_s - self._started_s > self._patience.route_s:
             return f"the route took longer than {self._patience.route_s:g} s"
@@ -113,16 +113,16 @@ class _Watch:
         return ""
 
 
-def _end(keeper: subprocess.Popen[bytes], mark: str) -> None:
-    """The keeper kills what is below it. Only if somebody killed the keeper is there anything left for us to find."""
-    assert keeper.stdin is not None
+def _end(subreaper: subprocess.Popen[bytes], mark: str) -> None:
+    """End the subreaper, which kills what is below it; kill the rest ourselves where somebody killed the subreaper."""
+    assert subreaper.stdin is not None
     with contextlib.suppress(OSError):
-        keeper.stdin.close()
+        subreaper.stdin.close()
     try:
-        keeper.wait(_ENDING_S)
+        subreaper.wait(_ENDING_S)
     except subprocess.TimeoutExpired:
-        keeper.kill()
-        keeper.wait()
+        subreaper.kill()
+        subreaper.wait()
     while left := _marked(mark):
         for pid in left:
             with contextlib.suppress(OSError):
@@ -131,7 +131,7 @@ def _end(keeper: subprocess.Popen[bytes], mark: str) -> None:
 
 
 def _marked(mark: str) -> list[int]:
-    """The processes that inherited the mark, dead ones excepted."""
+    """Return the processes that inherited the mark, dead ones excepted."""
     if not os.path.isdir("/proc"):
         return []
     sign = f"{_MARK}={mark}".encode()

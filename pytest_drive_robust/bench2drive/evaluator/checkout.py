@@ -27,7 +27,7 @@ class Checkout:
 
     @classmethod
     def find(cls, root: Path, *, carla_root: Path | None = None, python: str = "") -> Checkout:
-        """The checkout in `root`, with the CARLA in `carla_root` or the variable `CARLA_ROOT`.
+        """Return the checkout in `root`, with the CARLA in `carla_root` or the variable `CARLA_ROOT`.
 
         Raises `UsageError` that says what is missing.
         """
@@ -59,7 +59,7 @@ class Checkout:
         return tuple(sorted((self.carla_root / "PythonAPI" / "carla" / "dist").glob("carla-*linux*.egg")))
 
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
-        """What the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`)."""
+        """Return what the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`)."""
         api = self.carla_root / "PythonAPI"
         paths = [api, api / "carla", *self.eggs]
         paths += [self.root / name for name in ("leaderboard", "leaderboard/team_code", "team_code", "scenario_runner")]

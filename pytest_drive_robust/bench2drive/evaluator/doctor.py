@@ -76,12 +76,12 @@ def examine(
 
 
 def checkout_version(root: Path) -> str:
-    """`0.0.4` where its validation routes are there, else `0.0.3`: checkouts do not say it."""
+    """Return `0.0.4` where its validation routes are there, else `0.0.3`: checkouts do not say it."""
     return "0.0.4" if (root / "leaderboard/data/bench2drive_0.0.4_val.xml").is_file() else "0.0.3"
 
 
 def carla_version(carla_root: Path) -> str:
-    """What the file `VERSION` of a CARLA says, empty when it is not there."""
+    """Return what the file `VERSION` of a CARLA says, empty when it is not there."""
     try:
         return (carla_root / "VERSION").read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -175,7 +175,7 @@ def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
 
 
 def _ports(port: int) -> Iterator[DoctorCheck]:
-    """CARLA takes three ports in a row, the traffic manager one."""
+    """Check the ports: CARLA takes three in a row, the traffic manager one."""
     wanted = (port, port + 1, port + 2, port + 6000)
     held = [number for number in wanted if not _is_free(number)]
     yield DoctorCheck(
@@ -221,7 +221,7 @@ def _has_method(file: Path, cls: str, method: str) -> bool:
 
 
 def _mentions(file: Path, number: int) -> bool:
-    """True when the code, comments excepted, holds the number."""
+    """Return True when the code, comments excepted, holds the number."""
     return any(isinstance(node, ast.Constant) and node.value == number for node in ast.walk(_tree(file)))
 
 

@@ -74,19 +74,19 @@ class RunFolder:
         return self.folder / "results"
 
     def result(self, route: str) -> Path:
-        """The official result file of a route; there only when it is scored."""
+        """Return the official result file of a route; there only when it is scored."""
         return self.results / f"{route}.json"
 
     def injected(self, route: str) -> Path:
-        """One line of JSON: what was injected."""
+        """Return one line of JSON: what was injected."""
         return self.folder / "injected" / f"{route}.jsonl"
 
     def log(self, route: str, number: int) -> Path:
-        """What the evaluator said in try `number`."""
+        """Return what the evaluator said in try `number`."""
         return self.folder / "logs" / f"{route}.{number}.log"
 
     def work(self, route: str) -> Path:
-        """What a try writes before it is known to be a result."""
+        """Return what a try writes before it is known to be a result."""
         return self.folder / "work" / route
 
 
@@ -136,7 +136,7 @@ def drive_route(
 
 
 def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
-    """What an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
+    """Return what an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
         return None
@@ -214,7 +214,7 @@ def _environment(setup: EvaluatorSetup, work: Path, run_folder: RunFolder, route
 
 
 def _free_port(first: int) -> int:
-    """CARLA takes three ports in a row; the evaluator itself looks at one."""
+    """Return the first of three free ports in a row, which CARLA takes; the evaluator itself looks at one."""
     for port in range(first, first + _PORTS - 3, 3):
         with socket.socket() as one, socket.socket() as two, socket.socket() as three:
             try:
@@ -227,7 +227,7 @@ def _free_port(first: int) -> int:
 
 
 def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
-    """The record if it is about the agent, else why there is none."""
+    """Return the record if it is about the agent, else why there is none."""
     told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
     if not path.is_file() or path.stat().st_size == 0:
         return None, f"{told} and wrote no result"
@@ -244,14 +244,14 @@ def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | N
 
 
 def _is_innocent(record: OfficialRecord, ended: Attempt, log: Path) -> bool:
-    """An agent that asks a dead server for something crashes too: that says nothing about the agent."""
+    """Return True when the agent crashed because it asked a dead server: that says nothing about the agent."""
     if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
         return False
     return bool(ended.trouble) or _SERVER_LOST in log.read_text(encoding="utf-8", errors="replace")
 
 
 def _keep(run_folder: RunFolder, route: str) -> None:
-    """The result last: a route with a result is a finished one."""
+    """Move the result last: a route with a result is a finished one."""
     log = run_folder.work(route) / "injected.jsonl"
     if log.is_file():
         os.replace(log, run_folder.injected(route))
@@ -268,7 +268,7 @@ def _injected(path: Path) -> Mapping[str, object]:
 
 
 def _refuse_hopeless(ended: Attempt, log: Path) -> None:
-    """Another try would end the same: tell the user instead."""
+    """Raise `UsageError` where another try would end the same."""
     lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
     last = lines[-1] if lines else ""
     if ended.code == _REFUSED:

@@ -21,7 +21,7 @@ __all__ = ["episode_result"]
 def episode_result(
     driven: DrivenRoute, episode: Episode, *, scenario: str, saved: Path, versions: Mapping[str, str]
 ) -> EpisodeResult:
-    """The episode; `infra_error` when no try gave a score. `saved` is where the agent's logs of motion are.
+    """Return the episode; `infra_error` when no try gave a score. `saved` is where the agent's logs of motion are.
 
     Raises `UsageError` for a record whose score does not follow from its infractions.
     """

@@ -29,7 +29,7 @@ AGENT_PREFIX = "leaderboard:"
 
 
 def read_agent(name: str) -> tuple[Path, str]:
-    """`leaderboard:FILE.py+CONFIG` as the absolute path of the file and the text for the agent's `setup`.
+    """Split `leaderboard:FILE.py+CONFIG` into the absolute path of the file and the text for the agent's `setup`.
 
     Raises `UsageError`: only official agents drive in the official evaluator.
     """
@@ -149,7 +149,7 @@ class Bench2DriveExecutor:
 
 
 def _name_of(request: EpisodeRequest, setup: EvaluatorSetup) -> str:
-    """A folder for everything that decides the results: what is in it is of the same kind."""
+    """Return a folder for everything that decides the results: what is in it is of the same kind."""
     parts = (*setup.identity.values(), request.identity)
     digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
     return f"{setup.agent.stem}-seed{request.episode.seed}-{digest}"

@@ -86,7 +86,7 @@ class InjectedDraws:
         self._blocks: dict[str, Any] = {}
 
     def uniform(self, sensor: str, tick: int) -> tuple[float, float, float, float]:
-        """Uniform in [0, 1)."""
+        """Return four numbers, uniform in [0, 1)."""
         number, row = divmod(tick, _BLOCK_TICKS)
         cached = self._blocks.get(sensor)
         if cached is None or cached[0] != number:
@@ -97,7 +97,7 @@ class InjectedDraws:
         return four[0], four[1], four[2], four[3]
 
     def normal(self, sensor: str, tick: int) -> tuple[float, float]:
-        """Two of the standard normal distribution."""
+        """Return two numbers of the standard normal distribution."""
         u, v, _, _ = self.uniform(sensor, tick)
         first = math.sqrt(-2.0 * math.log(1.0 - u))
         return first * math.cos(_TURN * v), first * math.sin(_TURN * v)
@@ -112,7 +112,7 @@ def _key(names: Iterable[str]) -> int:
 
 
 def whole_ticks(duration_s: float, dt_s: float) -> int:
-    """How many whole ticks fit into a duration."""
+    """Return how many whole ticks fit into a duration."""
     ticks = duration_s / dt_s
     return math.floor(ticks + 1e-9 * max(1.0, ticks))
 
@@ -133,13 +133,13 @@ EARTH_RADIUS_M = 6378137.0
 
 
 def to_geodetic(x_m: float, y_m: float) -> tuple[float, float]:
-    """(latitude, longitude) in degrees of a point (x east, y south) in metres."""
+    """Return (latitude, longitude) in degrees of a point (x east, y south) in metres."""
     latitude = 2.0 * math.atan(math.exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
     return math.degrees(latitude), math.degrees(x_m / EARTH_RADIUS_M)
 
 
 def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """(x east, y south) in metres of a latitude and longitude in degrees."""
+    """Return (x east, y south) in metres of a latitude and longitude in degrees."""
     y = -EARTH_RADIUS_M * math.log(math.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
     return EARTH_RADIUS_M * math.radians(longitude_deg), y
 
@@ -155,7 +155,7 @@ class GnssFix:
 
     @classmethod
     def read(cls, payload: Any) -> GnssFix:
-        """The position of a payload."""
+        """Return the position of a payload."""
         return cls(payload, *to_metric(float(payload[0]), float(payload[1])))
 
     @property
@@ -165,15 +165,15 @@ class GnssFix:
         return 1.0 if abs(latitude) < 1.0 else 1.0 / math.cos(math.radians(latitude))
 
     def at(self, x_m: float, y_m: float) -> GnssFix:
-        """The same fix elsewhere."""
+        """Return the same fix elsewhere."""
         return GnssFix(self._payload, x_m, y_m, self._moved or (x_m, y_m) != (self.x_m, self.y_m))
 
     def own(self) -> GnssFix:
-        """With a payload of its own."""
+        """Return the same with a payload of its own."""
         return GnssFix(self._payload.copy(), self.x_m, self.y_m, self._moved)
 
     def written(self) -> Any:
-        """The payload: the very one that was read when nobody moved it."""
+        """Return the payload: the very one that was read when nobody moved it."""
         if not self._moved:
             return self._payload
         payload = self._payload.copy()
@@ -182,13 +182,13 @@ class GnssFix:
 
 
 def rig_of(sensors: Iterable[Mapping[str, Any]]) -> dict[str, str]:
-    """What the draws for each camera are asked by: its place among the cameras of the agent, whatever their ids."""
+    """Return what the draws for each camera are asked by: its place among the cameras of the agent, not its id."""
     cameras = [str(sensor["id"]) for sensor in sensors if str(sensor["type"]).startswith("sensor.camera.")]
     return {tag: f"camera {position}" for position, tag in enumerate(cameras)}
 
 
 def kind_of(payload: Any) -> str:
-    """`camera`, `gps`, `imu`, `speed`, or nothing for what is never perturbed."""
+    """Return `camera`, `gps`, `imu`, `speed`, or nothing for what is never perturbed."""
     if isinstance(payload, np.ndarray):
         if payload.ndim == 3 and payload.dtype == np.uint8:
             return "camera"
@@ -222,13 +222,13 @@ class InjectedSpans:
         self._last = 0
 
     def touch(self, tick: int, signals: Iterable[str]) -> None:
-        """These were perturbed in `tick`."""
+        """Note that these were perturbed in `tick`."""
         for signal in signals:
             self._first.setdefault(signal, tick)
         self._last = tick
 
     def schedule(self, stream: str) -> list[list[Any]]:
-        """One stretch for each signal."""
+        """Return one stretch for each signal."""
         return [[stream, signal, first, self._last] for signal, first in self._first.items()]
 
 
@@ -257,11 +257,11 @@ class InjectedFailure:
         """Take the severities."""
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """What the agent gets instead."""
+        """Return what the agent gets instead."""
         return sight
 
     def schedule(self) -> list[list[Any]]:
-        """What was injected so far: perturbation, signal, first and last tick."""
+        """Return what was injected so far: perturbation, signal, first and last tick."""
         return self.spans.schedule(self.stream)
 
 
@@ -285,13 +285,13 @@ class InjectedBursts(InjectedFailure):
         self._last_tick = 0
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """Frozen cameras show their last valid image."""
+        """Let frozen cameras show their last valid image."""
         self._last_tick = sight.tick
         cameras = {tag: self._delivered(tag, pixels, sight.tick) for tag, pixels in sight.cameras.items()}
         return SensedTick(sight.tick, cameras, sight.ego)
 
     def schedule(self) -> list[list[Any]]:
-        """Every burst of every camera."""
+        """Return every burst of every camera."""
         return [
             [self.stream, tag, first, last]
             for tag, bursts in self._bursts.items()
@@ -325,14 +325,14 @@ class CameraBursts:
         self._next = 1
 
     def is_frozen(self, tick: int) -> bool:
-        """True within a burst."""
+        """Return True within a burst."""
         while self._next <= tick:
             self._decide()
         index = bisect_right(self._firsts, tick) - 1
         return index >= 0 and tick <= self._lasts[index]
 
     def until(self, tick: int) -> list[tuple[int, int]]:
-        """Those that began until `tick`."""
+        """Return those that began until `tick`."""
         self.is_frozen(tick)
         return [(first, min(last, tick)) for first, last in zip(self._firsts, self._lasts) if first <= tick]  # noqa: B905
 
@@ -359,7 +359,7 @@ class InjectedOcclusion(InjectedFailure):
         self._hold_ticks = max(1, whole_ticks(p["hold_s"], self.dt_s))
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """Masked copies of all images."""
+        """Return masked copies of all images."""
         drawn_at = sight.tick - sight.tick % self._hold_ticks
         self.spans.touch(sight.tick, sight.cameras)
         cameras = {tag: self._masked(tag, pixels, drawn_at) for tag, pixels in sight.cameras.items()}
@@ -408,7 +408,7 @@ def blurred(image: Any) -> Any:
 
 
 def _mirrored(length: int, reach: int) -> Any:
-    """Indices of a line with `reach` more at both ends, mirrored without repeating the edge."""
+    """Return the indices of a line with `reach` more at both ends, mirrored without repeating the edge."""
     places = np.arange(-reach, length + reach)
     if length == 1:
         return places * 0
@@ -427,7 +427,7 @@ class InjectedGpsNoise(InjectedFailure):
         self._std_m = p["std_m"]
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """Latitude and longitude moved; altitude stays."""
+        """Move latitude and longitude; altitude stays."""
         east, south = self.draws.normal("gps", sight.tick)
         self.spans.touch(sight.tick, ("gps",))
         ego = {
@@ -452,7 +452,7 @@ class InjectedSpeedNoise(InjectedFailure):
         self._mean, self._std, self._clip = p["mean"], p["std"], p["clip"]
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """A scaled speed."""
+        """Return a scaled speed."""
         factor = self._mean + self._std * self.draws.normal("speed", sight.tick)[0]
         if self._clip:
             factor = max(0.0, factor)
@@ -478,7 +478,7 @@ class InjectedDelay(InjectedFailure):
         self._captures: deque[SensedTick] = deque()
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """The current tick with the signals of earlier ones."""
+        """Return the current tick with the signals of earlier ones."""
         now = sight.tick
         longest = max(self._camera_ticks, self._ego_ticks)
         if longest == 0:
@@ -517,7 +517,7 @@ class InjectedBlend(InjectedFailure):
         self._means: dict[str, RunningImageMean] = {}
 
     def observe(self, sight: SensedTick) -> SensedTick:
-        """Blended images."""
+        """Return blended images."""
         if self._frames == 1:
             return sight
         self.spans.touch(sight.tick, sight.cameras)
@@ -578,11 +578,11 @@ class InjectedLatency(InjectedFailure):
         self.times_s: list[float] = []
 
     def is_free(self, tick: int) -> bool:
-        """False while the agent's computer is busy."""
+        """Return False while the agent's computer is busy."""
         return self._buffer.is_free(tick)
 
     def actuate(self, tick: int, control: Any, inference_s: float) -> Any:
-        """The command that is due."""
+        """Return the command that is due."""
         delay = self._ticks
         if self._mode == "measured" and control is not None and self.is_free(tick):
             delay = whole_ticks(self._time_s(inference_s), self.dt_s)
@@ -609,11 +609,11 @@ class LatencyPipe:
         self._newest: Any = NEUTRAL
 
     def is_free(self, tick: int) -> bool:
-        """Always."""
+        """Return True always."""
         return True
 
     def exchange(self, tick: int, control: Any, delay: int) -> Any:
-        """One in, one out."""
+        """Put one in, take one out."""
         if control is not None:
             self._newest = control
         self._pipe.append(self._newest)
@@ -629,7 +629,7 @@ class LatencyHold:
         self._due = 0
 
     def is_free(self, tick: int) -> bool:
-        """From the tick on in which the last command is due."""
+        """Return True from the tick on in which the last command is due."""
         return tick >= self._due
 
     def exchange(self, tick: int, control: Any, delay: int) -> Any:
@@ -646,7 +646,7 @@ class LatencyHold:
 
 
 def copied(control: Any) -> Any:
-    """A command of its own: agents and scenarios change theirs in place."""
+    """Return a command of its own: agents and scenarios change theirs in place."""
     try:
         made = type(control)()
     except TypeError:
@@ -658,7 +658,7 @@ def copied(control: Any) -> Any:
 
 
 def neutral_like(control: Any) -> Any:
-    """No throttle, no steering, no brake; of the class of `control`, or CARLA's when there was none yet."""
+    """Return no throttle, no steering, no brake; of the class of `control`, or CARLA's when there was none yet."""
     made = importlib.import_module("carla").VehicleControl() if control is None else copied(control)
     made.throttle = made.steer = made.brake = 0.0
     made.hand_brake = made.reverse = False
@@ -705,7 +705,7 @@ class InjectionPlan:
 
 
 def plan_from(environ: Mapping[str, str]) -> InjectionPlan:
-    """The plan of an environment. Raises `SettingRefusedError`."""
+    """Return the plan of an environment. Raises `SettingRefusedError`."""
     text = environ.get("PDR_SETTING", "").strip()
     log = environ.get("PDR_LOG", "")
     if not text:
@@ -751,7 +751,7 @@ class PaperVariables:
         return self._environ.get(name, "").strip()
 
     def switch(self, name: str) -> bool:
-        """1/0, true/false, yes/no, on/off; where it is not set, on when the paper's table has one of its severities."""
+        """Read 1/0, true/false, yes/no, on/off; where it is not set, on when a severity of the paper's table is."""
         text = self.text(name).lower()
         if not text:
             return any(map(self.text, _SEVERITIES.get(name, ((), ()))[0]))
@@ -762,7 +762,7 @@ class PaperVariables:
         raise self._refused(name, "1 or 0")
 
     def refuse_idle(self) -> None:
-        """A severity that would do nothing, because nobody said whether its switch is on or off, is refused."""
+        """Refuse a severity that would do nothing, because nobody said whether its switch is on or off."""
         for switch, (paper, released) in _SEVERITIES.items():
             needed = [_LATENCY] if switch == _LATENCY else [_OBSERVATION, switch]
             self._refuse_without(needed, [name for name in (switch, *paper, *released) if self.text(name)])
@@ -776,7 +776,7 @@ class PaperVariables:
             raise self._refused(given[0], " and ".join(missing) + ", without which it does nothing")
 
     def number(self, name: str, default: float, low: float = 0.0, high: float = math.inf) -> float:
-        """A finite number in range."""
+        """Read a finite number in range."""
         text = self.text(name)
         if not text:
             return default
@@ -791,7 +791,7 @@ class PaperVariables:
         return value
 
     def whole(self, name: str, default: int, low: int = 0) -> int:
-        """A whole number of at least `low`."""
+        """Read a whole number of at least `low`."""
         text = self.text(name)
         if not text:
             return default
@@ -800,7 +800,7 @@ class PaperVariables:
         return int(text)
 
     def choice(self, name: str, default: str, choices: tuple[str, ...]) -> str:
-        """One of `choices`."""
+        """Read one of `choices`."""
         text = self.text(name).lower() or default
         if text not in choices:
             raise self._refused(name, "one of {}".format(", ".join(choices)))
@@ -811,7 +811,7 @@ class PaperVariables:
 
 
 def _paper(variables: PaperVariables) -> tuple[list[tuple[str, dict[str, Any]]], int, float]:
-    """Stack, seed and seconds per tick of the released code's variables: `perturbations/paper_variables.py`."""
+    """Return stack, seed and seconds per tick of the released code's variables: `perturbations/paper_variables.py`."""
     rate_hz = variables.number("SIM_RATE", 20.0)
     if rate_hz <= 0.0:
         raise SettingRefusedError("SIM_RATE is 0, expected ticks per second")
@@ -893,12 +893,12 @@ class Injector:
         self._begun = False
 
     def begin(self, route: str, repetition: int) -> None:
-        """A route begins: everything about the last one is forgotten."""
+        """Begin a route: everything about the last one is forgotten."""
         self.end()
         self._begin_fresh(route, repetition)
 
     def end(self) -> None:
-        """A route is over: its line of the log is written. Calling it twice does no harm."""
+        """End a route: its line of the log is written. Calling it twice does no harm."""
         if not self._begun:
             return
         self._begun = False
@@ -907,7 +907,7 @@ class Injector:
                 file.write(json.dumps(self._line()) + "\n")
 
     def data(self, read: Callable[[], dict[str, Any]], frame: Any) -> dict[str, Any]:
-        """What `get_data` returns: `read` is asked once per tick."""
+        """Return what `get_data` returns: `read` is asked once per tick."""
         if self._in_call:
             known = self._given is not None
         else:
@@ -927,7 +927,7 @@ class Injector:
         return dict(self._given)
 
     def step(self, call: Callable[[], Any], look: Callable[[], Any]) -> Any:
-        """One tick: `call` asks the agent, `look` only reads the sensors, for a tick in which it is not asked."""
+        """Drive one tick: `call` asks the agent, `look` only reads the sensors, for a tick in which it is not asked."""
         self._next_tick()
         self._in_call = True
         control, inference_s = None, 0.0
@@ -1049,7 +1049,7 @@ def wrap(
 
 
 def route_of(scenario: Any, route_index: Any) -> str:
-    """The id of a route scenario: `2091` of `RouteScenario_2091`."""
+    """Return the id of a route scenario: `2091` of `RouteScenario_2091`."""
     name = str(getattr(getattr(scenario, "config", None), "name", route_index))
     prefix = "RouteScenario_"
     return name[len(prefix) :] if name.startswith(prefix) else name

@@ -14,7 +14,7 @@ DT_S = 0.05
 
 
 def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
-    """The value of `PDR_SETTING`. `log` is where the injected schedule is written, `""` for nowhere.
+    """Return the value of `PDR_SETTING`. `log` is where the injected schedule is written, `""` for nowhere.
 
     Raises `PerturbationError` for a perturbation that did not come with this package: its code is not known there.
     """

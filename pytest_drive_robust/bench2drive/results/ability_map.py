@@ -24,7 +24,7 @@ TOWNS: Mapping[str, float] = {"JunctionAtStart": 4.0, "JunctionAtEnd": _LENGTH_M
 
 
 def routes_text(results: Iterable[EpisodeResult]) -> str:
-    """The route file to give to the tool with `-f`."""
+    """Return the route file to give to the tool with `-f`."""
     root = ElementTree.Element("routes")
     start, end = TOWNS
     for result in results:
@@ -41,7 +41,7 @@ def routes_text(results: Iterable[EpisodeResult]) -> str:
 
 
 def map_text(town: str) -> str:
-    """The OpenDRIVE map of a made-up town: one lane from x = 0 to 1000 m."""
+    """Return the OpenDRIVE map of a made-up town: one lane from x = 0 to 1000 m."""
     begin_m = TOWNS[town]
     root = ElementTree.Element("OpenDRIVE")
     ElementTree.SubElement(root, "header", revMajor="1", revMinor="4", name=town, version="1")

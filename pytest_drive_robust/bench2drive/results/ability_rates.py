@@ -60,7 +60,7 @@ def ability_rates(
 
 
 def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, str]) -> frozenset[str]:
-    """The routes of Traffic_Signs whose part in it only a map can tell."""
+    """Return the routes of Traffic_Signs whose part in it only a map can tell."""
     return frozenset(
         record.route
         for record in records
@@ -69,7 +69,7 @@ def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, 
 
 
 def mean_rate(rates: Mapping[str, AbilityRate]) -> AbilityRate:
-    """The plain mean of those that have routes."""
+    """Return the plain mean of those that have routes."""
     known = [rate for rate in rates.values() if rate.routes]
     lows = [rate.low for rate in known if rate.low is not None]
     highs = [rate.high for rate in known if rate.high is not None]

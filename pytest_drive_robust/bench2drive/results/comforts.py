@@ -20,7 +20,7 @@ class Comforts:
         self._motions: dict[Path, tuple[Motion, Motion]] = {}
 
     def value(self, record: OfficialRecord, mode: str) -> float | None:
-        """Percent, None without a log or with too few samples. Raises `UsageError` for a damaged log."""
+        """Return percent, None without a log or with too few samples. Raises `UsageError` for a damaged log."""
         return self.with_quirks(record, COMFORT_QUIRKS if mode == "bench2drive" else ())
 
     def with_quirks(self, record: OfficialRecord, quirks: tuple[str, ...]) -> float | None:
@@ -34,7 +34,7 @@ class Comforts:
         return comfort_of(self._motions[path][0 if quirks else 1], quirks)
 
     def path(self, record: OfficialRecord) -> Path | None:
-        """The log of a record."""
+        """Return the log of a record."""
         name = record.save_name
         if name not in self._paths:
             found = (find_log(folder, name) for folder in self._folders)
@@ -42,6 +42,6 @@ class Comforts:
         return self._paths[name]
 
     def is_renamed(self, record: OfficialRecord) -> bool:
-        """True when the log is in a folder of another name, where the official tool does not look."""
+        """Return True when the log is in a folder of another name, where the official tool does not look."""
         path = self.path(record)
         return path is not None and path.parent.name != record.save_name

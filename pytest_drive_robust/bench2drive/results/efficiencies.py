@@ -13,13 +13,13 @@ __all__ = ["official_efficiency", "official_ratios_pct", "ratios_pct", "true_eff
 
 
 def official_efficiency(record: OfficialRecord) -> float | None:
-    """The mean of what is at most 1000 %, None where nothing is: the official tool leaves out or stops there."""
+    """Return the mean of what is at most 1000 %, None where nothing is: the official tool leaves out or stops there."""
     kept = [ratio for ratio in official_ratios_pct(record) if ratio <= LARGEST_RATIO_PCT]
     return mean(kept) if kept else None
 
 
 def true_efficiency(record: OfficialRecord) -> float:
-    """The mean of all, 0 for a car that never reached a checkpoint."""
+    """Return the mean of all, 0 for a car that never reached a checkpoint."""
     ratios = ratios_pct(record)
     return mean(ratios) if ratios else 0.0
 

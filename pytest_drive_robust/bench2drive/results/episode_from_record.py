@@ -31,7 +31,7 @@ _VERSIONS = {"bench2drive": "results"}
 
 
 def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
-    """The episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
+    """Return the episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
 
     Of records of others ticks of events are 0, controls and progress in the trace are 0 (without a log it is empty),
     and `junction_passed` is False. Of our exports nothing is lost; `agent` and `setting` must be those of the export.
@@ -83,7 +83,7 @@ def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
 def _own(
     record: OfficialRecord, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
 ) -> EpisodeResult:
-    """What the export kept, when the official part still says the same."""
+    """Return what the export kept, when the official part still says the same."""
     where = f"{record.where}: what the export kept"
     told = episode_from_fields(fields, _empty(), where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):

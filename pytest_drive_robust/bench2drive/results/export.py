@@ -94,7 +94,7 @@ def _require_free(folder: Path) -> None:
 
 
 def _episode(fields: object, find: Find, *, where: str) -> EpisodeResult:
-    """The stored episode where there is one with the same ticks, else what the document tells."""
+    """Return the stored episode where there is one with the same ticks, else what the document tells."""
     if not isinstance(fields, dict):
         raise UsageError(f"{where} is damaged: expected an object.")
     told = episode_from_fields(fields, Trace(np.zeros((0, len(Trace.COLUMNS)))), where=where)
@@ -142,7 +142,7 @@ def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str],
 
 
 def _folder_names(keys: list[tuple[str, str, int]]) -> dict[tuple[str, str, int], tuple[str, str, str]]:
-    """`agent/setting/seed0`, with a number where two would be written alike."""
+    """Return `agent/setting/seed0`, with a number where two would be written alike."""
     taken: set[tuple[str, str, str]] = set()
     names = {}
     for agent, setting, seed in keys:

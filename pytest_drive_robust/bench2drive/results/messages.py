@@ -27,39 +27,39 @@ _PLACE = re.compile(r"\(x=(-?\d+(?:\.\d+)?), y=(-?\d+(?:\.\d+)?)(?:, z=-?\d+(?:\
 
 
 def official_speed_pct(message: str) -> float | None:
-    """What the official tool reads: `2e+16%` is 16 there, `-5%` is 5. None where it stops with an error."""
+    """Return what the official tool reads: `2e+16%` is 16 there, `-5%` is 5. None where it stops with an error."""
     found = _OFFICIAL.search(message)
     return None if found is None else float(found.group().rstrip("%"))
 
 
 def speed_pct(message: str) -> float | None:
-    """The ego's speed in percent of the traffic's, or None where the sentence tells none that a car can have."""
+    """Return the ego's speed in percent of the traffic's, or None where the sentence tells none that a car can have."""
     found = _SPEED.search(message)
     value = math.nan if found is None else float(found.group(1))
     return value if 0.0 <= value <= LARGEST_PCT else None
 
 
 def outside_lanes_pct(message: str) -> float | None:
-    """The share of the driven route outside its lanes, 0..100, or None where the sentence does not tell."""
+    """Return the share of the driven route outside its lanes, 0..100, or None where the sentence does not tell."""
     found = _LANES.search(message)
     value = math.nan if found is None else float(found.group(1))
     return value if 0.0 <= value <= 100.0 else None
 
 
 def place_of(message: str) -> tuple[float, float]:
-    """Where it happened in metres; zeros where the sentence does not tell."""
+    """Return where it happened in metres; zeros where the sentence does not tell."""
     found = _PLACE.search(message)
     x_m, y_m = (0.0, 0.0) if found is None else (float(found.group(1)), float(found.group(2)))
     return (x_m, y_m) if math.isfinite(x_m) and math.isfinite(y_m) else (0.0, 0.0)
 
 
 def speed_message(pct: float) -> str:
-    """The official sentence, exact and never with an exponent."""
+    """Return the official sentence, exact and never with an exponent."""
     return f"Average speed is {_plain(pct)}% of the surrounding traffic's one"
 
 
 def lanes_message(share_pct: float, driven_m: float) -> str:
-    """The official sentence; its ninth word is a number too, which the global record is made of."""
+    """Return the official sentence; its ninth word is a number too, which the global record is made of."""
     metres = round(share_pct / 100.0 * driven_m, 3)
     return (
         f"Agent went outside its route lanes for about {_plain(metres)} meters "
@@ -68,5 +68,5 @@ def lanes_message(share_pct: float, driven_m: float) -> str:
 
 
 def _plain(value: float) -> str:
-    """The shortest exact digits without an exponent."""
+    """Return the shortest exact digits without an exponent."""
     return f"{Decimal(repr(float(value))):f}"

@@ -60,7 +60,7 @@ class Log:
 
 
 def read_log(path: Path) -> Log:
-    """The log in a file. Raises `UsageError` for a damaged one."""
+    """Return the log in a file. Raises `UsageError` for a damaged one."""
     document = read_json(path)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)} is no log of motion: expected an object with one entry for each step.")
@@ -76,7 +76,7 @@ def read_log(path: Path) -> Log:
 
 
 def motion_from(rows: Floats, dt_s: float) -> Motion:
-    """The planar signals that comfort is made of, by the official projections."""
+    """Return the planar signals that comfort is made of, by the official projections."""
     acceleration, forward, right, place = rows[:, 0:2], rows[:, 6:8], rows[:, 9:11], rows[:, 12:14]
     moved_m = np.hypot(*np.diff(place, axis=0).T) if len(rows) > 1 else np.zeros(0)
     return Motion(
@@ -90,7 +90,7 @@ def motion_from(rows: Floats, dt_s: float) -> Motion:
 
 
 def trace_from(log: Log) -> Trace:
-    """As much of a trace as the log tells: controls and progress are 0."""
+    """Return as much of a trace as the log tells: controls and progress are 0."""
     rows = log.in_order
     motion = motion_from(rows, log.dt_s)
     columns = np.zeros((len(rows), len(Trace.COLUMNS)))
@@ -103,7 +103,7 @@ def trace_from(log: Log) -> Trace:
 
 
 def log_text(trace: Trace) -> str:
-    """The log of a trace. The official tools get the planar signals back to the last bits of a double."""
+    """Return the log of a trace. The official tools get the planar signals back to the last bits of a double."""
     yaw = trace.column("yaw_rad")
     cos, sin, flat = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))
     forward, right = trace.column("forward_mps2"), trace.column("right_mps2")

@@ -69,7 +69,7 @@ class OfficialRecord:
 
 
 def read_record(given: object, where: str) -> OfficialRecord:
-    """The record in a JSON value. Raises `UsageError` that names `where` and what was expected."""
+    """Return the record in a JSON value. Raises `UsageError` that names `where` and what was expected."""
     fields = _mapping(given, where)
     route_id = _text(fields, "route_id", where)
     parts = _ROUTE_ID.fullmatch(route_id)
@@ -130,7 +130,7 @@ def _text(fields: Mapping[str, Any], name: str, where: str) -> str:
 
 
 def _optional_text(fields: Mapping[str, Any], name: str, where: str) -> str:
-    """A route that never began has null there."""
+    """Return the text, empty for null, which a route that never began has there."""
     return "" if fields.get(name) is None else _text(fields, name, where)
 
 
@@ -143,5 +143,5 @@ def _number(fields: Mapping[str, Any], name: str, where: str, *, high: float | N
 
 
 def _duration_s(fields: Mapping[str, Any], name: str, where: str) -> float:
-    """The evaluator writes -1 for a time that it does not know."""
+    """Return seconds, 0 for the -1 that the evaluator writes where it does not know the time."""
     return 0.0 if finite(fields.get(name)) == -1.0 else _number(fields, name, where)

@@ -71,7 +71,7 @@ def score_results(
     scenarios: Mapping[str, str] | None = None,
     junctions: Mapping[str, float] | None = None,
 ) -> OfficialTotals:
-    """The totals. `scenarios` are the planned routes, id to scenario type, as a route file tells them;
+    """Return the totals. `scenarios` are the planned routes, id to scenario type, as a route file tells them;
     `junctions` is what `junctions.junction_shares` knows about some of them.
 
     Raises `UnknownNameError` for a mode, `UsageError` for a damaged log of motion or a sentence without its number.
@@ -128,7 +128,7 @@ def _over_routes(values: Values) -> float | None:
 def _missing(
     results: ResultSet, scenarios: Mapping[str, str] | None, *, otherwise: int | None
 ) -> tuple[tuple[str, ...] | None, int | None]:
-    """Which and how many; without a route file the evaluator's own plan tells how many, else `otherwise`."""
+    """Return which and how many; without a route file the evaluator's own plan tells how many, else `otherwise`."""
     there = {record.route for record in results.records}
     if scenarios is not None:
         absent = tuple(route for route in scenarios if route not in there)

@@ -55,14 +55,14 @@ class OutsideScopes(Scopes):
         return _TICK_S
 
     def of(self, marker: MarkerOptions) -> Scope:
-        """The scope of a test with this marker. Raises `UsageError` for unknown routes."""
+        """Return the scope of a test with this marker. Raises `UsageError` for unknown routes."""
         own = self._settings.simulator
         spec = marker.routes or (self._settings.routes if self._settings.routes_given else own)
         agent, seeds = marker.agent or self._settings.agent, marker.seeds or self._settings.seeds
         return Scope(agent, spec, self.routes(spec), seeds, own)
 
     def routes(self, spec: str) -> tuple[Route, ...]:
-        """All routes, some of them by id, or those of a route file. Raises `UsageError`."""
+        """Return all routes, some of them by id, or those of a route file. Raises `UsageError`."""
         if spec == self._settings.simulator:
             return self._supply.routes
         try:
@@ -71,14 +71,14 @@ class OutsideScopes(Scopes):
             return self._load_routes(spec)
 
     def identify(self, scope: Scope) -> Identified:
-        """What is known about an agent that drove elsewhere: its routes."""
+        """Return what is known about an agent that drove elsewhere: its routes."""
         routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
         return Identified(
             agent=scope.agent, distribution=self._settings.simulator, source="", weights="", routes=routes
         )
 
     def check(self) -> None:
-        """The supply was made: there is nothing else to look at."""
+        """Look at nothing: the supply was checked when it was made."""
 
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""

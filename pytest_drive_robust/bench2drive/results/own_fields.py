@@ -45,7 +45,7 @@ def fields_of(result: EpisodeResult) -> dict[str, Any]:
 
 
 def episode_from_fields(fields: Mapping[str, Any], trace: Trace, *, where: str) -> EpisodeResult:
-    """The inverse, also for the episodes of a `--drive-json` file. Raises `UsageError` for damaged fields."""
+    """Return the inverse, also for the episodes of a `--drive-json` file. Raises `UsageError` for damaged fields."""
     try:
         return EpisodeResult(
             episode=Episode(

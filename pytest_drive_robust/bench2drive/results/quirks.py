@@ -33,7 +33,7 @@ _COMFORT = {
 def notes_on(
     score: OfficialTotals, results: ResultSet, comforts: Comforts, *, scenarios: Mapping[str, str] | None = None
 ) -> tuple[str, ...]:
-    """Sentences, each beginning with the name of the number that it is about."""
+    """Return sentences, each beginning with the name of the number that it is about."""
     official = score.mode == "bench2drive"
     parts = [_files(results), _rules(results)]
     if official:

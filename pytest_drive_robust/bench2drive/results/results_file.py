@@ -48,7 +48,7 @@ class ResultSet:
 
 
 def read_results(path: Path) -> ResultSet:
-    """The results in a file or in the `*.json` of a folder, where `merged.json` is read only when it is alone.
+    """Return the results in a file or in the `*.json` of a folder, where `merged.json` is read only when it is alone.
 
     Raises `UsageError` for what is not there, is damaged, or holds no record.
     """
@@ -92,7 +92,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _files_of(folder: Path) -> list[Path]:
-    """The files that the official merge tool would take, in an order that does not depend on the disk."""
+    """Return the files that the official merge tool would take, in an order that does not depend on the disk."""
     try:
         found = sorted(item for item in folder.iterdir() if item.suffix == ".json" and not item.name.startswith("."))
         splits = [item for item in found if _MERGED not in item.name]
@@ -116,7 +116,7 @@ def _records_of(document: object) -> list[object] | None:
 
 
 def _planned(document: object) -> int | None:
-    """The second number of `progress`: [done, planned]."""
+    """Return the second number of `progress`: [done, planned]."""
     assert isinstance(document, dict)  # it has records
     progress = document["_checkpoint"].get("progress")
     if not isinstance(progress, list) or len(progress) != 2:

@@ -16,7 +16,7 @@ _SHOWN_CHARACTERS = 120
 
 
 def read_json(path: Path) -> object:
-    """What the file holds. Raises `UsageError` for what is no JSON; NaN and Infinity are none."""
+    """Return what the file holds. Raises `UsageError` for what is no JSON; NaN and Infinity are none."""
     name = shown(str(path))
     if not path.is_file():  # a pipe would wait for ever
         raise UsageError(f"there is no file {name}.")
@@ -33,7 +33,7 @@ def read_json(path: Path) -> object:
 
 
 def is_empty(path: Path) -> bool:
-    """Whether the evaluator died before its first write: it empties the file at its start."""
+    """Return whether the evaluator died before its first write: it empties the file at its start."""
     try:
         return path.is_file() and not path.read_bytes().strip()
     except OSError:
@@ -41,7 +41,7 @@ def is_empty(path: Path) -> bool:
 
 
 def finite(value: object) -> float | None:
-    """The number, or None for anything that is no finite one (a truth value is none)."""
+    """Return the number, or None for anything that is no finite one (a truth value is none)."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:

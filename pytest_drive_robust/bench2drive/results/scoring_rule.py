@@ -19,7 +19,7 @@ _SCORE_TOLERANCE = 2e-6
 
 
 def follows_from_infractions(record: OfficialRecord) -> bool:
-    """True when route completion times the penalties of the lists is the score, as far as rounding can tell."""
+    """Return True when route completion times the penalties of the lists is the score, as far as rounding can tell."""
     return lane_shares_pct(record) is not None
 
 

@@ -36,5 +36,5 @@ STATUSES: Mapping[str, tuple[Outcome, End]] = MappingProxyType(
 
 
 def is_harness_error(status: str) -> bool:
-    """True for what says nothing about the agent: never a score, except in the official totals."""
+    """Return True for what says nothing about the agent: never a score, except in the official totals."""
     return STATUSES[status][0] is Outcome.INFRA_ERROR

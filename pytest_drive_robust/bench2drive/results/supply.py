@@ -23,7 +23,7 @@ _MOST_SHOWN = 10
 
 
 def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = None) -> dict[str, Path]:
-    """`"clean=DIR,latency 200 ms=DIR2"` as paths by the sentence of their setting (`str(Setting)`).
+    """Read `"clean=DIR,latency 200 ms=DIR2"` as paths by the sentence of their setting (`str(Setting)`).
 
     A part without `=` belongs to the path before it, so that paths may have commas. `known` are the perturbation
     classes (default: the built-in ones). Raises `UsageError`, `RequirementError` for a sentence that does not parse.
@@ -94,7 +94,7 @@ class ResultsSource:
         return tuple(sorted({repetition for _, repetition in self.records}))
 
     def problem(self, episode: Episode, route: Route) -> str:
-        """Why there is no such episode, in one sentence; empty where there is one."""
+        """Return why there is no such episode, in one sentence; empty where there is one."""
         records = self.records.get((episode.route_id, episode.seed))
         if records is None:
             others = [seed for route_id, seed in self.records if route_id == episode.route_id]
@@ -110,7 +110,7 @@ class ResultsSource:
         return ""
 
     def episode(self, episode: Episode, route: Route) -> EpisodeResult:
-        """The episode. Raises `UsageError` where there is none or its record cannot be used."""
+        """Return the episode. Raises `UsageError` where there is none or its record cannot be used."""
         problem = self.problem(episode, route)
         if problem:
             raise UsageError(f"the results of {self.setting!r} in {str(self.path)!r}: {problem}.")
@@ -168,7 +168,7 @@ class ResultsExecutor:
             raise UsageError("\n  ".join(["--drive-results cannot answer:", *problems, advice]))
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """The finished episode, or a `UsageError` as the future's exception. Never blocks."""
+        """Return the finished episode, or a `UsageError` as the future's exception. Never blocks."""
         future: Future[EpisodeResult] = Future()
         future.set_running_or_notify_cancel()
         try:

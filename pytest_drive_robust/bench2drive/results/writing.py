@@ -34,7 +34,7 @@ _VALUES = {
 
 
 def record_of(result: EpisodeResult, *, index: int, town: str, stamp: str) -> dict[str, Any]:
-    """The record. `stamp` is the time at the end of its save_name, `MM_DD_HH_MM_SS`.
+    """Return the record. `stamp` is the time at the end of its save_name, `MM_DD_HH_MM_SS`.
 
     An `infra_error` is written as a crashed simulation with the score 0, which the official evaluator drives again.
     """
@@ -68,7 +68,7 @@ def record_of(result: EpisodeResult, *, index: int, town: str, stamp: str) -> di
 
 
 def results_document(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The whole file of one run over `records`, finished."""
+    """Return the whole file of one run over `records`, finished."""
     means = {name: round(sum(item["scores"][name] for item in records) / len(records), 6) for name in _SCORES}
     rates = _events_per_km(records)
     crashed = any("Simulation crashed" in item["status"] for item in records)
@@ -117,7 +117,7 @@ def _infractions(result: EpisodeResult) -> dict[str, list[str]]:
 
 
 def _status(result: EpisodeResult, messages: int) -> str:
-    """An official string; only an early stop and an end by a gymnasium environment have none."""
+    """Return the official status; only an early stop and an end by a gymnasium environment have none."""
     if result.outcome is Outcome.COMPLETED:
         return "Completed" if messages else "Perfect"
     if result.outcome is Outcome.AGENT_ERROR:

@@ -16,6 +16,7 @@ from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
 from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
 from pytest_drive_robust.engine.ray.worker import ClusterRequest
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -97,8 +98,6 @@ class RayExecutor:
     def _meet(self, agent: str) -> tuple[float, float]:
         """What an episode of this agent takes; and make sure that its code travels with every episode from now on."""
         if self._registry is None:
-            from pytest_drive_robust.registry.registry import default_registry
-
             self._registry = default_registry()
         if self._setup is None:
             self._setup = self._make_setup()

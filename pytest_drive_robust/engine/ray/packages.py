@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.cache_key.identity import agent_identity, simulator_identity, weights_digest
 from pytest_drive_robust.runner.cache_key.object_code import SESSION
 
 if TYPE_CHECKING:
@@ -146,7 +147,6 @@ def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) ->
     Together they are what `identity_of` makes the keys of the store of. Raises `UsageError` when the agent or the
     simulator does not load or weights do not read.
     """
-    from pytest_drive_robust.runner.cache_key.identity import agent_identity, simulator_identity, weights_digest
 
     world = registry.simulator(worker_setup.simulator, worker_setup.options)
     try:

@@ -20,11 +20,14 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.worker.serve import serve
 from pytest_drive_robust.engine.worker.system import adopt_orphans, die_with_parent, no_core_files
 from pytest_drive_robust.engine.worker_process import Descriptors
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.routes import resolve_routes
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
@@ -197,9 +200,6 @@ def _loaded(setup: WorkerSetup) -> Registry:
 
 def _warm_up(registry: Registry, setup: WorkerSetup) -> None:
     """Load the compiled kernels once for all workers."""
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.observation import CameraSpec
-    from pytest_drive_robust.runner.routes import resolve_routes
 
     simulator = registry.simulator(setup.simulator, setup.options)
     simulator.reset(resolve_routes("dev10")[0], seed=0, cameras=(CameraSpec("front", width_px=64, height_px=32),))

@@ -22,6 +22,7 @@ __all__ = ["read_process_state", "restore_process_state"]
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
 _SIGNALS = sorted(signal.valid_signals() - {getattr(signal, name, None) for name in ("SIGKILL", "SIGSTOP")})
+_TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 
 class _Item(NamedTuple):
@@ -34,12 +35,12 @@ class _Item(NamedTuple):
 
 
 def read_process_state() -> Mapping[str, Any]:
-    """How things are now."""
+    """Return how things are now."""
     return {item.name: item.read() for item in _ITEMS if item.module in sys.modules}
 
 
 def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
-    """Make things as they were; the names of those that cannot be."""
+    """Make things as they were; return the names of those that cannot be."""
     stuck = []
     for item in _ITEMS:
         if item.name not in wanted:
@@ -55,20 +56,46 @@ def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(stuck)
 
 
+def _attributes(name: str, owner: Any, *attributes: str) -> _Item:
+    """What some attributes of a module are."""
+
+    def write(wanted: tuple[Any, ...]) -> None:
+        for attribute, value in zip(attributes, wanted, strict=True):
+            setattr(owner, attribute, value)
+
+    return _Item(name, lambda: tuple(getattr(owner, attribute) for attribute in attributes), write)
+
+
+def _settings(name: str, module: str, *pairs: tuple[str, str]) -> _Item:
+    """What pairs of functions of a module read and write; what is read as a dictionary is written as keywords."""
+
+    def read() -> tuple[Any, ...]:
+        found = (getattr(sys.modules[module], getter)() for getter, _ in pairs)
+        return tuple(dict(value) if isinstance(value, dict) else value for value in found)
+
+    def write(wanted: tuple[Any, ...]) -> None:
+        for (_, setter), value in zip(pairs, wanted, strict=True):
+            function = getattr(sys.modules[module], setter)
+            function(**value) if isinstance(value, dict) else function(value)
+
+    return _Item(name, read, write, module)
+
+
+def _list(name: str, owner: Any, attribute: str) -> _Item:
+    """The elements of a list that stays the same object."""
+
+    def write(wanted: list[Any]) -> None:
+        getattr(owner, attribute)[:] = wanted
+
+    return _Item(name, lambda: list(getattr(owner, attribute)), write)
+
+
 def _set_environment(wanted: dict[str, str]) -> None:
     for name in set(os.environ) - set(wanted):
         del os.environ[name]
     for name, value in wanted.items():
         if os.environ.get(name) != value:
             os.environ[name] = value
-
-
-def _set_path(wanted: list[str]) -> None:
-    sys.path[:] = wanted
-
-
-def _set_filters(wanted: list[Any]) -> None:
-    warnings.filters[:] = wanted  # type: ignore[index]
 
 
 def _handlers() -> dict[int, Any]:
@@ -89,16 +116,13 @@ def _set_mask(wanted: set[int]) -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, wanted)
 
 
-def _alarmed() -> bool:
+def _has_timer() -> bool:
     return any(signal.getitimer(which)[0] > 0 for which in _TIMERS)
 
 
-def _set_alarmed(wanted: bool) -> None:
+def _stop_timers(_: bool) -> None:
     for which in _TIMERS:
         signal.setitimer(which, 0)
-
-
-_TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 
 def _logging() -> tuple[Any, ...]:
@@ -111,22 +135,6 @@ def _set_logging(wanted: tuple[Any, ...]) -> None:
     level, handlers, filters, root.disabled, root.manager.disable = wanted
     root.setLevel(level)
     root.handlers[:], root.filters[:] = handlers, filters
-
-
-def _of_sys(names: tuple[str, ...]) -> Callable[[], tuple[Any, ...]]:
-    return lambda: tuple(getattr(sys, name) for name in names)
-
-
-def _set_sys(names: tuple[str, ...]) -> Callable[[tuple[Any, ...]], None]:
-    def write(wanted: tuple[Any, ...]) -> None:
-        for name, value in zip(names, wanted, strict=True):
-            setattr(sys, name, value)
-
-    return write
-
-
-def _set_thread_hook(wanted: Any) -> None:
-    threading.excepthook = wanted
 
 
 def _set_builtins(wanted: dict[str, Any]) -> None:
@@ -146,19 +154,6 @@ def _umask() -> int:
     return now
 
 
-def _watchers() -> tuple[Any, Any]:
-    return sys.gettrace(), sys.getprofile()
-
-
-def _set_watchers(wanted: tuple[Any, Any]) -> None:
-    sys.settrace(wanted[0])
-    sys.setprofile(wanted[1])
-
-
-def _collector() -> tuple[bool, tuple[int, int, int]]:
-    return gc.isenabled(), gc.get_threshold()
-
-
 def _set_collector(wanted: tuple[bool, tuple[int, int, int]]) -> None:
     (gc.enable if wanted[0] else gc.disable)()
     gc.set_threshold(*wanted[1])
@@ -175,66 +170,35 @@ def _set_priority(wanted: tuple[int, frozenset[int]]) -> None:
         os.sched_setaffinity(0, wanted[1])
 
 
-def _numpy() -> tuple[dict[str, Any], dict[str, Any]]:
-    np: Any = sys.modules["numpy"]
-    return dict(np.geterr()), dict(np.get_printoptions())
-
-
-def _set_numpy(wanted: tuple[dict[str, Any], dict[str, Any]]) -> None:
-    np: Any = sys.modules["numpy"]
-    np.seterr(**wanted[0])
-    np.set_printoptions(**wanted[1])
-
-
-def _torch() -> tuple[Any, ...]:
-    torch: Any = sys.modules["torch"]
-    return (
-        torch.get_default_dtype(),
-        torch.get_num_threads(),
-        torch.is_grad_enabled(),
-        torch.are_deterministic_algorithms_enabled(),
-    )
-
-
-def _set_torch(wanted: tuple[Any, ...]) -> None:
-    torch: Any = sys.modules["torch"]
-    dtype, threads, grad, deterministic = wanted
-    torch.set_default_dtype(dtype)
-    torch.set_num_threads(threads)
-    torch.set_grad_enabled(grad)
-    torch.use_deterministic_algorithms(deterministic)
-
-
-def _cv2() -> int:
-    return int(sys.modules["cv2"].getNumThreads())
-
-
-def _set_cv2(wanted: int) -> None:
-    sys.modules["cv2"].setNumThreads(wanted)
-
-
 _ITEMS = (
     _Item("the current folder", os.getcwd, os.chdir),
     _Item("the environment", lambda: dict(os.environ), _set_environment),
-    _Item("sys.path", lambda: list(sys.path), _set_path),
-    _Item("warning filters", lambda: list(warnings.filters), _set_filters),
-    _Item("warnings.showwarning", lambda: warnings.showwarning, lambda value: setattr(warnings, "showwarning", value)),
-    _Item("timers", _alarmed, _set_alarmed),
+    _list("sys.path", sys, "path"),
+    _list("warning filters", warnings, "filters"),
+    _attributes("warnings.showwarning", warnings, "showwarning"),
+    _Item("timers", _has_timer, _stop_timers),
     _Item("signal handlers", _handlers, _set_handlers),
     _Item("the signal mask", _mask, _set_mask),
     _Item("logging", _logging, _set_logging),
-    _Item("standard streams", _of_sys(_STREAMS), _set_sys(_STREAMS)),
-    _Item("hooks of sys", _of_sys(_HOOKS), _set_sys(_HOOKS)),
-    _Item("threading.excepthook", lambda: threading.excepthook, _set_thread_hook),
+    _attributes("standard streams", sys, *_STREAMS),
+    _attributes("hooks of sys", sys, *_HOOKS),
+    _attributes("threading.excepthook", threading, "excepthook"),
     _Item("builtins", _builtins, _set_builtins),
-    _Item("tracing", _watchers, _set_watchers),
-    _Item("the recursion limit", sys.getrecursionlimit, sys.setrecursionlimit),
-    _Item("the switch interval", sys.getswitchinterval, sys.setswitchinterval),
+    _settings("tracing", "sys", ("gettrace", "settrace"), ("getprofile", "setprofile")),
+    _settings("the recursion limit", "sys", ("getrecursionlimit", "setrecursionlimit")),
+    _settings("the switch interval", "sys", ("getswitchinterval", "setswitchinterval")),
     _Item("the file mode mask", _umask, os.umask),
     _Item("the priority", _priority, _set_priority),
-    _Item("the garbage collector", _collector, _set_collector),
+    _Item("the garbage collector", lambda: (gc.isenabled(), gc.get_threshold()), _set_collector),
     _Item("the locale", lambda: locale.setlocale(locale.LC_ALL), lambda value: locale.setlocale(locale.LC_ALL, value)),
-    _Item("numpy", _numpy, _set_numpy, module="numpy"),
-    _Item("torch", _torch, _set_torch, module="torch"),
-    _Item("OpenCV", _cv2, _set_cv2, module="cv2"),
+    _settings("numpy", "numpy", ("geterr", "seterr"), ("get_printoptions", "set_printoptions")),
+    _settings(
+        "torch",
+        "torch",
+        ("get_default_dtype", "set_default_dtype"),
+        ("get_num_threads", "set_num_threads"),
+        ("is_grad_enabled", "set_grad_enabled"),
+        ("are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
+    ),
+    _settings("OpenCV", "cv2", ("getNumThreads", "setNumThreads")),
 )

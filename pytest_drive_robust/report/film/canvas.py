@@ -70,7 +70,7 @@ class Rectangle:
         return self.y + self.height
 
     def of(self, picture: Pixels) -> Pixels:
-        """The part of a picture inside the box: writing to it writes to the picture."""
+        """Return the part of a picture inside the box: writing to it writes to the picture."""
         return picture[self.y : self.bottom, self.x : self.right]
 
 
@@ -111,12 +111,12 @@ def text(
 
 
 def text_width(words: str, size: float, *, bold: bool = False) -> int:
-    """How many pixels wide a line is."""
+    """Return how many pixels wide a line is."""
     return int(cv2.getTextSize(words, _FONT, size, 2 if bold else 1)[0][0]) if words else 0
 
 
 def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool = False) -> list[str]:
-    """`words` cut at blanks into at most so many lines; the last one keeps what is left over."""
+    """Cut `words` at blanks into at most so many lines; the last one keeps what is left over."""
     found = [""]
     for word in words.split():
         longer = f"{found[-1]} {word}".strip()
@@ -128,6 +128,6 @@ def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool 
 
 
 def bar(picture: Pixels, box: Rectangle, share: float, colour: Colour) -> None:
-    """A bar filled from the left by `share` (0..1)."""
+    """Draw a bar filled from the left by `share` (0..1)."""
     fill(picture, box, BACKGROUND)
     fill(picture, Rectangle(box.x, box.y, round(box.width * min(max(share, 0.0), 1.0)), box.height), colour)

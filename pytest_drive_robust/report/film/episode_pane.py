@@ -1,4 +1,4 @@
-"""One of the two scenes: what the agent was given, the view from above, what it asks, what the car gets, captions."""
+"""One of the two panes: what the agent was given, the view from above, what it asks, what the car gets, captions."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class EpisodePane:
         text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
 
     def _numbers(self, picture: Pixels, moment: TapeTick) -> None:
-        """Speed in large figures; beside it what the agent asks and what the car gets."""
+        """Write the speed in large figures; beside it what the agent asks and what the car gets."""
         x, y = self.left + 8, self.camera_box.bottom
         speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"
         text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
@@ -126,7 +126,7 @@ class EpisodePane:
         _pedals(picture, Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)
 
     def _captions(self, picture: Pixels, position: int, at: int) -> None:
-        """The newest infractions, the end when it is there, and what the camera would have shown."""
+        """Write the newest infractions, the end when it is there, and show what the camera would have shown."""
         box = Rectangle(self.left + 8, self.camera_box.bottom + 62, 392, 86)
         real = self.tape.real(at)
         if real is not None:
@@ -153,7 +153,7 @@ class EpisodePane:
 
 
 def _caption(picture: Pixels, words: str, box: Rectangle, colour: Colour, *, loud: bool) -> int:
-    """A sentence on at most two lines, on its colour when it is news; returns the height that it took."""
+    """Write a sentence on at most two lines, on its colour when it is news; return the height that it took."""
     size = 0.6
     lines = wrapped(words, size=size, within=box.width - 24, bold=loud)
     height = 20 * len(lines) + 5
@@ -165,7 +165,7 @@ def _caption(picture: Pixels, words: str, box: Rectangle, colour: Colour, *, lou
 
 
 def _pedals(picture: Pixels, box: Rectangle, name: str, control: Control | None) -> None:
-    """Throttle in green, brake in red, steering as a needle."""
+    """Draw the throttle in green, the brake in red, steering as a needle."""
     text(picture, name, (box.x, box.y + 15), size=0.48, colour=INK)
     throttle = Rectangle(box.x + 94, box.y, 72, box.height)
     brake = Rectangle(box.x + 170, box.y, 60, box.height)
@@ -183,7 +183,7 @@ def _pedals(picture: Pixels, box: Rectangle, name: str, control: Control | None)
 
 
 def _fit(picture: Pixels, pixels: Pixels, box: Rectangle) -> None:
-    """The image as large as it goes into the box without being bent."""
+    """Draw the image as large as it goes into the box without being bent."""
     height, width = pixels.shape[:2]
     scale = min(box.width / width, box.height / height)
     wide, high = max(1, math.floor(width * scale)), max(1, math.floor(height * scale))

@@ -68,7 +68,7 @@ class Film:
         return self.story.showing(self.dt_s)
 
     def pictures(self) -> Iterator[Pixels]:
-        """Every picture of the film in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
+        """Give the pictures in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
         shown, picture = -1, self._empty
         for position in self.positions:
             if position != shown:
@@ -76,7 +76,7 @@ class Film:
             yield picture
 
     def picture(self, position: int) -> Pixels:
-        """The world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
+        """Return the world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
         picture: Pixels = self._empty.copy()
         for pane in self._panes:
             pane.draw(picture, position, twin=self._twin(pane, position))
@@ -85,7 +85,7 @@ class Film:
         return picture
 
     def sheet(self) -> Pixels:
-        """The telling moments on one picture, two in a row."""
+        """Lay the telling moments on one picture, two in a row."""
         pictures = [self.picture(position) for position in self.story.telling()]
         if len(pictures) % 2 and len(pictures) > 1:
             pictures.append(np.full_like(pictures[0], BACKGROUND))
@@ -93,7 +93,7 @@ class Film:
         return np.asarray(np.concatenate(rows), np.uint8)
 
     def _twin(self, pane: EpisodePane, position: int) -> EgoState | None:
-        """The clean ego of this moment, for the perturbed pane."""
+        """Return the clean ego of this moment, for the perturbed pane."""
         clean = self._panes[0]
         if pane is clean:
             return None
@@ -101,7 +101,7 @@ class Film:
         return moments[min(position, len(moments) - 1)].state.ego
 
     def _banner(self, picture: Pixels, position: int) -> None:
-        """A flag across both scenes at the first divergence."""
+        """Draw a flag across both panes at the first divergence."""
         if self.story.divergence is None:
             return
         at, apart = self.story.divergence
@@ -114,7 +114,7 @@ class Film:
 
 
 def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
-    """What never changes: the title and the legend of the views from above."""
+    """Return what never changes: the title and the legend of the views from above."""
     picture = np.full((HEIGHT, WIDTH, 3), BACKGROUND, np.uint8)
     episode = tapes[0].result.episode
     title = f"{episode.agent} on {episode.route_id} {tapes[0].result.scenario}, seed {episode.seed}"

@@ -61,7 +61,7 @@ class Story:
     """Of a skimmed stretch one position in so many is shown."""
 
     def showing(self, dt_s: float) -> list[int]:
-        """The positions in the order in which a film shows them: it stands still where something happens."""
+        """Return the positions in the order in which a film shows them: it stands still where something happens."""
         pauses = {item.tick for items in self.events for item in items}
         if self.divergence is not None:
             pauses.add(self.divergence[0])
@@ -73,7 +73,7 @@ class Story:
         return shown + [self.length] * round(_LAST_HOLD_S / dt_s)
 
     def telling(self, *, most: int = 6) -> list[int]:
-        """The positions for a picture strip: start, divergence, infractions, end; at most `most`."""
+        """Return the positions for a picture strip: start, divergence, infractions, end; at most `most`."""
         happened = sorted({item.tick for items in self.events for item in items})
         first = [] if self.divergence is None else [self.divergence[0]]
         kept = [0, *first, *happened[: most - 2 - len(first)], self.length]
@@ -81,7 +81,7 @@ class Story:
 
 
 def story_of(tapes: tuple[Tape, ...]) -> Story:
-    """The story of a clean and a perturbed tape, or of one alone."""
+    """Tell the story of a clean and a perturbed tape, or of one alone."""
     results = tuple(tape.result for tape in tapes)
     events = tuple(_events(result) for result in results)
     return Story(
@@ -94,7 +94,7 @@ def story_of(tapes: tuple[Tape, ...]) -> Story:
 
 
 def _skimmed(tapes: tuple[Tape, ...], busy: set[int]) -> frozenset[int]:
-    """The positions of long waits. An episode that is over does not move either."""
+    """Return the positions of long waits. An episode that is over does not move either."""
     patience = round(_STILL_S / tapes[0].result.dt_s)
     found: set[int] = set()
     stood = 0
@@ -117,7 +117,7 @@ def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, st
 
 
 def _apart(clean: EpisodeResult, perturbed: EpisodeResult, row: int) -> str:
-    """`"0.5 m behind, 1.2 m/s slower"`: what of it is worth saying."""
+    """Return `"0.5 m behind, 1.2 m/s slower"`: what of it is worth saying."""
     names = ("yaw_rad", "x_m", "y_m", "speed_mps")
     yaw, x_m, y_m, speed_mps = (float(clean.trace.column(name)[row]) for name in names)
     east, south = (float(perturbed.trace.column(n)[row]) - v for n, v in (("x_m", x_m), ("y_m", y_m)))

@@ -1,4 +1,4 @@
-"""The strips below the scenes: speed, pedals and steering over time, clean against perturbed, and what happened."""
+"""The strips below the panes: speed, pedals and steering over time, clean against perturbed, and what happened."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Strips:
         return _LEFT + round((_RIGHT - _LEFT - 1) * position / max(self._story.length, 1))
 
     def _painted(self, results: Sequence[EpisodeResult]) -> Pixels:
-        """The whole area as it looks when everything has happened."""
+        """Paint the whole area as it looks when everything has happened."""
         whole = np.zeros((AREA.bottom, AREA.width, 3), np.uint8)
         fill(whole, AREA, BACKGROUND)
         self._scale(whole)
@@ -99,7 +99,7 @@ class Strips:
         return area
 
     def _scale(self, picture: Pixels) -> None:
-        """Boxes, names, and a line for every few seconds."""
+        """Draw boxes, names, and a line for every few seconds."""
         for strip in self._strips:
             fill(picture, strip.box, PANEL)
             middle = strip.box.y + strip.box.height // 2
@@ -138,7 +138,7 @@ class Strips:
         return strip.box.bottom - 1 - round(share * (strip.box.height - 1))
 
     def _failures(self, picture: Pixels) -> None:
-        """When the perturbation was at work."""
+        """Draw when the perturbation was at work."""
         fill(picture, _FAILURE, PANEL)
         text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
         for span in self._story.spans[-1]:
@@ -146,7 +146,7 @@ class Strips:
             fill(picture, Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
-        """Lines through all strips at the first divergence and at every infraction, with words where there is room."""
+        """Draw lines through all strips at the first divergence and every infraction, words where there is room."""
         bottom = self._strips[-1].box.bottom
         marks = [(self._column(event.tick), event.words, WRONG) for items in self._story.events for event in items]
         if self._story.divergence is not None:
@@ -163,7 +163,7 @@ class Strips:
             self._name(picture, words, x, colour, [mark[0] for mark in marks if mark[0] != x], first=number == 0)
 
     def _name(self, picture: Pixels, words: str, x: int, colour: Colour, others: Sequence[int], *, first: bool) -> None:
-        """The words right of a mark, or left of the first one; nothing where another mark is in the way."""
+        """Write the words right of a mark, or left of the first one; nothing where another mark is in the way."""
         need = text_width(words, _MARK_SIZE) + 24
         if x + need <= min((other for other in others if other > x), default=_RIGHT + 12):
             text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
@@ -172,6 +172,6 @@ class Strips:
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:
-    """Speed in km/h, throttle minus brake, steering."""
+    """Return speed in km/h, throttle minus brake, steering."""
     column = result.trace.column
     return column("speed_mps") * 3.6, column("throttle") - column("brake"), column("steer")

@@ -61,7 +61,7 @@ _VEHICLE: Colour = (222, 222, 226)
 
 
 def is_misplaced(moment: TapeTick) -> bool:
-    """True when the agent was told a place that is not the ego's."""
+    """Return True when the agent was told a place that is not the ego's."""
     if moment.gps is None:
         return False
     ego = moment.state.ego
@@ -131,7 +131,7 @@ class TopView:
         self.box.of(picture)[:] = canvas
 
     def _turn(self, ego: EgoState) -> Floats:
-        """(2, 3): from metres of the world to pixels of the box."""
+        """Return the matrix (2, 3) from metres of the world to pixels of the box."""
         c, s, k = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad), self.px_per_m
         rotation = np.array(((-s * k, c * k), (-c * k, -s * k)))
         middle = np.array((self.box.width / 2.0, self.box.height * (1.0 - self.behind)))
@@ -148,13 +148,13 @@ class TopView:
 
 
 def _fixed(turn: Floats, points: Floats) -> NDArray[np.int32]:
-    """Points (n, 2) in metres as OpenCV's fixed-point pixels."""
+    """Turn points (n, 2) in metres into OpenCV's fixed-point pixels."""
     pixels = points[:, :2] @ turn[:, :2].T + turn[:, 2]
     return np.asarray(np.round(np.clip(pixels, -2000.0, 4000.0) * (1 << _BITS)), np.int32)
 
 
 def _corners(place: Floats) -> Floats:
-    """The corners (4, 2) of a rectangle x, y, yaw, length, width: front right, front left, rear left, rear right."""
+    """Return the corners (4, 2) of a rectangle (x, y, yaw, length, width) from the front right one to the left."""
     x, y, yaw, length, width = (float(value) for value in place)
     along = np.array((math.cos(yaw), math.sin(yaw))) * length / 2.0
     across = np.array((-math.sin(yaw), math.cos(yaw))) * width / 2.0
@@ -167,7 +167,7 @@ def _path(canvas: Pixels, turn: Floats, points: Floats, colour: Colour, thicknes
 
 
 def _vehicle(canvas: Pixels, turn: Floats, place: Floats, colour: Colour) -> None:
-    """A rectangle with a dark wedge that points ahead."""
+    """Draw a rectangle with a dark wedge that points ahead."""
     corners = _corners(place)
     cv2.fillConvexPoly(canvas, _fixed(turn, corners), colour, cv2.LINE_AA, _BITS)
     cv2.polylines(canvas, [_fixed(turn, corners)], True, _OUTLINE, 1, cv2.LINE_AA, _BITS)
@@ -217,7 +217,7 @@ def _ring(canvas: Pixels, turn: Floats, place: tuple[float, float]) -> None:
 
 
 def _cross(canvas: Pixels, turn: Floats, place: tuple[float, float]) -> None:
-    """Where the agent is told that it is."""
+    """Mark where the agent is told that it is."""
     x, y = _point(turn, place)
     arm = 7 << _BITS
     for thickness, paint in ((5, _OUTLINE), (2, INK)):

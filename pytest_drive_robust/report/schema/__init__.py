@@ -13,6 +13,6 @@ RUN_SCHEMA = Path(__file__).with_name("run.schema.json")
 
 
 def run_schema() -> dict[str, Any]:
-    """The schema of the document that `--drive-json` writes."""
+    """Return the schema of the document that `--drive-json` writes."""
     schema: dict[str, Any] = json.loads(RUN_SCHEMA.read_text(encoding="utf-8"))
     return schema

@@ -16,12 +16,12 @@ _DIGEST_BYTES = 16
 
 
 def digest_of(*values: object) -> str:
-    """32 hex digits of these values. Raises `TypeError` as `canonical_text` does."""
+    """Return 32 hex digits of these values. Raises `TypeError` as `canonical_text` does."""
     return hashlib.blake2b(canonical_text(values).encode("ascii"), digest_size=_DIGEST_BYTES).hexdigest()
 
 
 def canonical_text(value: object) -> str:
-    """`value` as JSON with sorted keys; dataclasses by their fields, enum members by their value.
+    """Return `value` as JSON with sorted keys; dataclasses by their fields, enum members by their value.
 
     Raises `TypeError` for anything that has no value of its own to compare, such as an object or a function.
     """
@@ -54,7 +54,7 @@ def _plain(value: Any) -> Any:
 
 
 def _number(value: int | float) -> Any:
-    """Whole numbers without a fraction, minus zero as zero, what JSON cannot write by name."""
+    """Return whole numbers without a fraction, minus zero as zero, what JSON cannot write by name."""
     if isinstance(value, float):
         if not math.isfinite(value):
             return {"number": str(value)}

@@ -41,7 +41,7 @@ _BLOCK_BYTES = 1 << 20
 
 
 def identify(scope: Scope, registry: Registry) -> Identified:
-    """The agent and the routes of `scope`. Raises `UsageError` for weights that cannot be read."""
+    """Return the agent and the routes of `scope`. Raises `UsageError` for weights that cannot be read."""
     entry = registry.entry("agents", scope.agent)
     factory = entry.load()
     return Identified(
@@ -56,7 +56,7 @@ def identify(scope: Scope, registry: Registry) -> Identified:
 def identity_of(
     agent: str, registry: Registry, *, simulator: str, world: Simulator, options: SimulatorOptions, mode: str = "single"
 ) -> str:
-    """32 hex digits of everything but route, setting and seed that decides how an episode ends.
+    """Return 32 hex digits of everything but route, setting and seed that decides how an episode ends.
 
     `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
     gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
@@ -67,7 +67,7 @@ def identity_of(
 
 
 def agent_identity(agent: str, registry: Registry) -> str:
-    """32 hex digits of an agent: name, distribution, code, weights, and the optional `configuration` of its factory."""
+    """Return 32 hex digits of an agent: name, distribution, code, weights, and the `configuration` of its factory."""
     entry = registry.entry("agents", agent)
     factory = entry.load()
     given = getattr(factory, "configuration", None)
@@ -83,7 +83,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
-    """32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
+    """Return 32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
 
     `sources` of a world are names of modules beside its own whose code counts, such as that of an environment.
     """
@@ -94,12 +94,12 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
 
 
 def route_digest(route: Route) -> str:
-    """12 hex digits of everything that the route says."""
+    """Return 12 hex digits of everything that the route says."""
     return hex_of(repr(route).encode())
 
 
 def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *, agent: str) -> str:
-    """12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
+    """Return 12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
 
     Raises `UsageError` when a file cannot be read.
     """
@@ -119,12 +119,12 @@ def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[st
 
 
 def _distribution(entry: Entry) -> str:
-    """Empty for what a hook registered: its place is no part of what it does."""
+    """Return nothing for what a hook registered: its place is no part of what it does."""
     return "" if entry.registered else entry.origin
 
 
 def _own_code(factory: object) -> object:
-    """The code of our part of the loop with that of the simulator."""
+    """Return the code of our part of the loop with that of the simulator."""
     module = str(getattr(factory, "__module__", ""))
     own = module.startswith(f"{simulators.__name__}.")
     # Every other world may use the sensors and criteria of `embedded`.

@@ -24,7 +24,7 @@ _OWN = __name__.partition(".")[0]
 
 
 def perturbation_sources(setting: Setting) -> tuple[str, ...]:
-    """The code of those classes of a setting that are not ours, in its order. Ours are a part of the identity."""
+    """Return the code of a setting's classes that are not ours, in its order. Ours are a part of the identity."""
     classes = (type(perturbation) for perturbation in setting.perturbations)
     return tuple(_class_code(cls) for cls in classes if cls.__module__.partition(".")[0] != _OWN)
 
@@ -73,7 +73,7 @@ def _describe(target: Any, within: tuple[int, ...]) -> object:
 
 
 def _value(value: Any, within: tuple[int, ...]) -> object:
-    """Plain values as they are; code within them as code."""
+    """Return plain values as they are; code within them as code."""
     if isinstance(value, dict):
         return [[name, _value(item, within)] for name, item in value.items()]
     if isinstance(value, (list, tuple)):
@@ -86,7 +86,7 @@ def _value(value: Any, within: tuple[int, ...]) -> object:
 
 
 def _bindings(function: FunctionType, within: tuple[int, ...]) -> object:
-    """What a function carries besides its text: defaults and the variables of functions around it."""
+    """Return what a function carries besides its text: defaults and the variables of functions around it."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     defaults = (function.__defaults__ or (), function.__kwdefaults__ or {})
     return [_value(defaults, within), [[name, _value(_content(cell), within)] for name, cell in cells]]
@@ -100,7 +100,7 @@ def _content(cell: Any) -> object:
 
 
 def _made_at_run_time(cls: type, within: tuple[int, ...]) -> object:
-    """For a class inside a function: what its methods and attributes took from there."""
+    """Return for a class inside a function what its methods and attributes took from there."""
     if "<locals>" not in cls.__qualname__:
         return []
     found = []

@@ -40,14 +40,14 @@ class UnknownSourceError(Exception):
 
 
 def module_digest(file: Path, module: str) -> str:
-    """32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports."""
+    """Return 32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports."""
     walk = _Walk()
     walk.add_module(file, module)
     return walk.digest()
 
 
 def source_digest(factory: object) -> str:
-    """12 hex digits of the code behind an agent's factory; empty when its file is not known.
+    """Return 12 hex digits of the code behind an agent's factory; empty when its file is not known.
 
     That is every Python file of the top-level package that defines it, or the one file where there is no package.
     """
@@ -61,7 +61,7 @@ def source_digest(factory: object) -> str:
 
 
 def file_of(target: object) -> Path:
-    """The file of a class, function or module. Raises `UnknownSourceError`."""
+    """Return the file of a class, function or module. Raises `UnknownSourceError`."""
     try:
         file = Path(inspect.getfile(inspect.unwrap(target))).resolve()  # type: ignore[arg-type]
     except (OSError, TypeError, ValueError) as error:
@@ -72,7 +72,7 @@ def file_of(target: object) -> Path:
 
 
 def code_digest(modules: Iterable[ModuleType]) -> str:
-    """32 hex digits of the Python files of these modules, by their names within them; a package counts with all below.
+    """Return 32 hex digits of the files of these modules, by their names within them; a package counts with all below.
 
     Raises `UnknownSourceError` for a module without a file: nothing to read must never look like unchanged code.
     """
@@ -91,7 +91,7 @@ def _is_package(module: ModuleType) -> bool:
 
 
 def hex_of(content: bytes) -> str:
-    """12 hex digits of bytes."""
+    """Return 12 hex digits of bytes."""
     return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).hexdigest()
 
 
@@ -108,7 +108,7 @@ class _Walk:
         return hashlib.blake2b(lines.encode(errors="surrogatepass"), digest_size=16).hexdigest()
 
     def add_module(self, file: Path, module: str) -> None:
-        """The module that is looked at, wherever it is installed. A single file counts the same under any name."""
+        """Add the module that is looked at, wherever it is installed. A single file counts the same under any name."""
         folder = _package_folder(file, module)
         if folder is None:
             self._add_file(file, "the file itself")
@@ -154,13 +154,13 @@ class _Walk:
                 self._add_file(origin, origin.name)
 
     def _follow_relative(self, imported: str, importer: Path) -> None:
-        """Only where the importer is in no package that was added whole, such as a conftest.py."""
+        """Follow it where the importer is in no package that was added whole, such as a conftest.py."""
         module = imported.lstrip(".")
         folder = importer.parents[len(imported) - len(module) - 1]
         self._follow_namespace(f"here.{module}", [folder])
 
     def _follow_namespace(self, imported: str, folders: list[Path]) -> None:
-        """Down a dotted name through folders that have no __init__.py."""
+        """Go down a dotted name through folders that have no __init__.py."""
         for part in imported.split(".")[1:]:
             for folder in folders:
                 if (folder / part / "__init__.py").is_file():
@@ -173,7 +173,7 @@ class _Walk:
 
 
 def _imports(content: bytes) -> Iterator[str]:
-    """Dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
+    """Give dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
     for match in _IMPORT.finditer(content):
         words = (match["names"] or match["list"]).decode(errors="replace").strip(" \t()\\").split(",")
         names = [word.split()[0] for word in words if word.split()]
@@ -186,7 +186,7 @@ def _imports(content: bytes) -> Iterator[str]:
 
 
 def _content_digest(path: Path, content: bytes) -> str:
-    """Of a test file without its tests: an agent or a perturbation beside them is not theirs."""
+    """Return a file's digest, of a test file without its tests: an agent or perturbation beside them is not theirs."""
     if _TEST_FILE.fullmatch(path.name):
         try:
             tree = ast.parse(content)
@@ -203,7 +203,7 @@ def _is_test(statement: ast.stmt) -> bool:
 
 
 def _package_folder(file: Path, module: str) -> Path | None:
-    """The folder of the top-level package that `file` belongs to, None where it is a module of its own."""
+    """Return the folder of the top-level package that `file` belongs to, None where it is a module of its own."""
     package = sys.modules.get(module.partition(".")[0])
     folders = [Path(folder).resolve() for folder in getattr(package, "__path__", ())]
     return next((folder for folder in folders if file.is_relative_to(folder)), None)
@@ -230,7 +230,7 @@ def _find(top: str) -> importlib.machinery.ModuleSpec | None:
 
 @functools.cache
 def _version(top: str, origin: Path) -> str:
-    """The version of an installed distribution; where its name is not the module's, a digest of what tells versions."""
+    """Return the version of a distribution; where its name is not the module's, a digest of what tells versions."""
     try:
         return metadata.version(top)
     except (metadata.PackageNotFoundError, ValueError):

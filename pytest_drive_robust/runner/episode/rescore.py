@@ -103,17 +103,17 @@ class _ReplayedAgent:
         rig = recorded.rig or AgentRig()
         self.privileged = False  # nobody reads the truth, which would be copied in every tick
         self.consumes = frozenset(rig.consumes)
-        self._wreck = recorded
+        self._recorded = recorded
         self._cameras = rig.cameras
         self._controls = iter(controls)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        if self._wreck.rig is None:
+        if self._recorded.rig is None:
             raise _LostError
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        if self._wreck.call == "reset":
+        if self._recorded.call == "reset":
             raise _LostError
 
     def act(self, observation: Observation) -> Control:

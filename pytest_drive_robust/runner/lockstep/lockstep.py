@@ -29,26 +29,10 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["WIDTH", "Lockstep", "drive_together"]
+__all__ = ["WIDTH", "Lockstep"]
 
 WIDTH = 8
 """Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
-
-
-def drive_together(
-    make_world: Callable[[], Simulator],
-    make_agent: Callable[[], Agent],
-    requests: Sequence[EpisodeRequest],
-    *,
-    width: int = WIDTH,
-) -> list[EpisodeResult]:
-    """Drive `requests`, `width` at a time, and give their results in the order of `requests`. See `Lockstep`."""
-    lockstep = Lockstep(make_world, make_agent, width=width)
-    try:
-        results = {id(request): result for request, result in lockstep.drive(requests)}
-    finally:
-        lockstep.close()
-    return [results[id(request)] for request in requests]
 
 
 class Lockstep:

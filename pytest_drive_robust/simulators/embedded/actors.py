@@ -143,7 +143,7 @@ class Cast:
     def freeze(
         self,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        """(actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
+        """Return (actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
         return (
             np.array(self.rows).reshape(-1, c.ACTOR_COLUMNS),
             np.array(self.ints, dtype=np.int64).reshape(-1, c.ACTOR_INTS),

@@ -106,7 +106,7 @@ def _outline(picture: Pixels, region: Region, place: Floats, colour: Colour) -> 
 
 
 def _vehicle(picture: Pixels, region: Region, place: Floats, colour: Colour) -> None:
-    """A rectangle with a dark wedge that points ahead."""
+    """Draw a rectangle with a dark wedge that points ahead."""
     _outline(picture, region, place, colour)
     corners = _corners(place)
     nose = (corners[0] + corners[1]) / 2.0
@@ -143,7 +143,7 @@ def _stroke(picture: Pixels, region: Region, start: Floats, end: Floats, colour:
 
 
 def _light(picture: Pixels, region: Region, place: tuple[float, float], heading_rad: float, colour: Colour) -> None:
-    """A disc at the pole with a tick towards the traffic that must obey it."""
+    """Draw a disc at the pole with a tick towards the traffic that must obey it."""
     pole = np.array(place)
     toward = pole - np.array((math.cos(heading_rad), math.sin(heading_rad))) * 2.0
     _stroke(picture, region, pole, toward, _OUTLINE)

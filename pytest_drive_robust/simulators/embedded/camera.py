@@ -2,7 +2,7 @@
 
 First `drawing/raster.py` finds which face of which box each pixel shows; then sky and ground fill what is left
 (`drawing/ground.py`), faces are coloured (`drawing/shade.py`), rain falls. Everything is a pure function of map,
-weather, camera and frame: the kernels run in one thread, no sum is reordered, and OpenCV (whose thread count is global
+weather, camera and state: the kernels run in one thread, no sum is reordered, and OpenCV (whose thread count is global
 and stays as it is) only fills polygons of the ground texture, which it does in one thread.
 """
 
@@ -74,7 +74,7 @@ class _Eye:
         return cls(spec, Canvas.of(width, height), ground, _NOT_WANTED)
 
     def wanted(self, names: Collection[str]) -> Passes:
-        """The arrays of the passes `names`; the others are empty."""
+        """Return the arrays of the passes `names`; the others are empty."""
         shape = self.canvas.faces.shape
         for name, empty in _NOT_WANTED._asdict().items():
             if name in names and not getattr(self.passes, name).size:
@@ -104,23 +104,23 @@ class CameraRig:
         clear = np.exp(-self._air.haze_per_m * depths_m).astype(np.float32)
         self._eyes = tuple(_Eye.of(camera, self._air, texture, clear) for camera in cameras)
 
-    def render(self, frame: WorldState, due: Collection[str] | None = None) -> dict[str, Pixels]:
-        """Pictures of `frame`, (height, width, 3) uint8 RGB by the camera's name: of the cameras `due`, or of all.
+    def render(self, state: WorldState, due: Collection[str] | None = None) -> dict[str, Pixels]:
+        """Return (height, width, 3) uint8 RGB pictures by the camera's name: of the cameras `due`, or of all.
 
         The arrays are the rig's own and are drawn over by the next call: copy what must last.
         """
-        scene, lamps = self._scene(frame), self._headlamps(frame)
+        scene, lamps = self._scene(state), self._headlamps(state)
         pictures: dict[str, Pixels] = {}
         for eye in self._eyes:
             if due is None or eye.spec.name in due:
-                self._draw(eye, frame, scene, lamps)
+                self._draw(eye, state, scene, lamps)
                 pictures[eye.spec.name] = eye.canvas.pixels
         return pictures
 
     def render_passes(
-        self, frame: WorldState, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
+        self, state: WorldState, passes: Collection[str] = PASSES, *, due: Collection[str] | None = None
     ) -> dict[str, dict[str, Measured]]:
-        """What the cameras see, measured on the same geometry: by the camera's name, then by the pass.
+        """Return what the cameras see, measured on the same geometry: by the camera's name, then by the pass.
 
         - `"rgb"` (height, width, 3) uint8: as `render`.
         - `"semantic"` (height, width) uint8: a `SemanticClass` each.
@@ -132,41 +132,41 @@ class CameraRig:
         for name in passes:
             if name not in PASSES:
                 raise UnknownNameError.of("pass", name, PASSES)
-        scene, lamps = self._scene(frame), self._headlamps(frame)
+        scene, lamps = self._scene(state), self._headlamps(state)
         found: dict[str, dict[str, Measured]] = {}
         for eye in self._eyes:
             if due is None or eye.spec.name in due:
                 wanted = eye.wanted(passes)
-                view = self._draw(eye, frame, scene, lamps, picture="rgb" in passes)
+                view = self._draw(eye, state, scene, lamps, picture="rgb" in passes)
                 measure_camera(eye.canvas, scene, eye.ground, view, wanted)
                 arrays: dict[str, Measured] = {"rgb": eye.canvas.pixels, **wanted._asdict()}
                 found[eye.spec.name] = {name: arrays[name] for name in passes}
         return found
 
-    def _headlamps(self, frame: WorldState) -> Headlamps:
-        return Headlamps(frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad, self._air.night)
+    def _headlamps(self, state: WorldState) -> Headlamps:
+        return Headlamps(state.ego.x_m, state.ego.y_m, state.ego.yaw_rad, self._air.night)
 
-    def _scene(self, frame: WorldState) -> FrameScene:
-        """The boxes of all that is there."""
+    def _scene(self, state: WorldState) -> FrameScene:
+        """Return the boxes of all that is there."""
         still = len(self._furniture.rows)
-        needed = still + len(frame.actors) * _MOST_PARTS
+        needed = still + len(state.actors) * _MOST_PARTS
         if needed > len(self._rows):
             self._rows = np.zeros((needed, BOX_COLUMNS), np.float64)
             self._rows[:still] = self._furniture.rows
-        if len(frame.actors) >= len(self._ends):
-            self._ends = np.zeros(len(frame.actors) + 1, np.int64)
-        self._furniture.show(self._rows, frame.lights)
-        actors = np.array(frame.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
+        if len(state.actors) >= len(self._ends):
+            self._ends = np.zeros(len(state.actors) + 1, np.int64)
+        self._furniture.show(self._rows, state.lights)
+        actors = np.array(state.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
         scene = FrameScene(self._rows, still, self._ends, actors, self._furniture.street_lamps)
-        fill_boxes(scene, frame.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
+        fill_boxes(scene, state.tick, self._air.night, self._parts, self._spans, PAINTS, KIND_LABELS)
         return scene
 
     def _draw(
-        self, eye: _Eye, frame: WorldState, scene: FrameScene, lamps: Headlamps, *, picture: bool = True
+        self, eye: _Eye, state: WorldState, scene: FrameScene, lamps: Headlamps, *, picture: bool = True
     ) -> CameraView:
         eye.canvas = eye.canvas.with_room(len(scene.rows))
-        view = CameraView.of(eye.spec, frame.ego.x_m, frame.ego.y_m, frame.ego.yaw_rad)
-        draw_camera(eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, frame.tick, picture)
+        view = CameraView.of(eye.spec, state.ego.x_m, state.ego.y_m, state.ego.yaw_rad)
+        draw_camera(eye.canvas, scene, eye.ground, view, self._air, lamps, self._street_light, state.tick, picture)
         return view
 
 

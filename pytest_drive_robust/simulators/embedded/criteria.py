@@ -44,7 +44,7 @@ _RED = int(LightState.RED)
 
 @inner
 def _between(angle: float, other: float) -> float:
-    """Unsigned difference of two angles, 0..pi."""
+    """Return the unsigned difference of two angles, 0..pi."""
     turn = angle - other
     return abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
 
@@ -65,7 +65,7 @@ def _nearest_point(statics: Statics, lane: int, x: float, y: float, best: float,
 
 @inner
 def nearest_lane(statics: Statics, x: float, y: float, last: int) -> tuple[int, float, float]:
-    """(lane, distance to its centre line [m], heading there) of the nearest driving or parking lane.
+    """Return (lane, distance to its centre line [m], heading there) of the nearest driving or parking lane.
 
     `last` is a lane that may well be near, or -1: it changes nothing but how many points are looked at.
     """
@@ -117,7 +117,7 @@ def _scenario_runs(state: State) -> bool:
 
 @inner
 def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
-    """Outside lanes, or against the traffic: counted in metres of route passed meanwhile."""
+    """Count the metres of route that are passed outside lanes or against the traffic."""
     ego, ints = state.ego, state.criteria_ints
     last = ints[c.CI_LAST_LANE]
     lane, beside, heading = nearest_lane(statics, ego[c.EGO_X], ego[c.EGO_Y], last)
@@ -139,7 +139,7 @@ def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
 
 @inner
 def nearest_lane_heading(statics: Statics, lane: int, x: float, y: float) -> tuple[float, float, float]:
-    """(x, y, heading) of the centre point of one lane that is nearest to (x, y)."""
+    """Return (x, y, heading) of the centre point of one lane that is nearest to (x, y)."""
     best, at = 1e18, 0
     for k in range(len(statics.lanes)):
         if statics.lane_of[k] != lane:
@@ -153,7 +153,7 @@ def nearest_lane_heading(statics: Statics, lane: int, x: float, y: float) -> tup
 
 @inner
 def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, qx: float, qy: float) -> bool:
-    """Do the segments a-b and p-q cross?"""
+    """Return whether the segments a-b and p-q cross."""
     d1 = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
     d2 = (bx - ax) * (qy - ay) - (by - ay) * (qx - ax)
     d3 = (qx - px) * (ay - py) - (qy - py) * (ax - px)
@@ -163,7 +163,7 @@ def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, q
 
 @inner
 def _red_lights(statics: Statics, state: State) -> None:
-    """The tail of the ego crosses the stop line of a red light, heading with it."""
+    """Note when the tail of the ego crosses the stop line of a red light, heading with it."""
     ego = state.ego
     half = statics.ego_length_m / 2.0
     ch, sh = math.cos(ego[c.EGO_YAW]), math.sin(ego[c.EGO_YAW])
@@ -183,7 +183,7 @@ def _red_lights(statics: Statics, state: State) -> None:
 
 @inner
 def _stop_signs(statics: Statics, state: State) -> None:
-    """Come to rest while a stop sign holds; leaving without is an infraction."""
+    """Note when the ego leaves a stop sign without having come to rest."""
     ego, ints = state.ego, state.criteria_ints
     current = ints[c.CI_STOP_LINE]
     front = statics.ego_length_m / 2.0
@@ -211,7 +211,7 @@ def _stop_signs(statics: Statics, state: State) -> None:
 
 @inner
 def _speed(statics: Statics, state: State) -> None:
-    """Driving efficiency: the ego's mean speed against the mean speed of the background traffic, per twentieth."""
+    """Compare the ego's mean speed with that of the background traffic, per twentieth of the route: the efficiency."""
     criteria, ints = state.criteria, state.criteria_ints
     total, count = 0.0, 0
     for i in range(len(state.actors)):
@@ -241,7 +241,7 @@ def _speed_event(state: State) -> None:
 
 @inner
 def _yield_test(statics: Statics, state: State) -> None:
-    """Ten seconds after the emergency vehicle came within 50 m it must be ahead of the ego."""
+    """Note when the emergency vehicle is not ahead of the ego ten seconds after it came within 50 m."""
     e = statics.emergency_actor
     if e < 0 or state.actor_ints[e, c.I_ACTIVE] != 1 or state.criteria_ints[c.CI_YIELD_SEEN] == 2:
         return
@@ -267,7 +267,7 @@ def _close_yield(statics: Statics, state: State) -> None:
 
 @inner
 def _off_route_m(statics: Statics, state: State) -> float:
-    """Distance to the nearest of the next five waypoints [m]."""
+    """Return the distance to the nearest of the next five waypoints [m]."""
     first = state.criteria_ints[c.CI_PROGRESS]
     best = 1e18
     for k in range(first, min(first + 5, len(statics.route))):
@@ -301,7 +301,7 @@ def _end(statics: Statics, state: State) -> int:
 
 @inner
 def judge(statics: Statics, state: State) -> None:
-    """All criteria of one tick, after everybody moved; writes `CI_END` when the episode is over."""
+    """Judge all criteria of one tick, after everybody moved; write `CI_END` when the episode is over."""
     gained = _progress(statics, state)
     _wake_scenario(statics, state)
     _lane_keeping(statics, state, gained)
@@ -323,7 +323,7 @@ def finish(statics: Statics, state: State) -> None:
 
 
 def criteria_arrays() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Fresh criteria rows for the start of an episode."""
+    """Return fresh criteria rows for the start of an episode."""
     floats = np.zeros(c.CRITERIA_COLUMNS)
     floats[[c.C_LAST_HIT_X, c.C_LAST_HIT_Y]] = 1e9
     ints = np.zeros(c.CRITERIA_INTS, dtype=np.int64)

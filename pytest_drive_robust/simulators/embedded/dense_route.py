@@ -50,7 +50,7 @@ class DenseRoute:
         return float(self.s[-1])
 
     def chain(self) -> tuple[int, ...]:
-        """The lanes of the route in order, prolonged to where the first road begins and the last one ends.
+        """Return the lanes of the route in order, prolonged to where the first road begins and the last one ends.
 
         Where the route changes lanes both stand in it, one after the other.
         """
@@ -69,12 +69,15 @@ class DenseRoute:
         return line, project(line, *first[:2])[0]
 
     def first_junction_row(self) -> int | None:
-        """The first row on a junction lane, or None."""
+        """Return the first row on a junction lane, or None."""
         flags = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
         return int(np.argmax(flags)) if flags.any() else None
 
     def passages(self) -> tuple[Passage, ...]:
-        """The ways through junctions that the route takes, in order; a route across the turning lanes takes none."""
+        """Return the ways through junctions that the route takes, in order.
+
+        A route across the turning lanes takes none.
+        """
         found: list[Passage] = []
         for inside in self._junction_lanes():
             ways = (way for way in self.town.passages if _contains(way.inside, inside))
@@ -82,17 +85,17 @@ class DenseRoute:
         return tuple(found)
 
     def first_passage(self) -> Passage | None:
-        """The way through the first junction, or None."""
+        """Return the way through the first junction, or None."""
         return next(iter(self.passages()), None)
 
     def junction_stops(self, number: int = 0) -> tuple[int, ...]:
-        """The stop lines at the entries of the route's junction `number`."""
+        """Return the stop lines at the entries of the route's junction `number`."""
         junction = self.passages()[number].junction
         entries = {way.enters for way in self.town.passages if way.junction == junction}
         return tuple(line.index for line in self.lane_map.stop_lines if line.lane in entries)
 
     def plan(self) -> GlobalPlan:
-        """Points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
+        """Return points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
         commands = self._commands()
         points: list[PlanPoint] = []
         last_s = -np.inf
@@ -104,7 +107,7 @@ class DenseRoute:
         return GlobalPlan(tuple(points), self._dense_plan(commands))
 
     def _dense_plan(self, commands: list[RoadOption]) -> tuple[PlanPoint, ...]:
-        """Every row; of a lane change, which CARLA's planner makes in one step, the first and the last."""
+        """Return every row; of a lane change, which CARLA's planner makes in one step, the first and the last."""
         within = {k for start, end, _ in self.lane_changes() for k in range(start + 1, end - 1)}
         return tuple(
             PlanPoint(float(x), float(y), command)
@@ -113,18 +116,18 @@ class DenseRoute:
         )
 
     def _parts(self) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-        """Lanes before the route, of the route, after it."""
+        """Return the lanes before the route, of the route, after it."""
         used = tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
         before, after = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
         return before[: before.index(used[0])], used, after[after.index(used[-1]) + 1 :]
 
     def _junction_lanes(self) -> list[tuple[int, ...]]:
-        """For each junction on the route the lanes used in it, in order."""
+        """Return for each junction on the route the lanes used in it, in order."""
         runs = groupby((int(k) for k in self.lanes), key=lambda k: self.town.junctions.get(k, -1))
         return [tuple(dict.fromkeys(run)) for junction, run in runs if junction >= 0]
 
     def _commands(self) -> list[RoadOption]:
-        """The navigation command of each row."""
+        """Return the navigation command of each row."""
         commands = [RoadOption.LANE_FOLLOW] * len(self.rows)
         for inside in self._junction_lanes():
             command = _turn_command(self.lane_map, inside)
@@ -136,7 +139,7 @@ class DenseRoute:
         return commands
 
     def lane_changes(self) -> list[tuple[int, int, int]]:
-        """(first row, row after the last, 1 to the right or -1 to the left) of every lane change."""
+        """Return (first row, row after the last, 1 to the right or -1 to the left) of every lane change."""
         lanes = self.lane_map.lanes
         changes: list[tuple[int, int, int]] = []
         if len(set(self.lanes.tolist())) == 1:
@@ -155,7 +158,7 @@ class DenseRoute:
 
 
 def _contains(inside: tuple[int, ...], driven: tuple[int, ...]) -> bool:
-    """Whether the lanes driven are those of a way: all, or its end or beginning where the route is shorter."""
+    """Return whether the lanes driven are those of a way: all, or its end or beginning where the route is shorter."""
     return driven in (inside[: len(driven)], inside[-len(driven) :])
 
 

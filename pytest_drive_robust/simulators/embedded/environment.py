@@ -18,6 +18,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
 
@@ -115,7 +116,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observed(self._simulator.observe()), reward, end is not None and not truncated, truncated, info
 
     def snapshot(self) -> WorldSnapshot:
-        """This moment of the episode. Copies a few kilobytes of arrays, and the images of cameras slower than 20 Hz."""
+        """Copy this moment: a few kilobytes of arrays, and the images of cameras slower than 20 Hz."""
         return WorldSnapshot(self._simulator.snapshot(), self._next, self._seen)
 
     def restore(self, snapshot: WorldSnapshot) -> None:
@@ -127,9 +128,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         self._next, self._seen = snapshot.next_point, snapshot.seen
 
     def render(self) -> NDArray[np.uint8]:
-        """A bird's-eye view, (512, 512, 3) uint8 RGB."""
-        from pytest_drive_robust.simulators.embedded.bev import draw_bev
-
+        """Return a bird's-eye view, (512, 512, 3) uint8 RGB."""
         world = self._simulator.world
         return draw_bev(world.lane_map, self._simulator.frame, world.dense.rows)
 

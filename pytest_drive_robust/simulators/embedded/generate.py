@@ -60,7 +60,7 @@ class _Draw:
 
 
 def draw_routes(*, seed: int, per_type: int) -> list[Route]:
-    """`per_type` routes of every scenario type; ids are 101, 102 for the first type, 201, ... for the second.
+    """Return `per_type` routes of every scenario type; ids are 101, 102 for the first type, 201, ... for the second.
 
     Raises `RouteError` for a seed or a number out of range, and where no place can be found for a scenario.
     """
@@ -76,7 +76,7 @@ def draw_routes(*, seed: int, per_type: int) -> list[Route]:
 
 
 def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> Route:
-    """One route of a scenario type: it can be laid and staged, and nothing stands where the ego starts.
+    """Return one route of a scenario type: it can be laid and staged, and nothing stands where the ego starts.
 
     Raises `RouteError` when `ATTEMPTS` draws found no such route.
     """
@@ -115,7 +115,7 @@ def _attempt(draw: _Draw, route_id: str) -> Route:
 
 
 def _line(town: CompiledTown, site: Site, rng: np.random.Generator) -> Floats:
-    """The route's line, a point every metre."""
+    """Return the route's line, a point every metre."""
     chains = site.chain.split(">")
     if len(chains) - 1 != len(site.changes_m):
         raise RouteError(
@@ -129,7 +129,7 @@ def _line(town: CompiledTown, site: Site, rng: np.random.Generator) -> Floats:
 
 
 def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: np.random.Generator) -> float:
-    """Where on its first chain the route starts."""
+    """Return where on its first chain the route starts."""
     total = float(arc_lengths(town.chain(chain))[-1])
     if site.before_m is None:
         return float(rng.uniform(_ROAD_LEFT_M, max(_ROAD_LEFT_M + 1.0, total - length - _ROAD_LEFT_M)))
@@ -154,7 +154,7 @@ def _parameters(kind: ScenarioType, rng: np.random.Generator) -> dict[str, dict[
 
 
 def _in_the_way(world: World) -> str | None:
-    """The name of what stands where the ego starts, or None."""
+    """Return the name of what stands where the ego starts, or None."""
     frame = world.frame()
     ego = frame.ego
     room = ego.length_m + 2.0 * _ELBOW_ROOM_M, ego.width_m + 2.0 * _ELBOW_ROOM_M
@@ -168,7 +168,7 @@ def _in_the_way(world: World) -> str | None:
 
 
 def summary(routes: list[Route]) -> str:
-    """Lengths, towns per style and weathers of a set of routes, for people."""
+    """Describe the lengths, towns per style and weathers of a set of routes."""
     lengths = np.array([arc_lengths(np.array([[p.x_m, p.y_m] for p in r.waypoints]))[-1] for r in routes])
     styles = Counter(re.sub(r"\d+$", "", route.town) for route in routes)
     weathers = Counter(weather_name(route.weather) for route in routes)
@@ -184,7 +184,7 @@ def summary(routes: list[Route]) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Command line: draw a route file."""
+    """Draw a route file: the command line."""
     parser = argparse.ArgumentParser(prog="python -m pytest_drive_robust.simulators.embedded.generate")
     parser.add_argument("file", type=Path)
     parser.add_argument("--seed", type=int, default=0, help=f"0 to {SEEDS - 1}; no two seeds share a town")

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def arc_lengths(points: Floats) -> Floats:
-    """Distance along the line of each point, (n,)."""
+    """Return the distance along the line of each point, (n,)."""
     steps = np.hypot(np.diff(points[:, 0]), np.diff(points[:, 1]))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -30,7 +30,10 @@ def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
 
 
 def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float, float]:
-    """x, y, heading of the point `s_m` along the line and `right_m` beside it; beyond the ends it goes straight on."""
+    """Return x, y, heading of the point `s_m` along the line and `right_m` beside it.
+
+    Beyond the ends it goes straight on.
+    """
     step = arc_lengths(line)[-1] / (len(line) - 1)
     index = int(np.clip(np.floor(s_m / step), 0, len(line) - 2))
     share = s_m / step - index
@@ -40,7 +43,7 @@ def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float,
 
 
 def project(line: Floats, x_m: float, y_m: float) -> tuple[float, float]:
-    """(distance along the line, distance to its right) of the point of the line that is nearest to (x, y)."""
+    """Return (distance along the line, distance to its right) of the point of the line that is nearest to (x, y)."""
     away = np.hypot(line[:, 0] - x_m, line[:, 1] - y_m)
     index = int(np.argmin(away))
     step = arc_lengths(line)[-1] / (len(line) - 1)

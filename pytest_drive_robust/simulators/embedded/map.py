@@ -38,13 +38,13 @@ class CompiledTown:
         self._anchors = dict(town.anchors)
 
     def lanes_of(self, chain: str) -> tuple[int, ...]:
-        """The lanes of a named chain. Raises `UnknownNameError`."""
+        """Return the lanes of a named chain. Raises `UnknownNameError`."""
         if chain not in self.chains:
             raise UnknownNameError.of(f"chain of lanes of town {self.lane_map.name}", chain, self.chains)
         return self.chains[chain]
 
     def chain(self, name: str) -> Floats:
-        """The centre line of a named chain of lanes from end to end. Raises `UnknownNameError`."""
+        """Return the centre line of a named chain of lanes from end to end. Raises `UnknownNameError`."""
         return join(self.lane_map, self.lanes_of(name))
 
     def anchor_m(self, name: str) -> float | None:
@@ -64,12 +64,12 @@ def compile_town(name: str) -> CompiledTown:
 
 
 def join(lane_map: LaneMap, lanes: tuple[int, ...]) -> Floats:
-    """One centre line through several lanes that follow each other, resampled to equal steps."""
+    """Return one centre line through several lanes that follow each other, resampled to equal steps."""
     return resample(np.concatenate([lane_map.lanes[k].centre for k in lanes]))
 
 
 def follow(lane_map: LaneMap, lane: int) -> tuple[int, ...]:
-    """The chain through `lane` from where its road begins to where it ends, straight on at junctions.
+    """Return the chain through `lane` from where its road begins to where it ends, straight on at junctions.
 
     A road begins where a junction ends. In a roundabout "straight on" is the exit opposite.
     """
@@ -83,7 +83,10 @@ def follow(lane_map: LaneMap, lane: int) -> tuple[int, ...]:
 
 
 def _straightest(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """The lanes that follow a chain up to the end of the junction that begins or goes on there; () at the end."""
+    """Return the lanes that follow a chain up to the end of the junction that begins or goes on there.
+
+    () at the end.
+    """
     ways = _ways_on(lane_map, chain)
     return min(ways, key=lambda way: abs(_turn(lane_map, chain, way)), default=())
 

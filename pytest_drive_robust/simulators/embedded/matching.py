@@ -20,7 +20,7 @@ _SAME_COST_M = 0.3
 
 
 def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
-    """The lane index under each row of `line` (n, 3), or -1 where no lane fits.
+    """Return the lane index under each row of `line` (n, 3), or -1 where no lane fits.
 
     A row fits a driving lane when it lies on it (half a metre beside it at most) and heads its way. Of the rows of
     lanes that fit, the one with the least total distance is taken, where going on to a lane that neither follows nor
@@ -37,13 +37,13 @@ def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
 
 
 def distance_to_lanes(lane_map: LaneMap, x_m: float, y_m: float) -> float:
-    """Metres from a point to the middle of the nearest driving lane."""
+    """Return the metres from a point to the middle of the nearest driving lane."""
     lanes = [lane.centre for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
     return float(min(np.hypot(centre[:, 0] - x_m, centre[:, 1] - y_m).min() for centre in lanes))
 
 
 def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float, float]) -> tuple[int, ...]:
-    """The row of driving lanes, one leading to the next, that comes nearest to `start` and then to `end`."""
+    """Return the row of driving lanes, one leading to the next, that comes nearest to `start` and then to `end`."""
     driving = {lane.index: lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING}
     from_m, at_from = _nearest(driving, start)
     to_m, at_to = _nearest(driving, end)
@@ -67,7 +67,7 @@ def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float,
 
 
 def _nearest(lanes: dict[int, Lane], point: tuple[float, float]) -> tuple[dict[int, float], dict[int, int]]:
-    """By lane: metres from a point to it, and the row of its centre line that is nearest."""
+    """Return by lane: metres from a point to it, and the row of its centre line that is nearest."""
     away = {k: np.hypot(lane.centre[:, 0] - point[0], lane.centre[:, 1] - point[1]) for k, lane in lanes.items()}
     return {k: float(d.min()) for k, d in away.items()}, {k: int(d.argmin()) for k, d in away.items()}
 
@@ -88,7 +88,7 @@ def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:
 
 
 def lane_change_side(lanes: tuple[Lane, ...], before: int, after: int) -> int:
-    """1 when lane `after` lies to the right of lane `before` (or of what follows it), -1 to the left, else 0."""
+    """Return 1 when lane `after` lies to the right of lane `before` (or of what follows it), -1 to the left, else 0."""
     for side, neighbour in ((-1, _left), (1, _right)):
         beside = neighbour(lanes[before])
         if beside >= 0 and (beside == after or after in lanes[beside].successors):
@@ -107,7 +107,7 @@ def _right(lane: Lane) -> int:
 
 
 def _is_near(lane: Lane, line: Floats) -> bool:
-    """Whether the boxes around a lane and a line touch."""
+    """Return whether the boxes around a lane and a line touch."""
     reach = lane.width_m / 2.0 + _BEYOND_EDGE_M
     low = np.maximum(line[:, :2].min(axis=0), lane.centre[:, :2].min(axis=0) - reach)
     high = np.minimum(line[:, :2].max(axis=0), lane.centre[:, :2].max(axis=0) + reach)
@@ -115,7 +115,7 @@ def _is_near(lane: Lane, line: Floats) -> bool:
 
 
 def _costs(driving: list[Lane], line: Floats) -> Floats:
-    """The cost of every row on every lane, (n, lanes); infinite where the lane does not fit."""
+    """Return the cost of every row on every lane, (n, lanes); infinite where the lane does not fit."""
     cost = np.full((len(line), len(driving)), np.inf)
     for k, lane in enumerate(driving):
         away = np.hypot(line[:, :1] - lane.centre[:, 0], line[:, 1:2] - lane.centre[:, 1])

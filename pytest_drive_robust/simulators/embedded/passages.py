@@ -31,7 +31,10 @@ class Passage:
 
 
 def find_passages(lanes: tuple[Lane, ...], junctions: Mapping[int, int]) -> tuple[Passage, ...]:
-    """Every way of cars through every junction; `junctions` maps junction lanes to the number of their junction."""
+    """Return every way of cars through every junction.
+
+    `junctions` maps junction lanes to the number of their junction.
+    """
     found: list[Passage] = []
     for lane in lanes:
         if lane.junction or lane.kind is not LaneKind.DRIVING:

@@ -52,7 +52,7 @@ class RoutePlaces:
         return self.lane_at(0.0).speed_limit_mps
 
     def lane_at(self, ahead_m: float) -> Lane:
-        """The lane under the route."""
+        """Return the lane under the route."""
         s = self.trigger_m + ahead_m
         row = int(np.clip(np.searchsorted(self.dense.s, s), 0, len(self.dense.s) - 1))
         return self.dense.lane_map.lanes[int(self.dense.lanes[row])]
@@ -60,23 +60,29 @@ class RoutePlaces:
     # --- along the route ---
 
     def on_ego_path(self, ahead_m: float) -> float:
-        """Distance along the ego's way (`ego_path`), which begins long before the route does."""
+        """Return the distance along the ego's way (`ego_path`), which begins long before the route does."""
         return self._start_m + self.trigger_m + ahead_m
 
     def spot(self, ahead_m: float, right_m: float = 0.0) -> tuple[float, float]:
-        """x, y of a place on or beside the ego's way."""
+        """Return x, y of a place on or beside the ego's way."""
         return place(self.paths[self.ego_path], self.on_ego_path(ahead_m), right_m)[:2]
 
     def junction_ahead_m(self) -> float:
-        """Distance from the trigger to where the route enters its first junction. Raises `RouteError` without one."""
+        """Return the distance from the trigger to where the route enters its first junction.
+
+        Raises `RouteError` without one.
+        """
         return float(self.dense.s[self._junction_rows()[0]]) - self.trigger_m
 
     def exit_ahead_m(self) -> float:
-        """Distance from the trigger to where the route leaves its first junction. Raises `RouteError` without one."""
+        """Return the distance from the trigger to where the route leaves its first junction.
+
+        Raises `RouteError` without one.
+        """
         return float(self.dense.s[self._junction_rows()[1]]) - self.trigger_m
 
     def _junction_rows(self) -> tuple[int, int]:
-        """(first row in, first row behind) of the route's first junction."""
+        """Return (first row in, first row behind) of the route's first junction."""
         first = self.dense.first_junction_row()
         if first is None:
             raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")
@@ -91,15 +97,15 @@ class RoutePlaces:
         return len(self.paths) - 1
 
     def length_m(self, path: int) -> float:
-        """Length of a path."""
+        """Return the length of a path."""
         return float(arc_lengths(self.paths[path])[-1])
 
     def along(self, path: int, ahead_m: float) -> float:
-        """Where on a path an actor is level with a place of the ego's way."""
+        """Return where on a path an actor is level with a place of the ego's way."""
         return project(self.paths[path], *self.spot(ahead_m))[0]
 
     def own(self, ahead_m: float = 0.0) -> int:
-        """The path of the lane under the route, followed straight on to both ends of the town."""
+        """Return the path of the lane under the route, followed straight on to both ends of the town."""
         return self._lane_path(self.lane_at(ahead_m).index)
 
     def beside(self, side: str, ahead_m: float = 0.0) -> int:
@@ -113,13 +119,13 @@ class RoutePlaces:
         return self._lane_path(index)
 
     def has_lane_beside(self, side: str, ahead_m: float = 0.0) -> bool:
-        """Is there a driving lane to the `"left"` or `"right"` that leads the same way?"""
+        """Return whether there is a driving lane to the `"left"` or `"right"` that leads the same way."""
         lane = self.lane_at(ahead_m)
         index, same_way = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
         return index >= 0 and same_way and self.dense.lane_map.lanes[index].kind is LaneKind.DRIVING
 
     def oncoming(self, ahead_m: float = 0.0) -> int:
-        """The path of the nearest lane that leads the other way. Raises `RouteError` where there is none."""
+        """Return the path of the nearest lane that leads the other way. Raises `RouteError` where there is none."""
         lanes = self.dense.lane_map.lanes
         lane = self.lane_at(ahead_m)
         while lane.left >= 0 and lane.left_same_way:
@@ -129,7 +135,7 @@ class RoutePlaces:
         return self._lane_path(lane.left)
 
     def from_arm(self, bearing: str, *, into: str = "straight") -> int:
-        """A path through the route's first junction that comes from the `"left"`, `"right"` or `"opposite"`.
+        """Return a path through the route's first junction that comes from the `"left"`, `"right"` or `"opposite"`.
 
         `into="straight"` goes straight on, `into="exit"` turns into the lane by which the route leaves the junction.
         Raises `RouteError` when the junction has no such way.
@@ -147,7 +153,9 @@ class RoutePlaces:
         )
 
     def given_flow(self) -> int | None:
-        """The path along the lanes from `start_actor_flow` to `end_actor_flow` of the route file; None without them.
+        """Return the path along the lanes from `start_actor_flow` to `end_actor_flow` of the route file.
+
+        None without them.
 
         Of all ways from lane to lane the one that comes nearest to both points is taken.
         """
@@ -162,7 +170,7 @@ class RoutePlaces:
         )
 
     def first_passage(self) -> Passage:
-        """The route's way through its first junction. Raises `RouteError` without one."""
+        """Return the route's way through its first junction. Raises `RouteError` without one."""
         way = self.dense.first_passage()
         if way is None:
             raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")

@@ -39,7 +39,7 @@ class RouteScene:
 
 
 def telling_moment(route: Route, *, seed: int = 0) -> RouteScene:
-    """The world of `route` when its scenario is on: a second after the first actor has set off.
+    """Return the world of `route` when its scenario is on: a second after the first actor has set off.
 
     The ego rides along its route on rails, at 0.6 of the speed limit, and stops short of what is in its way. Scenarios
     without triggered actors are shown when the ego has come 25 m past the trigger point. Raises `RouteError` for routes
@@ -68,14 +68,14 @@ def _speed_at(world: World, ridden_m: float) -> float:
 
 
 def _put_ego(world: World, ridden_m: float, speed_mps: float) -> None:
-    """On the route, after a start beside it (a parking bay) within 12 m."""
+    """Put the ego on the route, after a start beside it (a parking bay) within 12 m."""
     aside = world.stage.start_right_m * max(0.0, 1.0 - ridden_m / 12.0)
     x, y, yaw = place(world.dense.rows[:, :3], ridden_m, aside)
     world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
 
 
 def _is_blocked(world: World) -> bool:
-    """Is something solid right before the ego?"""
+    """Return whether something solid is right before the ego."""
     ego, ints = world.state.ego, world.state.actor_ints
     there = (ints[:, c.I_ACTIVE] == 1) & (ints[:, c.I_SOLID] == 1)
     away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]

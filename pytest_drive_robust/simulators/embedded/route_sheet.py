@@ -50,7 +50,7 @@ _FAINT: Colour = (104, 104, 110)
 
 
 def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | None = None) -> Pixels:
-    """One captioned picture of a scene, (height, width, 3) uint8 RGB; with `camera`, what it sees on the right.
+    """Return one captioned picture of a scene, (height, width, 3) uint8 RGB; with `camera`, what it sees on the right.
 
     The route is blue, from a cyan to a white ring; the magenta bar is the trigger point. Yellow arrows show where
     vehicles are in 1.5 s, orange ones the ways of those who walk, orange rings where they are now. The caption says id
@@ -70,7 +70,7 @@ def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | Non
 
 
 def lay_sheets(tiles: Sequence[Pixels], *, columns: int = 8) -> Iterator[Pixels]:
-    """Tiles of one size in rows of `columns`, `TILES_PER_SHEET` on a sheet, on as many sheets as that takes."""
+    """Return tiles of one size in rows of `columns`, `TILES_PER_SHEET` on a sheet, on as many sheets as that takes."""
     for first in range(0, len(tiles), TILES_PER_SHEET):
         yield _sheet(tiles[first : first + TILES_PER_SHEET], min(columns, len(tiles)))
 
@@ -86,7 +86,7 @@ def _sheet(tiles: Sequence[Pixels], columns: int) -> Pixels:
 
 
 def _from_above(scene: RouteScene, size_px: int) -> Pixels:
-    """Drawn finer and reduced, so that paint and outlines stay smooth."""
+    """Draw a scene from above, finer and reduced, so that paint and outlines stay smooth."""
     dense, fine = scene.world.dense, size_px * _FINER
     centre, metres = _frame_of_interest(scene)
     picture = draw_bev(dense.lane_map, scene.frame, dense.rows, size_px=fine, metres=metres, centre=centre, line_px=3)
@@ -157,7 +157,7 @@ def _point(pixel: Iterable[np.int32]) -> tuple[int, int]:
 
 
 def _write(picture: Pixels, text: str, baseline_px: int, scale: float, colour: Colour) -> None:
-    """A line of text, made smaller where it would be cut off."""
+    """Write a line of text, smaller where it would be cut off."""
     font, room = cv2.FONT_HERSHEY_SIMPLEX, picture.shape[1] - 8
     width = cv2.getTextSize(text, font, scale, 1)[0][0]
     fitting = scale * min(1.0, room / max(width, 1))

@@ -60,7 +60,7 @@ def _lanes(lane_map: LaneMap, own: Lane) -> str:
 
 
 def describe_parameters(spec: ScenarioSpec) -> str:
-    """`"distance 40, flow_speed 9, source_dist_interval 15 to 25"`: what the file says, places left out."""
+    """Return `"distance 40, flow_speed 9, source_dist_interval 15 to 25"`: what the file says, places left out."""
     words = [f"{name} {text}" for name, text in spec.texts.items()]
     for name, given in spec.parameters.items():
         if "value" in given:

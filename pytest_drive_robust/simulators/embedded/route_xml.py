@@ -25,7 +25,7 @@ _CARLA_DEFAULT = -1.0
 
 
 def load_routes(path: Path) -> tuple[Route, ...]:
-    """Every route of a file, in its order.
+    """Return every route of a file, in its order.
 
     Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Files
     of the leaderboard are checked for what their scenario types need, too; where anything is wrong, also for whether a
@@ -56,7 +56,7 @@ def load_routes(path: Path) -> tuple[Route, ...]:
 
 
 def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
-    """The routes without a mistake in them, and one line for every other."""
+    """Return the routes without a mistake in them, and one line for every other."""
     routes: list[Route] = []
     problems: list[str] = []
     seen: set[str] = set()
@@ -82,8 +82,8 @@ def _route_or_problem(element: ElementTree.Element) -> Route | str:
 
 
 def _misfit(route: Route) -> str | None:
-    """Why no road can be built around a route of the leaderboard, or None."""
-    from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
+    """Return why no road can be built around a route of the leaderboard, or None."""
+    from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route  # loads numba and highway-env
 
     if is_official(route.town):
         try:

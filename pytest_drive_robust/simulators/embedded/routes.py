@@ -61,17 +61,17 @@ _SETS: dict[str, tuple[str, Callable[[Route, int], bool]]] = {
 
 
 def set_names() -> tuple[str, ...]:
-    """The names that `named_routes` knows."""
+    """Return the names that `named_routes` knows."""
     return tuple(sorted(_SETS))
 
 
 def set_summary(name: str) -> str:
-    """What a set holds, in words. Raises `UnknownNameError`."""
+    """Return what a set holds, in words. Raises `UnknownNameError`."""
     return _find(name)[0]
 
 
 def named_routes(name: str) -> tuple[Route, ...]:
-    """The routes of a set that we ship, by scenario type and number. Raises `UnknownNameError`."""
+    """Return the routes of a set that we ship, by scenario type and number. Raises `UnknownNameError`."""
     belongs = _find(name)[1]
     seen: dict[str, int] = {}
     chosen = []
@@ -84,7 +84,7 @@ def named_routes(name: str) -> tuple[Route, ...]:
 
 
 def is_shipped(route: Route) -> bool:
-    """Whether it is one of ours, to the last detail."""
+    """Return whether a route is one of ours, to the last detail."""
     return _by_id().get(route.id) == route
 
 
@@ -96,7 +96,7 @@ def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
 
 @lru_cache(maxsize=1)
 def _shipped() -> tuple[Route, ...]:
-    """Every route that we ship: parsed once in a process, in well under a tenth of a second."""
+    """Return every route that we ship: parsed once in a process, in well under a tenth of a second."""
     return load_routes(_FILE)
 
 

@@ -102,6 +102,6 @@ def _end_detail(world: World, end: End, options: SimulatorOptions) -> str:
 
 
 def _junction_passed(world: World) -> bool:
-    """More than eight waypoints beyond the first junction waypoint (Bench2Drive `tools/ability_benchmark.py`)."""
+    """Return whether more than eight waypoints beyond the first one in a junction are passed."""
     row = world.dense.first_junction_row()
     return row is not None and int(world.state.criteria_ints[c.CI_PROGRESS]) > row + 8

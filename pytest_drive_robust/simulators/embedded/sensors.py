@@ -30,16 +30,19 @@ class Sensors:
         self._images: dict[str, Image] = {}
         self._rig = None
         if cameras:
-            from pytest_drive_robust.simulators.embedded.camera import CameraRig
+            from pytest_drive_robust.simulators.embedded.camera import CameraRig  # loads the kernels that draw
 
             self._rig = CameraRig(lane_map, weather, cameras, around=route[:, :2])
 
-    def observe(self, frame: WorldState) -> Observation:
-        """What the sensors deliver at this moment. Cameras slower than the tick deliver their last image again."""
-        tick, ego = frame.tick, frame.ego
+    def observe(self, state: WorldState) -> Observation:
+        """Return what the sensors deliver at this moment.
+
+        Cameras slower than the tick deliver their last image again.
+        """
+        tick, ego = state.tick, state.ego
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]
         if self._rig is not None and due:
-            for name, pixels in self._rig.render(frame, due).items():
+            for name, pixels in self._rig.render(state, due).items():
                 self._images[name] = Image(pixels, tick)
         return Observation(
             tick=tick,
@@ -51,7 +54,7 @@ class Sensors:
         )
 
     def snapshot(self) -> dict[str, Image]:
-        """Copies of the images of slow cameras, which the next `observe` may deliver again; give them to `restore`."""
+        """Copy of the images of slow cameras, which the next `observe` may deliver again; give them to `restore`."""
         return {
             name: Image(image.pixels.copy(), image.tick)
             for name, image in self._images.items()

@@ -31,7 +31,7 @@ RED = Program(LightState.RED, ((LightState.RED, np.inf),))
 
 
 def red_then_green(red_s: float) -> Program:
-    """Red until `red_s` seconds after the scenario woke up, green from then on."""
+    """Return red until `red_s` seconds after the scenario woke up, green from then on."""
     return Program(LightState.RED, ((LightState.RED, red_s), (LightState.GREEN, np.inf)))
 
 
@@ -51,7 +51,7 @@ def green_then_red(green_s: float, red_s: float) -> Program:
 def compile_programs(
     programs: list[Program],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """(state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
+    """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
     before = np.array([int(program.before) for program in programs], dtype=np.int64)
     states = np.zeros((len(programs), MAX_PHASES), dtype=np.int64)
     until = np.full((len(programs), MAX_PHASES), np.inf)

@@ -19,6 +19,7 @@ from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.routes import is_shipped
 from pytest_drive_robust.simulators.embedded.scoring import ENDS, score_of
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.embedded.state import DT_S, State
@@ -64,9 +65,7 @@ class EmbeddedSimulator:
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
-        from pytest_drive_robust.simulators.embedded.world import World
-
-        world = World(route, seed=seed, options=self.options)
+        world = self._build(route, seed)
         self._sensors = Sensors(
             cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S
         )
@@ -79,20 +78,20 @@ class EmbeddedSimulator:
 
         Those that we ship can be built, so that a process that only judges on them loads no world.
         """
-        from pytest_drive_robust.simulators.embedded.routes import is_shipped
+        if not is_shipped(route):
+            self._build(route, 0)
 
-        if is_shipped(route):
-            return
-        from pytest_drive_robust.simulators.embedded.world import World
+    def _build(self, route: Route, seed: int) -> World:
+        from pytest_drive_robust.simulators.embedded.world import World  # loads numba and highway-env
 
-        World(route, seed=0, options=self.options)
+        return World(route, seed=seed, options=self.options)
 
     def plan(self) -> GlobalPlan:
-        """The sparse plan of the current route."""
+        """Return the sparse plan of the current route."""
         return self.world.dense.plan()
 
     def observe(self) -> Observation:
-        """Clean sensors of this moment."""
+        """Return the clean sensors of this moment."""
         return self._rig.observe(self.frame)
 
     @property
@@ -109,7 +108,7 @@ class EmbeddedSimulator:
         return self._frame
 
     def truth(self) -> GroundTruth:
-        """The state of the world of this moment."""
+        """Return the state of the world of this moment."""
         return self.world.truth(self.frame)
 
     def step(self, control: Control) -> WorldState:
@@ -135,7 +134,7 @@ class EmbeddedSimulator:
         return score_of(self.world, self.options)
 
     def snapshot(self) -> EpisodeSnapshot:
-        """A copy of everything that changes; microseconds without slow cameras."""
+        """Return a copy of everything that changes; microseconds without slow cameras."""
         world = self.world
         return EpisodeSnapshot(world, world.snapshot(), self._rig.snapshot())
 
@@ -162,7 +161,7 @@ class EmbeddedSimulator:
         return self.frame
 
     def versions(self) -> Mapping[str, str]:
-        """Backend and the libraries that compute."""
+        """Return the versions of the backend and of the libraries that compute."""
         return {"simulator": f"{self.name} {self.version}", **_libraries()}
 
     def close(self) -> None:
@@ -180,7 +179,7 @@ def _libraries() -> Mapping[str, str]:
 
 
 def _installed(distribution: str) -> str:
-    """Without the import, which takes half a second."""
+    """Return a distribution's version without its import, which takes half a second."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -42,13 +42,13 @@ class Stage(RoutePlaces):
     # --- draws ---
 
     def draws(self, name: str) -> np.random.Generator:
-        """A generator that depends on (seed, route, name) and on nothing else."""
+        """Return a generator that depends on (seed, route, name) and on nothing else."""
         text = f"{self._seed}\x1f{self.dense.route.id}\x1f{self.dense.route.town}\x1f{name}".encode()
         key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
         return np.random.Generator(np.random.Philox(key=key))
 
     def draw(self, name: str, low: float, high: float) -> float:
-        """One number between `low` and `high`."""
+        """Return one number between `low` and `high`."""
         return float(self.draws(name).uniform(low, high))
 
     # --- actors ---
@@ -63,7 +63,7 @@ class Stage(RoutePlaces):
         path: int | None = None,
         state: ActorState = ActorState.NONE,
     ) -> int:
-        """Something that does not move, beside or on the ego's way (or `path`), turned by `yaw_rad` against it."""
+        """Put something that does not move beside or on the ego's way (or `path`), turned by `yaw_rad` against it."""
         chosen = self.ego_path if path is None else path
         s = self.on_ego_path(ahead_m) if path is None else self.along(path, ahead_m)
         return self.cast.add(
@@ -71,14 +71,14 @@ class Stage(RoutePlaces):
         )
 
     def appear(self, kind: ActorKind, ahead_m: float, right_m: float, *, trigger: Trigger, delay_s: float = 0.0) -> int:
-        """Something that does not move and comes into being when its trigger fires: a door that is opened."""
+        """Put something that does not move and comes into being when its trigger fires: a door that is opened."""
         at_m = self.on_ego_path(ahead_m)
         actor = self.cast.add(ActorSpec(kind, self.ego_path, at_m, mode=c.MODE_STATIC, right_m=right_m, appears=True))
         self.cast.script(actor, trigger, Script(0.0, right_m=right_m, delay_s=delay_s), at=self.spot(ahead_m))
         return actor
 
     def dirt(self, ahead_m: float) -> int:
-        """A patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
+        """Put a patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
         self.patches.append(self.spot(ahead_m))
         return self.stand(ActorKind.DIRT, ahead_m)
 
@@ -94,7 +94,7 @@ class Stage(RoutePlaces):
         kind: ActorKind = ActorKind.PEDESTRIAN,
         slant_rad: float = 0.0,
     ) -> int:
-        """Somebody who crosses the ego's way from right to left (from a negative `from_right_m`: left to right).
+        """Let somebody cross the ego's way from right to left (from a negative `from_right_m`: left to right).
 
         They walk `walks_m` metres sideways; with a positive `slant_rad` they come towards the ego while they do.
         """
@@ -120,7 +120,7 @@ class Stage(RoutePlaces):
         sees: int = c.SEES_ALL,
         dense_m: float = 0.0,
     ) -> None:
-        """Cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
+        """Add cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
         Gaps are drawn from `gap_m` (front of one to rear of the next). Our flows never end, so every third gap is
         twice as long: somebody who waits patiently gets through. In the first `dense_m` metres of the flow, counted
@@ -139,7 +139,7 @@ class Stage(RoutePlaces):
         self.cast.flow(car, kinds=kinds, gaps_m=gaps)
 
     def passing(self, ahead_m: float) -> Trigger:
-        """The ego passes a place of the route."""
+        """Return the trigger that fires when the ego passes a place of the route."""
         return Passing(self.trigger_m + ahead_m)
 
     def ride(self, speed_mps: float, right_m: float) -> Script:
@@ -154,7 +154,7 @@ class Stage(RoutePlaces):
         self._set_lights(0, ego, opposite, crossing)
 
     def green_for_ego(self) -> None:
-        """At every junction with lights: green along the ego's road, red across. The default."""
+        """Show green along the ego's road and red across at every junction with lights. The default."""
         for number in range(len(self.dense.passages())):
             self._set_lights(number, GREEN, GREEN, RED)
 

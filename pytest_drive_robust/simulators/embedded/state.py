@@ -121,5 +121,5 @@ class State(NamedTuple):
 
 
 def copy_state(state: State) -> State:
-    """An independent copy: what `snapshot` and `restore` move around."""
+    """Return an independent copy: what `snapshot` and `restore` move around."""
     return State(*(array.copy() for array in state))

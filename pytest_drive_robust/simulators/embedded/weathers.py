@@ -56,7 +56,7 @@ A dust storm is haze in a strong wind over dry ground: the leaderboard's attribu
 
 
 def named_weather(name: str) -> Weather:
-    """The weather of a name. Raises `UnknownNameError` with the nearest one.
+    """Return the weather of a name. Raises `UnknownNameError` with the nearest one.
 
     >>> named_weather("clear night").sun_altitude_angle < 0.0
     True
@@ -67,7 +67,7 @@ def named_weather(name: str) -> Weather:
 
 
 def weather_name(weather: Weather) -> str:
-    """The name of one of ours, or `"its own"` for any other.
+    """Return the name of one of ours, or `"its own"` for any other.
 
     >>> weather_name(WEATHERS["mid rain sunset"]), weather_name(Weather(fog_density=99.0))
     ('mid rain sunset', 'its own')

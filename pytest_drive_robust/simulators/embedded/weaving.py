@@ -19,12 +19,12 @@ _WIDEST_M = 5.0
 
 
 def change_length_m(speed_mps: float) -> float:
-    """Road that a change of lane takes at a speed limit: 2.4 s (at most 3 m/s2 sideways), at least 20 m."""
+    """Return the metres that a lane change takes at a speed limit: 2.4 s (at most 3 m/s2 sideways), at least 20 m."""
     return max(_LEAST_CHANGE_M, _CHANGE_S * speed_mps)
 
 
 def weave(town: CompiledTown, chains: list[str], *, start_m: float, changes_m: list[float], length_m: float) -> Floats:
-    """A line (n, 2), a point every metre, from `start_m` along the first chain.
+    """Return a line (n, 2), a point every metre, from `start_m` along the first chain.
 
     After `changes_m[k]` metres the line begins to move over to chain k + 1, along a cosine. Raises `RouteError` where
     the two do not lie side by side, or a chain is too short.
@@ -64,7 +64,7 @@ def _move_over(
 
 
 def _beside(line: Floats, point: tuple[float, float] | Floats, names: list[str]) -> float:
-    """Where on `line` one is level with a point beside it."""
+    """Return where on `line` one is level with a point beside it."""
     s, aside = project(line, float(point[0]), float(point[1]))
     if not 0.0 <= s <= arc_lengths(line)[-1] or abs(aside) > _WIDEST_M:
         raise RouteError(f"lanes {names[0]!r} and {names[1]!r} do not lie side by side where the route changes")

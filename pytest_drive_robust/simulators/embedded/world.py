@@ -79,7 +79,7 @@ class World:
         finish(self._arrays)
 
     def frame(self) -> WorldState:
-        """The dynamic world of this moment; its arrays belong to the caller."""
+        """Return the dynamic world of this moment; its arrays belong to the caller."""
         ego = self.state.ego
         count = actor_rows(self._arrays, self._rows)
         return WorldState(
@@ -100,11 +100,11 @@ class World:
         )
 
     def truth(self, frame: WorldState) -> GroundTruth:
-        """`frame` together with the map and the route."""
+        """Return `frame` together with the map and the route."""
         return GroundTruth(frame, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
 
     def snapshot(self) -> State:
-        """A copy of everything that changes; give it to `restore` to branch from here."""
+        """Return a copy of everything that changes; give it to `restore` to branch from here."""
         return copy_state(self.state)
 
     def restore(self, snapshot: State) -> None:
@@ -140,7 +140,7 @@ def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
 
 
 def _clear_start(statics: Statics, state: State) -> None:
-    """No flow car may stand where the ego starts, or in somebody whom the scenario put there.
+    """Remove flow cars that stand where the ego starts, or in somebody whom the scenario put there.
 
     Those nearer than 15 m on the ego's own lane leave before the first tick.
     """
@@ -157,7 +157,7 @@ def _clear_start(statics: Statics, state: State) -> None:
 
 
 def _runs_into(actor: Floats, placed: Floats) -> bool:
-    """Does an actor overlap one of `placed`, or is it too near along it to stop in time?"""
+    """Return whether an actor overlaps one of `placed`, or is too near along it to stop in time."""
     dx, dy = actor[c.A_X] - placed[:, c.A_X], actor[c.A_Y] - placed[:, c.A_Y]
     cos, sin = np.cos(placed[:, c.A_YAW]), np.sin(placed[:, c.A_YAW])
     long, wide = placed[:, c.A_LENGTH] + actor[c.A_LENGTH], placed[:, c.A_WIDTH] + actor[c.A_WIDTH]
@@ -226,7 +226,7 @@ def _patch_noise(stage: Stage) -> Floats:
 
 
 def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:
-    """Where each path meets its first stop line, if it does."""
+    """Return where each path meets its first stop line, if it does."""
     stop_s = np.full(len(paths), np.inf)
     stop_line = np.full(len(paths), -1, dtype=np.int64)
     for p, path in enumerate(paths):

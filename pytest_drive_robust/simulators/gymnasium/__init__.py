@@ -20,7 +20,7 @@ __all__ = ["gymnasium_simulator"]
 
 
 def gymnasium_simulator(options: SimulatorOptions, identifier: str = "") -> GymnasiumSimulator:
-    """The world of `--drive-sim gymnasium:IDENTIFIER`. Raises `UsageError` for an id that cannot be driven."""
+    """Return the world of `--drive-sim gymnasium:IDENTIFIER`. Raises `UsageError` for an id that cannot be driven."""
     if not identifier:
         raise UsageError("the simulator 'gymnasium' needs an environment: give gymnasium:ID, as in gymnasium:merge-v0.")
     from pytest_drive_robust.simulators.gymnasium.simulator import GymnasiumSimulator

@@ -54,7 +54,7 @@ class ClassAttributes:
             _write({cls: {name: outside[cls].get(name, _ABSENT) for name in own} for cls, own in self._own.items()})
 
     def begin(self) -> None:
-        """A new episode: forget what the last one wrote, and remember what everybody has now."""
+        """Begin a new episode: forget what the last one wrote, and remember what everybody has now."""
         self._own = {}
         self._outside = _snapshot()
 
@@ -73,12 +73,12 @@ class ClassAttributes:
 
 
 def _snapshot() -> Values:
-    """What each class of highway-env's road objects defines itself."""
+    """Return what each class of highway-env's road objects defines itself."""
     return {cls: vars(cls).copy() for cls in _family()}
 
 
 def _family() -> list[type]:
-    """`RoadObject` and all that descend from it, each once."""
+    """Return `RoadObject` and all that descend from it, each once."""
     family: list[type] = [RoadObject]
     for cls in family:  # grows while it is read
         children: list[type] = cls.__subclasses__()
@@ -87,7 +87,7 @@ def _family() -> list[type]:
 
 
 def _changes(before: Values, after: Values) -> dict[type, dict[str, object]]:
-    """The plain attributes that are others afterwards, by class. Classes that are new have always been so."""
+    """Return the plain attributes that are others afterwards, by class. Classes that are new have always been so."""
     changes: dict[type, dict[str, object]] = {}
     for cls, values in after.items():
         earlier = before.get(cls, values)
@@ -102,7 +102,7 @@ def _changes(before: Values, after: Values) -> dict[type, dict[str, object]]:
 
 
 def _is_plain(name: str, value: object) -> bool:
-    """A number, text or list: no method, property or dunder."""
+    """Return whether a value is a number, text or list: no method, property or dunder."""
     return not name.startswith("__") and not callable(value) and not hasattr(value, "__get__")
 
 

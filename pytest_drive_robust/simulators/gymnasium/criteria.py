@@ -26,7 +26,7 @@ _COLLISIONS = {"vehicle": InfractionKind.COLLISION_VEHICLE, "layout": Infraction
 
 
 class EpisodeCriteria:
-    """What the criteria say about one episode so far; `look` once after every tick."""
+    """What the criteria say about one episode so far; `judge` once after every tick."""
 
     def __init__(self, road: LiveRoad, line: RouteLine, lane_map: LaneMap, index: dict[Any, int]) -> None:
         self._road = road
@@ -50,27 +50,27 @@ class EpisodeCriteria:
         """Metres of the route that are behind the ego."""
         return float(self._line.s[self.row])
 
-    def look(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
-        """EpisodeCriteria the tick that ended with `frame`."""
-        gained = self._pass_rows(frame)
-        self._collisions(frame)
+    def judge(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
+        """Judge the tick that ended with `state`."""
+        gained = self._pass_rows(state)
+        self._collisions(state)
         self._off_road = not self._road.ego.on_road
-        if self._is_outside() or self._is_wrong_way(frame):
+        if self._is_outside() or self._is_wrong_way(state):
             self._outside_m += gained
-        self._efficiency(frame)
-        self._still_s = self._still_s + dt_s if frame.ego.speed_mps < constants.STANDING_MPS else 0.0
-        self.end = self._end(frame, dt_s, options)
+        self._efficiency(state)
+        self._still_s = self._still_s + dt_s if state.ego.speed_mps < constants.STANDING_MPS else 0.0
+        self.end = self._end(state, dt_s, options)
 
-    def score(self, frame: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
-        """The criteria of a finished episode, closed."""
+    def score(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
+        """Return the criteria of a finished episode, closed."""
         end = self.end or End.SIMULATION_CRASHED
-        infractions = [*self._infractions, *self._at_the_end(frame, end)]
+        infractions = [*self._infractions, *self._at_the_end(state, end)]
         if self._speeds and self.progress_m > 0.95 * self._line.length_m:
             self._close_checkpoint()
         completion = 100.0 if end is End.COMPLETED else round(100.0 * self.progress_m / self._line.length_m, 2)
         return EpisodeScore(
             end=end,
-            end_detail=self._end_detail(end, frame.tick * dt_s, options, dt_s),
+            end_detail=self._end_detail(end, state.tick * dt_s, options, dt_s),
             route_completion_pct=completion,
             route_length_m=self._line.length_m,
             infractions=tuple(infractions),
@@ -78,45 +78,45 @@ class EpisodeCriteria:
             junction_passed=self._junction_passed(),
         )
 
-    def _pass_rows(self, frame: WorldState) -> float:
+    def _pass_rows(self, state: WorldState) -> float:
         rows, before = self._line.rows, self.row
         for k in range(before, min(before + constants.ROUTE_WINDOW, len(rows))):
             x, y, yaw = rows[k, :3]
-            if (frame.ego.x_m - x) * math.cos(yaw) + (frame.ego.y_m - y) * math.sin(yaw) > 0.0:
+            if (state.ego.x_m - x) * math.cos(yaw) + (state.ego.y_m - y) * math.sin(yaw) > 0.0:
                 self.row = k
         return float(self._line.s[self.row] - self._line.s[before])
 
-    def _collisions(self, frame: WorldState) -> None:
-        """highway-env's `crashed` stays true for the rest of the episode: one collision each."""
+    def _collisions(self, state: WorldState) -> None:
+        """Note one collision: highway-env's `crashed` stays true for the rest of the episode."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
             other = self._road.whom_it_hit()
             kind = ActorKind.BARRIER if other is None else kind_of(other)
             detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
-            self._note(_COLLISIONS[kind.collision_class], frame, detail)
+            self._note(_COLLISIONS[kind.collision_class], state, detail)
 
     def _is_outside(self) -> bool:
-        """More than half a metre outside every lane; `ego.lane` is the nearest one by place and heading."""
+        """Return whether the ego is more than half a metre outside every lane (`ego.lane` is the nearest one)."""
         ego = self._road.ego
         if ego.lane.on_lane(ego.position, margin=constants.OUTSIDE_M):
             return False
         lanes = self._road.network.lanes_list()
         return not any(lane.on_lane(ego.position, margin=constants.OUTSIDE_M) for lane in lanes)
 
-    def _is_wrong_way(self, frame: WorldState) -> bool:
+    def _is_wrong_way(self, state: WorldState) -> bool:
         """Against the traffic of the nearest lane. Junctions, where lanes cross, are left out."""
         ego = self._road.ego
         if self._lane_map.lanes[self._index[ego.lane_index]].junction:
             return False
         along = float(ego.lane.local_coordinates(ego.position)[0])
-        turn = math.remainder(frame.ego.yaw_rad - float(ego.lane.heading_at(along)), 2.0 * math.pi)
+        turn = math.remainder(state.ego.yaw_rad - float(ego.lane.heading_at(along)), 2.0 * math.pi)
         return abs(turn) >= _WRONG_WAY_RAD
 
-    def _efficiency(self, frame: WorldState) -> None:
-        """The ego's mean speed against the traffic's, per twentieth of the route."""
-        vehicles = frame.actors[frame.actors[:, WorldState.KIND] <= ActorKind.BICYCLE]
+    def _efficiency(self, state: WorldState) -> None:
+        """Compare the ego's mean speed with the traffic's, per twentieth of the route."""
+        vehicles = state.actors[state.actors[:, WorldState.KIND] <= ActorKind.BICYCLE]
         if len(vehicles):
-            self._speeds.append((frame.ego.speed_mps, float(np.mean(vehicles[:, WorldState.SPEED]))))
+            self._speeds.append((state.ego.speed_mps, float(np.mean(vehicles[:, WorldState.SPEED]))))
         if self.progress_m - self._checkpoint_m > self._line.length_m / constants.CHECKPOINTS:
             self._checkpoint_m = self.progress_m
             self._close_checkpoint()
@@ -126,8 +126,8 @@ class EpisodeCriteria:
         self._ratios.append(round(100.0 * ego / traffic, 2) if traffic > 0.0 else 100.0)
         self._speeds.clear()
 
-    def _end(self, frame: WorldState, dt_s: float, options: SimulatorOptions) -> End | None:
-        ego, last = frame.ego, self._line.rows[-1]
+    def _end(self, state: WorldState, dt_s: float, options: SimulatorOptions) -> End | None:
+        ego, last = state.ego, self._line.rows[-1]
         to_go = math.hypot(ego.x_m - last[0], ego.y_m - last[1])
         done = 100.0 * self.progress_m / self._line.length_m > constants.COMPLETE_PCT
         if to_go < constants.COMPLETE_M and not self._crashed and (done or (self._road.ended and not self._off_road)):
@@ -144,21 +144,21 @@ class EpisodeCriteria:
             return End.BLOCKED
         if options.stuck_stop_s is not None and self._still_s > options.stuck_stop_s:
             return End.STUCK
-        return End.TICK_CAP if frame.tick >= options.tick_cap else None
+        return End.TICK_CAP if state.tick >= options.tick_cap else None
 
-    def _at_the_end(self, frame: WorldState, end: End) -> list[Infraction]:
+    def _at_the_end(self, state: WorldState, end: End) -> list[Infraction]:
         found: list[Infraction] = []
         if end is End.DEVIATED:
-            found.append(self._here(InfractionKind.DEVIATION, frame, "left the route by more than 30 m"))
+            found.append(self._here(InfractionKind.DEVIATION, state, "left the route by more than 30 m"))
         if end is End.BLOCKED:
-            found.append(self._here(InfractionKind.BLOCKED, frame, "stood still for more than 60 s"))
+            found.append(self._here(InfractionKind.BLOCKED, state, "stood still for more than 60 s"))
         outside_m, passed_m = self._outside_m, self.progress_m
         if end is End.ENVIRONMENT and self._off_road:
             outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
         if outside_m > 0.0 and passed_m > 0.0:
             share = min(100.0 * outside_m / passed_m, 100.0)
             detail = f"outside its lanes for {outside_m:.0f} m, {share:.0f} % of the way"
-            found.append(self._here(InfractionKind.OUTSIDE_LANES, frame, detail, share_pct=share))
+            found.append(self._here(InfractionKind.OUTSIDE_LANES, state, detail, share_pct=share))
         return found
 
     def _end_detail(self, end: End, at_s: float, options: SimulatorOptions, dt_s: float) -> str:
@@ -176,9 +176,9 @@ class EpisodeCriteria:
         flags = [self._lane_map.lanes[self._index[key]].junction for key in self._line.keys]
         return any(flags) and self.row > flags.index(True) + 8
 
-    def _note(self, kind: InfractionKind, frame: WorldState, detail: str) -> None:
-        self._infractions.append(self._here(kind, frame, detail))
+    def _note(self, kind: InfractionKind, state: WorldState, detail: str) -> None:
+        self._infractions.append(self._here(kind, state, detail))
 
     @staticmethod
-    def _here(kind: InfractionKind, frame: WorldState, detail: str, *, share_pct: float = 0.0) -> Infraction:
-        return Infraction(kind, frame.tick, detail, frame.ego.x_m, frame.ego.y_m, share_pct)
+    def _here(kind: InfractionKind, state: WorldState, detail: str, *, share_pct: float = 0.0) -> Infraction:
+        return Infraction(kind, state.tick, detail, state.ego.x_m, state.ego.y_m, share_pct)

@@ -37,7 +37,7 @@ class Itinerary:
 
 
 def itinerary_of(env: Any) -> Itinerary:
-    """The way of the ego of a freshly reset `env` (unwrapped).
+    """Return the way of the ego of a freshly reset `env` (unwrapped).
 
     To the destination that the environment planned for its ego, or its exit; without one straight on, along the lanes:
     to the end of the road, once around a closed track, or half as far as the speed limit allows in the environment's
@@ -62,7 +62,7 @@ def itinerary_of(env: Any) -> Itinerary:
 
 
 def _through(network: RoadNetwork, start: LaneKey, destination: str) -> tuple[LaneKey, ...]:
-    """The shortest way by nodes, as highway-env plans it for its own vehicles."""
+    """Return the shortest way by nodes, as highway-env plans it for its own vehicles."""
     nodes = network.shortest_path(start[1], destination)
     if not nodes:
         raise SimulationError(f"the environment sends its ego from {start} to node {destination!r}: there is no way.")
@@ -88,7 +88,7 @@ def _straight_on(network: RoadNetwork, start: LaneKey, length_m: float) -> tuple
 
 
 def _bounded(network: RoadNetwork, env: Any, lanes: tuple[LaneKey, ...], length_m: float) -> Itinerary:
-    """The part of `lanes` that is at most `length_m` long from the ego on, or once around."""
+    """Return the part of `lanes` that is at most `length_m` long from the ego on, or once around."""
     left = length_m + float(network.get_lane(lanes[0]).local_coordinates(env.vehicle.position)[0])
     around = len(lanes) > 1 and lanes[-1][:2] == lanes[0][:2]
     for k, key in enumerate(lanes):
@@ -110,7 +110,7 @@ def _number_on(network: RoadNetwork, key: LaneKey, node: Any) -> int:
 
 
 def _turn(network: RoadNetwork, key: LaneKey, after: LaneKey) -> float | None:
-    """By how much the way bends from the begin of `key` to the end of `after`; None when they do not join."""
+    """Return how much the way bends from the begin of `key` to the end of `after`; None when they do not join."""
     lane, other = network.get_lane(key), network.get_lane(after)
     gap = math.hypot(*(other.position(0.0, 0.0) - lane.position(lane.length, 0.0)))
     heading = float(lane.heading_at(lane.length))
@@ -121,7 +121,7 @@ def _turn(network: RoadNetwork, key: LaneKey, after: LaneKey) -> float | None:
 
 
 def _to_the_exit(env: ExitEnv, start: LaneKey) -> Itinerary:
-    """Over all lanes to the outermost one, then off the motorway; `ExitEnv` asks for it and plans nothing."""
+    """Lead over all lanes to the outermost one, then off the motorway; `ExitEnv` asks for it and plans nothing."""
     last = int(env.config["lanes_count"])
     changes = tuple((start[0], start[1], number) for number in range(int(start[2]), last))
     exit_lane = ("2", "exit", 0)

@@ -60,7 +60,7 @@ class DrivableEnvironment:
     """
 
     def define_spaces(self) -> None:
-        """The environment's spaces, with our own class of the ego."""
+        """Define the environment's spaces, with our own class of the ego."""
         super().define_spaces()  # type: ignore[misc]
         self.action_type = EgoAction(self, **self.config["action"])  # type: ignore[attr-defined]
         self.action_space = self.action_type.space()
@@ -73,7 +73,7 @@ class DrivableEnvironment:
 
 
 def find_spec(identifier: str) -> EnvSpec:
-    """The registered environment of that id, or of `"module:id"` after importing the module.
+    """Return the registered environment of that id, or of `"module:id"` after importing the module.
 
     Raises `UnknownNameError` for one that nobody registered, `UsageError` for one that we refuse.
     """
@@ -94,7 +94,7 @@ def find_spec(identifier: str) -> EnvSpec:
 
 
 def make_environment(spec: EnvSpec, *, name: str) -> Environment:
-    """A new environment, at 20 Hz; `name` is for messages.
+    """Return a new environment, at 20 Hz; `name` is for messages.
 
     Raises `UsageError` when it cannot be made so, or is not like highway-env's.
     """

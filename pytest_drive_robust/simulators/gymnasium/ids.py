@@ -35,12 +35,15 @@ _REFUSED = {
 
 
 def working_ids() -> tuple[str, ...]:
-    """highway-env's ids that can be driven, sorted."""
+    """Return highway-env's ids that can be driven, sorted."""
     return tuple(sorted(_WORKING))
 
 
 def refusal_of(identifier: str) -> str | None:
-    """Why we do not drive one of highway-env's ids, with those that work and the nearest of them; None for others."""
+    """Return why we do not drive one of highway-env's ids, with those that work and the nearest of them.
+
+    None for others.
+    """
     if identifier not in _REFUSED:
         return None
     reason, instead = _REFUSED[identifier]
@@ -49,7 +52,7 @@ def refusal_of(identifier: str) -> str | None:
 
 
 def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:
-    """The routes of those names, each once; without names `intersection-v1-0` to `-9`.
+    """Return the routes of those names, each once; without names `intersection-v1-0` to `-9`.
 
     Where a route leads is known once it is reset: it has no waypoints. Raises `UnknownNameError`.
     """
@@ -64,7 +67,7 @@ def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tup
 
 
 def reset_seed(route: Route, seed: int, *, simulator: str, identifier: str) -> int:
-    """What the environment is reset with: the route's number + 100000 times the episode's seed.
+    """Return what the environment is reset with: the route's number + 100000 times the episode's seed.
 
     Raises `RouteError` for a route that is none of this environment's.
     """

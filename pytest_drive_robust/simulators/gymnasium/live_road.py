@@ -53,7 +53,7 @@ class LiveRoad:
         return self._inner.road.network
 
     def step(self, control: Control) -> None:
-        """One step of the environment, 50 ms."""
+        """Advance the environment by one step, 50 ms."""
         ego = self.ego
         before, heading = float(ego.speed), float(ego.heading)
         wanted = acceleration_and_steering(control, speed_mps=before, length_m=float(ego.LENGTH), dt_s=self._dt_s)
@@ -67,32 +67,35 @@ class LiveRoad:
         self.ended = bool(terminated or truncated)
         self.tick += 1
 
-    def frame(self) -> WorldState:
-        """The dynamic world of this moment; its arrays belong to the caller."""
-        ego = self.ego
+    def state(self) -> WorldState:
+        """Return the dynamic world of this moment; its arrays belong to the caller."""
+        body = self.ego
         forward, right, yaw_rate = self._accelerations
-        state = EgoState(
-            x_m=float(ego.position[0]),
-            y_m=float(ego.position[1]),
-            yaw_rad=math.remainder(float(ego.heading), 2.0 * math.pi),
-            speed_mps=float(ego.speed),
+        ego = EgoState(
+            x_m=float(body.position[0]),
+            y_m=float(body.position[1]),
+            yaw_rad=math.remainder(float(body.heading), 2.0 * math.pi),
+            speed_mps=float(body.speed),
             forward_mps2=forward,
             right_mps2=right,
             yaw_rate_radps=yaw_rate,
-            length_m=float(ego.LENGTH),
-            width_m=float(ego.WIDTH),
+            length_m=float(body.LENGTH),
+            width_m=float(body.WIDTH),
         )
-        rows = [self._row(body) for body in self.others()]
-        return WorldState(self.tick, state, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
+        rows = [self._row(other) for other in self.others()]
+        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
-        """Every vehicle and solid object but the ego."""
+        """Return every vehicle and solid object but the ego."""
         road, ego = self._inner.road, self.ego
         solid = [thing for thing in road.objects if not isinstance(thing, Landmark)]
         return [vehicle for vehicle in road.vehicles if vehicle is not ego] + solid
 
     def whom_it_hit(self) -> Any | None:
-        """The body that the crashed ego touches: of those that crashed too, the nearest. None when nobody else did."""
+        """Return the body that the crashed ego touches: of those that crashed too, the nearest.
+
+        None when nobody else did.
+        """
         ego = self.ego
         crashed = [other for other in self.others() if other.crashed]
         return min(
@@ -110,7 +113,7 @@ class LiveRoad:
         return [number, kind, float(x), float(y), yaw, float(body.speed), *size, self._shown(body)]
 
     def _shown(self, body: Any) -> int:
-        """`ActorState`: brake lights by its acceleration, indicators while it changes lanes."""
+        """Return `ActorState`: brake lights by its acceleration, indicators while it changes lanes."""
         action = getattr(body, "action", None) or {}
         state = ActorState.BRAKING if float(action.get("acceleration", 0.0)) < _BRAKING_MPS2 else ActorState.NONE
         lane, target = body.lane_index, getattr(body, "target_lane_index", None)
@@ -124,7 +127,7 @@ class LiveRoad:
 
 
 def kind_of(body: Any) -> ActorKind:
-    """What a body of the road looks like here, by its class and size."""
+    """Return what a body of the road looks like here, by its class and size."""
     if not hasattr(body, "act"):
         return ActorKind.BARRIER
     if float(body.LENGTH) >= _TRUCK_M:

@@ -79,7 +79,7 @@ class RoadMap:
 
 
 def junction_keys(network: RoadNetwork) -> frozenset[LaneKey]:
-    """The lanes in junctions, which highway-env does not mark: from where ways part to where ways meet."""
+    """Return the lanes in junctions, which highway-env does not mark: from where ways part to where ways meet."""
     entering: dict[Any, int] = {}
     for ends in network.graph.values():
         for node in ends:
@@ -97,7 +97,7 @@ def sample(lane: AbstractLane, start_m: float, end_m: float) -> Floats:
 
 
 def _seen(lane: AbstractLane, around: Floats) -> tuple[float, float]:
-    """From where to where a lane is drawn."""
+    """Return from where to where a lane is drawn."""
     length = float(lane.length)
     if length <= _LONG_M:
         return 0.0, length
@@ -115,7 +115,7 @@ def _joins(lane: AbstractLane, after: AbstractLane) -> bool:
 def _neighbours(
     lane: AbstractLane, centre: Floats, others: dict[int, AbstractLane]
 ) -> tuple[tuple[int, bool], tuple[int, bool]]:
-    """(left, right), each (index or -1, leads the same way): the lanes that touch this one half way along it."""
+    """Return (left, right), each (index or -1, leads the same way): the lanes that touch this one half way along it."""
     x, y, heading = centre[len(centre) // 2]
     width = float(lane.width_at(0.0))
     best = {"left": (math.inf, _NO_NEIGHBOUR), "right": (math.inf, _NO_NEIGHBOUR)}

@@ -40,7 +40,7 @@ class RouteLine:
         return float(self.s[-1])
 
     def plan(self) -> GlobalPlan:
-        """Points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
+        """Return points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
         points: list[PlanPoint] = []
         last_s, last = -math.inf, len(self.rows) - 1
         for k, command in enumerate(self.commands):
@@ -61,7 +61,7 @@ class _Piece:
 
 
 def draw_line(network: RoadNetwork, itinerary: Itinerary, start: Floats, junctions: frozenset[LaneKey]) -> RouteLine:
-    """The line along `itinerary` from beside the ego at `start` (x, y) on."""
+    """Return the line along `itinerary` from beside the ego at `start` (x, y) on."""
     pieces: list[_Piece] = []
     lanes = itinerary.lanes
     position = max(0.0, float(network.get_lane(lanes[0]).local_coordinates(start)[0]))
@@ -75,7 +75,7 @@ def draw_line(network: RoadNetwork, itinerary: Itinerary, start: Floats, junctio
 
 
 def _roads(lanes: tuple[LaneKey, ...]) -> list[tuple[int, int]]:
-    """(begin, end) of each run of lanes of the same road: within a run the ego changes lanes."""
+    """Return (begin, end) of each run of lanes of the same road: within a run the ego changes lanes."""
     bounds = [0, *(k for k, (one, other) in enumerate(pairwise(lanes), 1) if one[:2] != other[:2]), len(lanes)]
     return list(pairwise(bounds))
 
@@ -83,7 +83,7 @@ def _roads(lanes: tuple[LaneKey, ...]) -> list[tuple[int, int]]:
 def _along_road(
     network: RoadNetwork, lanes: tuple[LaneKey, ...], span: tuple[float, float], junctions: frozenset[LaneKey]
 ) -> list[_Piece]:
-    """One road from `span[0]` to `span[1]`: along its lane, or from lane to lane in equal steps."""
+    """Return one road from `span[0]` to `span[1]`: along its lane, or from lane to lane in equal steps."""
     if len(lanes) == 1:
         points = sample(network.get_lane(lanes[0]), *span)
         return [_Piece(points, lanes[0], _command(points, lanes[0] in junctions))]

@@ -41,9 +41,9 @@ class _Episode:
     road: LiveRoad
     line: RouteLine
     lane_map: LaneMap
-    judge: EpisodeCriteria
+    criteria: EpisodeCriteria
     sensors: Sensors
-    frame: WorldState
+    state: WorldState
 
 
 class GymnasiumSimulator:
@@ -77,7 +77,7 @@ class GymnasiumSimulator:
         return self._env
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
-        """The routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
+        """Return the routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
 
         Raises `UnknownNameError`.
         """
@@ -97,46 +97,46 @@ class GymnasiumSimulator:
                 self._env = make_environment(self._spec, name=self.name)
             self._env.reset(seed=number)
             self._episode = self._begin(self._env, route, cameras)
-        return self._episode.frame
+        return self._episode.state
 
     def plan(self) -> GlobalPlan:
-        """The sparse plan of the current route."""
+        """Return the sparse plan of the current route."""
         return self._now.line.plan()
 
     def observe(self) -> Observation:
-        """Clean sensors of this moment."""
+        """Return the clean sensors of this moment."""
         episode = self._now
-        return episode.sensors.observe(episode.frame)
+        return episode.sensors.observe(episode.state)
 
     def truth(self) -> GroundTruth:
-        """The state of the world of this moment."""
+        """Return the state of the world of this moment."""
         episode = self._now
-        return GroundTruth(episode.frame, episode.lane_map, episode.line.rows, episode.judge.row)
+        return GroundTruth(episode.state, episode.lane_map, episode.line.rows, episode.criteria.row)
 
     def step(self, control: Control) -> WorldState:
         """Advance by 50 ms."""
         episode = self._now
         with self._classes.inside():
             episode.road.step(control)
-            episode.frame = episode.road.frame()
-            episode.judge.look(episode.frame, dt_s=self.dt_s, options=self.options)
-        return episode.frame
+            episode.state = episode.road.state()
+            episode.criteria.judge(episode.state, dt_s=self.dt_s, options=self.options)
+        return episode.state
 
     @property
     def done(self) -> End | None:
         """Why the episode is over, or None while it is not."""
-        return self._now.judge.end
+        return self._now.criteria.end
 
     @property
     def progress_m(self) -> float:
         """Metres of the route that are behind the ego."""
-        return self._now.judge.progress_m
+        return self._now.criteria.progress_m
 
     def score(self) -> EpisodeScore:
         """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
         self._classes.check()
         episode = self._now
-        return episode.judge.score(episode.frame, dt_s=self.dt_s, options=self.options)
+        return episode.criteria.score(episode.state, dt_s=self.dt_s, options=self.options)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -145,7 +145,7 @@ class GymnasiumSimulator:
         return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
 
     def versions(self) -> Mapping[str, str]:
-        """Backend and the libraries that compute."""
+        """Return the versions of the backend and of the libraries that compute."""
         import cv2
         import highway_env
 
@@ -183,9 +183,9 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=road_map.lane_map,
-            judge=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
+            criteria=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
             sensors=Sensors(
                 cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
             ),
-            frame=road.frame(),
+            state=road.state(),
         )

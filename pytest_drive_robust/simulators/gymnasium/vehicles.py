@@ -54,7 +54,7 @@ class EgoVehicle(Vehicle):  # type: ignore[misc]
     def predict_trajectory_constant_speed(
         self, times: NDArray[np.float64]
     ) -> tuple[list[NDArray[np.float64]], list[float]]:
-        """(positions, headings) at `times` in seconds from now, with the steering of now and no acceleration."""
+        """Return (positions, headings) at `times` in seconds from now, with the steering of now and no acceleration."""
         ghost = copy.copy(self)
         ghost.road = None  # nobody looks up the ghost's lane
         ghost.position = self.position.copy()
@@ -80,7 +80,7 @@ class EgoAction(ContinuousAction):  # type: ignore[misc]
 def acceleration_and_steering(
     control: Control, *, speed_mps: float, length_m: float, dt_s: float
 ) -> tuple[float, float]:
-    """(m/s2, rad) for highway-env's bicycle model of a car of `length_m`.
+    """Return (m/s2, rad) for highway-env's bicycle model of a car of `length_m`.
 
     A control means what it means in the embedded world: the same curvature of the path and the same push, without the
     lags, which highway-env does not have. A brake never becomes a reverse gear: the acceleration is limited to what
@@ -93,7 +93,7 @@ def acceleration_and_steering(
 
 
 def action_of(acceleration_mps2: float, steering_rad: float, action_type: ContinuousAction) -> NDArray[np.float64]:
-    """The two numbers in -1..1 that `action_type` maps to this acceleration and steering angle."""
+    """Return the two numbers in -1..1 that `action_type` maps to this acceleration and steering angle."""
     return np.array(
         [
             _share(acceleration_mps2, action_type.acceleration_range),

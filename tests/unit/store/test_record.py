@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import pickle
 from dataclasses import replace
 
@@ -10,12 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from result_factory import infraction, make_result, trace_of
+from result_factory import FULL
 
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.domain.outcome import End, InfractionKind
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import Given, Injection, Trace
+from pytest_drive_robust.domain.result import Given, Trace
 from pytest_drive_robust.store import record
 from pytest_drive_robust.store.record import (
     CorruptRecordError,
@@ -23,26 +20,6 @@ from pytest_drive_robust.store.record import (
     decode_episode,
     decode_record,
     encode_episode,
-)
-
-FULL = replace(
-    make_result(
-        "12",
-        seed=3,
-        setting="GPS noise 5.0 m",
-        end=End.BLOCKED,
-        completion_pct=100.0 / 3.0,
-        infractions=[infraction(InfractionKind.OUTSIDE_LANES, share_pct=12.5), InfractionKind.RED_LIGHT],
-        speed_ratios_pct=(0.1 + 0.2, 70.0),
-        trace=trace_of(7, x_m=math.pi, speed_mps=float("nan")),
-        versions={"embedded": "1", "numba": "0.60"},
-    ),
-    schedule=(Injection("gps-noise", "gps", 0, 6),),
-    inference_s=(0.01, 0.02),
-    privileged=True,
-    junction_passed=True,
-    reception=Reception(("front",), ("cameras", "gps"), 7, (Touch("gps", 7, 0),)),
-    given=Given(np.arange(42, dtype=np.float32).reshape(7, 6) / 7),
 )
 
 BYTES = encode_episode(FULL, {"key": "ab", "run": "one"})

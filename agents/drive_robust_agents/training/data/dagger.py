@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpisode
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
-from pytest_drive_robust.domain.agent import Agent, is_privileged
+from pytest_drive_robust import Agent, Setting
+from pytest_drive_robust.domain.agent import is_privileged
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 from pytest_drive_robust.runner.episode.loop import private_truth

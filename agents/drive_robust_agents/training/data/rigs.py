@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_drive_robust import CameraSpec
-from pytest_drive_robust.domain.camera_rigs import rig
+from pytest_drive_robust import CameraSpec, rig
 from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["AGENT_RIGS", "AgentRig", "agent_rig"]

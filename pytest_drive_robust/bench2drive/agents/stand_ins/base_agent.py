@@ -38,11 +38,11 @@ class AutonomousAgent:
         """Get ready for a route; `path_to_conf_file` is what follows the agent file's `+`."""
 
     def sensors(self) -> list[dict[str, Any]]:
-        """The sensors of the vehicle."""
+        """Return the sensors of the vehicle."""
         return []
 
     def run_step(self, input_data: dict[str, Any], timestamp: float) -> Any:
-        """The `carla.VehicleControl` for this tick: here one that does nothing."""
+        """Return the `carla.VehicleControl` for this tick: here one that does nothing."""
         carla: Any = importlib.import_module("carla")
         return carla.VehicleControl()
 

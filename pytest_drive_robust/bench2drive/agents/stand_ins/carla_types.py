@@ -20,11 +20,11 @@ class Vector3D:
     z: float = 0.0
 
     def length(self) -> float:
-        """The Euclidean norm."""
+        """Return the Euclidean norm."""
         return math.sqrt(self.x**2 + self.y**2 + self.z**2)
 
     def dot(self, other: Vector3D) -> float:
-        """The scalar product."""
+        """Return the scalar product."""
         return self.x * other.x + self.y * other.y + self.z * other.z
 
     def __add__(self, other: Vector3D) -> Vector3D:
@@ -60,12 +60,12 @@ class Rotation:
     roll: float = 0.0
 
     def get_forward_vector(self) -> Vector3D:
-        """Where its front looks."""
+        """Return where its front looks."""
         pitch, yaw = math.radians(self.pitch), math.radians(self.yaw)
         return Vector3D(math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), math.sin(pitch))
 
     def get_right_vector(self) -> Vector3D:
-        """Where its right side looks."""
+        """Return where its right side looks."""
         pitch, yaw, roll = math.radians(self.pitch), math.radians(self.yaw), math.radians(self.roll)
         return Vector3D(
             math.cos(yaw) * math.sin(pitch) * math.sin(roll) - math.sin(yaw) * math.cos(roll),
@@ -74,7 +74,7 @@ class Rotation:
         )
 
     def get_up_vector(self) -> Vector3D:
-        """Where its roof looks."""
+        """Return where its roof looks."""
         pitch, yaw, roll = math.radians(self.pitch), math.radians(self.yaw), math.radians(self.roll)
         return Vector3D(
             -math.cos(yaw) * math.sin(pitch) * math.cos(roll) - math.sin(yaw) * math.sin(roll),
@@ -91,15 +91,15 @@ class Transform:
     rotation: Rotation = field(default_factory=Rotation)
 
     def get_forward_vector(self) -> Vector3D:
-        """Where its front looks."""
+        """Return where its front looks."""
         return self.rotation.get_forward_vector()
 
     def get_right_vector(self) -> Vector3D:
-        """Where its right side looks."""
+        """Return where its right side looks."""
         return self.rotation.get_right_vector()
 
     def get_up_vector(self) -> Vector3D:
-        """Where its roof looks."""
+        """Return where its roof looks."""
         return self.rotation.get_up_vector()
 
 

@@ -15,17 +15,17 @@ class CarlaDataProvider:
 
     @staticmethod
     def get_world() -> Any:
-        """What has `get_actors` and `get_map`."""
+        """Return what has `get_actors` and `get_map`."""
         return CarlaDataProvider._world
 
     @staticmethod
     def get_map(world: Any = None) -> Any:
-        """A `carla.Map` where the carla package is installed."""
+        """Return a `carla.Map` where the carla package is installed."""
         given = CarlaDataProvider._world if world is None else world
         return given.get_map()
 
     @staticmethod
     def get_hero_actor() -> Any:
-        """The vehicle that the agent drives."""
+        """Return the vehicle that the agent drives."""
         actors = CarlaDataProvider._world.get_actors()
         return next(actor for actor in actors if actor.attributes.get("role_name") == "hero")

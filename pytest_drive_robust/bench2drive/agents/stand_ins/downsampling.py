@@ -11,7 +11,7 @@ _LANE_CHANGES = (5, 6)
 
 
 def downsample_route(route: Sequence[tuple[Any, Any]], sample_factor: float) -> list[int]:
-    """The indices of the points to keep of `[(transform, RoadOption), ...]`.
+    """Return the indices of the points to keep of `[(transform, RoadOption), ...]`.
 
     Those are all points of lane changes, the points where the command is another one than before, one whenever more
     than `sample_factor` metres went by since the last one, and the last point.

@@ -67,7 +67,7 @@ def install_stand_ins() -> None:
 
 
 def is_stand_in(module: ModuleType) -> bool:
-    """Whether a module of one of those names is ours."""
+    """Return whether a module of one of those names is ours."""
     return isinstance(getattr(module, "__loader__", None), _Finder)
 
 

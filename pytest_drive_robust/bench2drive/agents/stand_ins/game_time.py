@@ -21,15 +21,15 @@ class GameTime:
 
     @staticmethod
     def get_carla_time() -> float:
-        """The same: our worlds start with the route."""
+        """Return the same as `get_time`: our worlds start with the route."""
         return GameTime._current_game_time
 
     @staticmethod
     def get_frame() -> int:
-        """The number of the frame that `input_data` is of."""
+        """Return the number of the frame that `input_data` is of."""
         return GameTime._last_frame
 
     @staticmethod
     def get_wallclocktime() -> datetime.datetime:
-        """The time of day on this computer."""
+        """Return the time of day on this computer."""
         return datetime.datetime.now()

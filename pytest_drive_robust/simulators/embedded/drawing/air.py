@@ -87,7 +87,7 @@ class Air(NamedTuple):
 
 
 def _sky(day: float, low_sun: float, grey: float, rain: float) -> tuple[Colour, Colour]:
-    """The colours of the zenith and of the horizon, without fog, rain and dust."""
+    """Return the colours of the zenith and of the horizon, without fog, rain and dust."""
     top = _mix(_mix((9, 12, 34), (88, 142, 205), day), _mix((26, 24, 26), (150, 156, 164), day), grey)
     horizon = _mix(_mix((22, 26, 46), (196, 214, 230), day), _mix((40, 36, 36), (182, 186, 190), day), grey)
     horizon = _mix(horizon, (236, 150, 88), low_sun * 0.75 * (1.0 - grey))
@@ -105,13 +105,13 @@ def _light(weather: Weather, day: float, low_sun: float, dust: float) -> Colour:
 
 
 def _dust(weather: Weather) -> float:
-    """0..1: haze is dust where a strong wind blows over dry ground."""
+    """Return how much of the haze is dust, 0..1: all where a strong wind blows over dry ground."""
     dry = 1.0 - _ramp(weather.wetness + weather.precipitation + weather.precipitation_deposits, 0.0, 10.0)
     return dry * _ramp(weather.wind_intensity, 60.0, 100.0)
 
 
 def _cast(weather: Weather, direct: float) -> tuple[float, float]:
-    """Where shadows fall: away from the sun; nowhere at night and where too little `direct` light is left."""
+    """Return where shadows fall: away from the sun; nowhere at night and where too little `direct` light is left."""
     if direct < _LEAST_DIRECT or weather.sun_altitude_angle < 1.0:
         return 0.0, 0.0
     run = min(1.0 / math.tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)

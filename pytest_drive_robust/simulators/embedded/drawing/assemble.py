@@ -54,7 +54,7 @@ def assemble(
     paints: Floats,
     labels: NDArray[np.int64],
 ) -> int:
-    """Writes the boxes of `actors` (k, 10) to `rows` from row `first` on; returns the row after the last one.
+    """Write the boxes of `actors` (k, 10) to `rows` from row `first` on; return the row after the last one.
 
     Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
     from `looks.part_rows`, `paints` is `looks.PAINTS`, `labels` the semantic class by kind; `rows` must have room for
@@ -102,7 +102,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:
-    """The colour and glow of a part; False when the part is not to be seen now."""
+    """Return the colour and glow of a part; False when the part is not to be seen now."""
     state, role = int(actors[k, _STATE]), int(parts[p, 9])
     red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
     if role == _BODY:

@@ -89,7 +89,7 @@ class Box:
 
 
 def box_rows(boxes: list[Box]) -> Floats:
-    """The boxes as a (n, `BOX_COLUMNS`) array."""
+    """Return the boxes as a (n, `BOX_COLUMNS`) array."""
     rows = [
         (
             *(box.x_m, box.y_m, box.z_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad)),

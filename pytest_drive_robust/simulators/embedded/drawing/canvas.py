@@ -51,7 +51,7 @@ class Canvas(NamedTuple):
 
     @classmethod
     def of(cls, width_px: int, height_px: int) -> Canvas:
-        """An empty canvas: nothing is seen yet."""
+        """Return an empty canvas: nothing is seen yet."""
         shape = (height_px, width_px)
         words = np.zeros((height_px * width_px * 3 + 3) // 4, np.uint32)
         return cls(
@@ -69,7 +69,7 @@ class Canvas(NamedTuple):
         )
 
     def with_room(self, boxes: int) -> Canvas:
-        """This canvas, or one that shares its arrays but has room for so many boxes."""
+        """Return this canvas, or one that shares its arrays but has room for so many boxes."""
         needed = 1 + boxes * _MOST_FACES
         if len(self.table) >= needed:
             return self

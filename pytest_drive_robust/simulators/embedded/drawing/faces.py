@@ -30,7 +30,7 @@ _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4,
 
 @inner_only
 def pick(seen: Floats, side: int, cut: Floats) -> int:
-    """Copies a face's projected corners to `cut`; returns 4, or 0 when it looks away."""
+    """Copy a face's projected corners to `cut`; return 4, or 0 when it looks away."""
     a, b, c, d = _CORNERS[side, 0], _CORNERS[side, 1], _CORNERS[side, 2], _CORNERS[side, 3]
     across_u, across_v = seen[c, 0] - seen[a, 0], seen[c, 1] - seen[a, 1]
     other_u, other_v = seen[d, 0] - seen[b, 0], seen[d, 1] - seen[b, 1]
@@ -44,7 +44,7 @@ def pick(seen: Floats, side: int, cut: Floats) -> int:
 
 @inner_only
 def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, height: int) -> int:
-    """As `pick`, for a face that the near plane cuts; returns how many corners are left, or 0."""
+    """Do as `pick` for a face that the near plane cuts; return how many corners are left, or 0."""
     count = 0
     for place in range(4):
         here, there = _CORNERS[side, place], _CORNERS[side, (place + 1) % 4]
@@ -72,7 +72,7 @@ def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, 
 
 @inner_only
 def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
-    """Lowest and highest value of a column of the first `count` rows."""
+    """Return the lowest and highest value of a column of the first `count` rows."""
     low, high = cut[0, column], cut[0, column]
     for corner in range(1, count):
         value = cut[corner, column]
@@ -82,7 +82,7 @@ def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
 
 @inner_only
 def _plane(entry: Floats, cut: Floats, count: int) -> bool:
-    """Fills in how near a face is over the picture, from its projected corners; False when it is seen edge on."""
+    """Fill in how near a face is over the picture, from its projected corners; False when it is seen edge on."""
     # two diagonals span the plane, also where an edge has shrunk to nothing
     last = min(count - 1, 3)
     au, av, aw = cut[2, 0] - cut[0, 0], cut[2, 1] - cut[0, 1], cut[2, 2] - cut[0, 2]
@@ -99,7 +99,7 @@ def _plane(entry: Floats, cut: Floats, count: int) -> bool:
 
 @inner_only
 def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
-    """Fills a projected face; False when it meets no pixel.
+    """Fill a projected face; False when it meets no pixel.
 
     With `keep` it has at least one pixel a row: poles do not break up far away.
     """
@@ -140,7 +140,7 @@ def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
 
 @inner_only
 def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int) -> None:
-    """Where a convex polygon, clockwise in the picture, crosses the middle of each row: its left and its right end."""
+    """Find where a convex polygon, clockwise in the picture, crosses the middle of each row: left and right end."""
     for corner in range(count):
         after = corner + 1 if corner + 1 < count else 0
         u0, v0, u1, v1 = cut[corner, 0], cut[corner, 1], cut[after, 0], cut[after, 1]
@@ -160,7 +160,10 @@ def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int
 
 @inner_only
 def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
-    """First and last pixel whose centre lies in low..high; where that is none and `keep`, the one in the middle."""
+    """Return the first and last pixel whose centre lies in low..high.
+
+    Where that is none and `keep`, the one in the middle.
+    """
     first, last = int(max(low, 0.0) + 0.5), int(min(max(high, 0.0), float(size)) + 0.5) - 1
     if last < first and keep and high >= 0.0 and low < size:
         first = last = min(int(0.5 * (max(low, 0.0) + high)), size - 1)

@@ -122,7 +122,7 @@ def _stop_sign(line: StopLine) -> list[Box]:
 
 
 def _letter(line: StopLine, place: float) -> Box:
-    """A white block for a letter of the word on a stop sign."""
+    """Return a white block for a letter of the word on a stop sign."""
     c, s = math.cos(line.heading_rad), math.sin(line.heading_rad)
     x, y = line.pole_x_m - 0.1 * c - 0.18 * place * s, line.pole_y_m - 0.1 * s + 0.18 * place * c
     bottom = _SIGN_BOTTOM_M + _SIGN_M / 2.0 - 0.14
@@ -130,7 +130,7 @@ def _letter(line: StopLine, place: float) -> Box:
 
 
 def _octagon(line: StopLine, bottom_m: float, size_m: float, before_m: float) -> list[Box]:
-    """An upright plate of eight corners, `before_m` in front of the pole: a part of three boxes."""
+    """Return an upright plate of eight corners, `before_m` in front of the pole: a part of three boxes."""
     heading = line.heading_rad
     x, y = line.pole_x_m - before_m * math.cos(heading), line.pole_y_m - before_m * math.sin(heading)
     corner = size_m * 0.293

@@ -38,7 +38,7 @@ _MIRROR = 0.75
 
 
 def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
-    """What a camera's rows of pixels have in common in every frame, (height, 13).
+    """Return what a camera's rows of pixels have in common in every frame, (height, 13).
 
     `DEPTH` is the distance in metres along the optical axis at which a row meets the ground (0: it shows the sky) and
     `AHEAD` the distance along the ground; `LEVEL` of the texture is sampled on so many `LINES`, whose depth and ground
@@ -78,7 +78,7 @@ def draw_ground(
     air: Air,
     lamps: Headlamps,
 ) -> None:
-    """Fills `canvas.colours` wherever no face is seen.
+    """Fill `canvas.colours` wherever no face is seen.
 
     `rows` comes from `ground_rows`, `sky` (height,) is the colour of the rows that show it, `texels` and `levels` are a
     `GroundTexture`.
@@ -126,7 +126,7 @@ def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Trip
 
 @inner_only
 def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
-    """The first column after `first` with a face; there are none outside of `low`..`high`."""
+    """Return the first column after `first` with a face; there are none outside of `low`..`high`."""
     end = max(first + 1, low)
     while end < high:
         if faces[end] != 0:
@@ -146,7 +146,7 @@ def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: 
 
 @inner_only
 def _pack(red: float, green: float, blue: float) -> int:
-    """0x00BBGGRR."""
+    """Return 0x00BBGGRR."""
     red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
     packed: int = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)
     return packed
@@ -163,7 +163,7 @@ def _light_by_night(
     lamps: Headlamps,
     start_px: float,
 ) -> None:
-    """As `_light_by_day`, with the ego's headlamps: a cone that widens and fades."""
+    """Do as `_light_by_day`, with the ego's headlamps: a cone that widens and fades."""
     # the run in the ego's axes: forward and right are linear in u
     cos_ego, sin_ego = math.cos(lamps.yaw_rad), math.sin(lamps.yaw_rad)
     step = ground[DEPTH] / view.focal_px

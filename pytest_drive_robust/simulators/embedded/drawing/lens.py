@@ -34,7 +34,7 @@ _SUN_RED, _SUN_GREEN, _SUN_BLUE = 255.0, 206.0, 132.0
 
 @inner_only
 def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: CameraView, air: Air) -> None:
-    """Draws over `image` (height, width, 3); a function of `tick`, the picture and the camera only.
+    """Draw over `image` (height, width, 3); a function of `tick`, the picture and the camera only.
 
     `faces` (height, width) is 0 where no box is seen: a box hides the sun.
     """
@@ -55,7 +55,7 @@ def _hash(first: int, second: int) -> int:
 
 @inner_only
 def _rain(image: NDArray[np.uint8], tick: int, air: Air) -> None:
-    """Thin streaks a little brighter than the horizon."""
+    """Draw thin streaks a little brighter than the horizon."""
     height, width = image.shape[0], image.shape[1]
     red, green, blue = (_streak(air.haze[0]), _streak(air.haze[1]), _streak(air.haze[2]))
     for streak in range(int(air.rain * _STREAKS_PER_PIXEL * height * width)):
@@ -85,7 +85,7 @@ def _blend(
 
 @inner_only
 def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
-    """Round drops, each for 2.5 s at its place, that show what is around them upside down."""
+    """Draw round drops, each for 2.5 s at its place, that show what is around them upside down."""
     height, width = image.shape[0], image.shape[1]
     for drop in range(int(1.0 + strength * (_MOST_DROPS - 1))):
         word = _hash((tick + drop * 17) // _DROP_TICKS, drop + 1000)
@@ -115,7 +115,7 @@ def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
 
 @inner_only
 def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: Air) -> None:
-    """The disc of the sun and a glow around it, weaker behind something."""
+    """Draw the disc of the sun and a glow around it, weaker behind something."""
     height, width = image.shape[0], image.shape[1]
     x, y, z = air.disc
     ahead, right = x * view.cos_yaw + y * view.sin_yaw, y * view.cos_yaw - x * view.sin_yaw
@@ -141,7 +141,7 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: A
 
 @inner_only
 def _glow(image: NDArray[np.uint8], faces: NDArray[Any], u: float, v: float, reach: float, strength: float) -> None:
-    """Blends the sun's colour in around (u, v), less and less up to `reach` pixels away.
+    """Blend the sun's colour in around (u, v), less and less up to `reach` pixels away.
 
     Less also over boxes: what is before the sun keeps its colour, and a traffic light can still be told.
     """

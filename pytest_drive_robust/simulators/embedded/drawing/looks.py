@@ -91,18 +91,18 @@ PAINTS = np.array(
 
 
 def paint_of(number: int) -> Colour:
-    """The colour, RGB 0..255, of the actor whose id is `number`."""
+    """Return the colour, RGB 0..255, of the actor whose id is `number`."""
     red, green, blue = (float(channel) for channel in PAINTS[paint_index(number)])
     return red, green, blue
 
 
 def paint_index(number: int) -> int:
-    """The row of `PAINTS` of the actor whose id is `number`."""
+    """Return the row of `PAINTS` of the actor whose id is `number`."""
     return (number * 5 + 1) % len(PAINTS)
 
 
 def _wheels(x: float, length: float, height: float) -> list[Part]:
-    """Four wheels, each of two boxes: narrow at the ground, full at the hub."""
+    """Return four wheels, each of two boxes: narrow at the ground, full at the hub."""
     return [
         Part(along, side, bottom, length * share, 0.12, height / 2.0, _TYRE, front=taper, rear=taper, reach_m=reach)
         for along in (-x, x)
@@ -112,7 +112,7 @@ def _wheels(x: float, length: float, height: float) -> list[Part]:
 
 
 def _lamps(z: float, height: float, width: float = 0.17) -> list[Part]:
-    """Rear lamps, front lamps, indicators at the four corners."""
+    """Return the rear lamps, front lamps, indicators at the four corners."""
     sides = ((-0.39, Role.LEFT_INDICATOR), (0.39, Role.RIGHT_INDICATOR))
     rear = [Part(-0.5, y, z, 0.02, width, height, role=Role.BRAKE_LAMP) for y, _ in sides]
     front = [Part(0.492, y, z, 0.03, width, height, role=Role.HEADLAMP) for y, _ in sides]

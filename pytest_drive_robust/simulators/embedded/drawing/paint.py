@@ -46,7 +46,7 @@ class Region:
 
     @classmethod
     def around(cls, points: Floats, margin_m: float, *, texel_m: float) -> Region:
-        """The smallest region of whole texels that keeps `margin_m` around every one of `points` (n, 2)."""
+        """Return the smallest region of whole texels that keeps `margin_m` around every one of `points` (n, 2)."""
         low = np.floor((points[:, :2].min(axis=0) - margin_m) / texel_m)
         high = np.ceil((points[:, :2].max(axis=0) + margin_m) / texel_m)
         # an even number of texels halves without remainder
@@ -54,13 +54,13 @@ class Region:
         return cls(float(low[0] * texel_m), float(low[1] * texel_m), columns, rows, texel_m)
 
     def pixels(self, points: Floats) -> NDArray[np.int32]:
-        """Points (n, 2) in metres as OpenCV's fixed-point pixel coordinates."""
+        """Return points (n, 2) in metres as OpenCV's fixed-point pixel coordinates."""
         scaled = (points - (self.x_m, self.y_m)) / self.texel_m - 0.5
         rounded: NDArray[np.int32] = np.round(scaled * (1 << _SUBPIXEL_BITS)).astype(np.int32)
         return rounded
 
     def touches(self, points: Floats, margin_m: float) -> bool:
-        """Whether the bounding box of `points` (n, 2), grown by `margin_m`, overlaps the region."""
+        """Return whether the bounding box of `points` (n, 2), grown by `margin_m`, overlaps the region."""
         low, high = points.min(axis=0) - margin_m, points.max(axis=0) + margin_m
         corner = (self.x_m + self.columns * self.texel_m, self.y_m + self.rows * self.texel_m)
         return bool(low[0] < corner[0] and low[1] < corner[1] and high[0] > self.x_m and high[1] > self.y_m)
@@ -80,7 +80,7 @@ class GroundSheet:
 
 
 def paint_ground(lane_map: LaneMap, region: Region) -> GroundSheet:
-    """Everything flat that `lane_map` has in `region`: lanes, lane lines, stop lines, crossings."""
+    """Paint everything flat that `lane_map` has in `region`: lanes, lane lines, stop lines, crossings."""
     shape = (region.rows, region.columns)
     sheet = GroundSheet(region, np.full(shape, GRASS, np.uint8), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
     lanes = [lane for lane in lane_map.lanes if region.touches(lane.centre[:, :2], lane.width_m)]
@@ -116,7 +116,7 @@ def _bends(centre: Floats) -> Floats:
 
 
 def _beside(centre: Floats, offset_m: float) -> Floats:
-    """The polyline `offset_m` to the right of `centre` (n, 3), as (n, 2)."""
+    """Return the polyline `offset_m` to the right of `centre` (n, 3), as (n, 2)."""
     normal = np.column_stack((-np.sin(centre[:, 2]), np.cos(centre[:, 2])))
     moved: Floats = centre[:, :2] + offset_m * normal
     return moved
@@ -164,7 +164,7 @@ def _draws(lanes: tuple[Lane, ...], lane: Lane, line: str, neighbour: int) -> bo
 
 
 def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> None:
-    """A painted line along `points` (n, 2); dashes start with the polyline."""
+    """Paint a line along `points` (n, 2); dashes start with the polyline."""
     steps = np.diff(points, axis=0)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
     total = float(along[-1])
@@ -180,13 +180,13 @@ def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> No
 
 
 def _stations(along: Floats, start_m: float, end_m: float) -> Floats:
-    """Stations from `start_m` to `end_m`, at most about 2 m apart."""
+    """Return stations from `start_m` to `end_m`, at most about 2 m apart."""
     stations: Floats = np.linspace(start_m, end_m, max(2, math.ceil((end_m - start_m) / 2.0) + 1))
     return stations
 
 
 def _zebra(sheet: GroundSheet, corners: Floats) -> None:
-    """White bars across a crossing (4, 2), one beside the other along its longer side: the way people walk."""
+    """Paint white bars across a crossing (4, 2), one beside the other along its longer side: the way people walk."""
     first, second = corners[1] - corners[0], corners[3] - corners[0]
     if np.hypot(*first) < np.hypot(*second):
         first, second = second, first

@@ -38,7 +38,7 @@ def measure(
     depth: NDArray[np.float32],
     instance: NDArray[np.int32],
 ) -> None:
-    """Fills each of `semantic`, `depth` and `instance` that is as large as the picture (the others have no rows)."""
+    """Fill each of `semantic`, `depth` and `instance` that is as large as the picture (the others have no rows)."""
     faces, nearness, table = canvas.faces, canvas.nearness, canvas.table
     height = faces.shape[0]
     if semantic.shape[0] > 0:

@@ -32,7 +32,7 @@ _0, _HALF, _1, _2, _255 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0,
 
 @inner_only
 def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> int:
-    """A lit colour behind so much air, 0x00BBGGRR."""
+    """Return a lit colour behind so much air, 0x00BBGGRR."""
     lost = _1 - left
     r, g, b = (
         red * left + haze[0] * lost + _HALF,
@@ -46,7 +46,7 @@ def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> i
 
 @inner_only
 def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
-    """One lit colour. `through` is what the air lets through at the first pixel and how that changes per pixel."""
+    """Draw one lit colour. `through` is what the air lets through at the first pixel and how that changes per pixel."""
     left, change = through
     for u in range(len(colours)):
         colours[u] = _pack(own[0], own[1], own[2], haze, left + np.float32(u) * change)
@@ -54,7 +54,7 @@ def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
 
 @inner_only
 def _spot(u: int, near: float, place: Place) -> Pair:
-    """Metres along the face and up from the box's bottom at pixel `u` of a run.
+    """Return the metres along the face and up from the box's bottom at pixel `u` of a run.
 
     `place`: along = (place[0] + place[1] * u) / near + place[2], up = place[3] / near + place[4].
     """
@@ -65,7 +65,10 @@ def _spot(u: int, near: float, place: Place) -> Pair:
 
 @inner_only
 def _wave(phase: float, share: float, steep: float) -> float:
-    """1 on the first `share` of every period, else 0; edges are 1 / `steep` periods wide (`share` if that is much)."""
+    """Return 1 on the first `share` of every period, else 0.
+
+    Edges are 1 / `steep` periods wide (`share` if that is much).
+    """
     phase -= np.float32(np.int32(phase))
     phase = phase + _1 if phase < _0 else phase
     rise, again, fall = phase * steep + _HALF, (phase - _1) * steep + _HALF, (phase - share) * steep + _HALF
@@ -92,7 +95,7 @@ def stripes(
     haze: Triple,
     through: Pair,
 ) -> None:
-    """Slanted stripes of two colours, half a metre apart; `place` as in `_spot`."""
+    """Draw slanted stripes of two colours, half a metre apart; `place` as in `_spot`."""
     slant, per_m, share = np.float32(0.6), _2, _HALF
     steep = _HALF * pixels_per_m
     for u in range(len(colours)):
@@ -116,7 +119,7 @@ def ribs(
     haze: Triple,
     through: Pair,
 ) -> None:
-    """Upright ribs, darker in between."""
+    """Draw upright ribs, darker in between."""
     per_m, share, depth = np.float32(1.0 / 0.45), np.float32(0.4), np.float32(0.28)
     steep = np.float32(0.45) * pixels_per_m
     for u in range(len(colours)):
@@ -139,7 +142,7 @@ def facade(
     seed: int,
     night: float,
 ) -> None:
-    """Windows on every floor; by night some are lit."""
+    """Draw windows on every floor; by night some are lit."""
     sill, per_floor, per_bay = np.float32(SILL_M), np.float32(1.0 / FLOOR_M), np.float32(1.0 / _BAY_M)
     high, steep_up = np.float32(WINDOW_HIGH), np.float32(FLOOR_M) * pixels_per_m
     wide, steep_along = np.float32(_WINDOW_WIDE), np.float32(_BAY_M) * pixels_per_m

@@ -39,7 +39,7 @@ _SQUARE_ON = 0.4
 def draw_faces(
     canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
 ) -> int:
-    """Draws boxes into `canvas.faces` and `canvas.nearness`; returns how many rows of `canvas.table` are in use.
+    """Draw boxes into `canvas.faces` and `canvas.nearness`; return how many rows of `canvas.table` are in use.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
     `ends[k + 1]`. What is near is drawn first, so that most of what it hides is never filled; the parts of an actor
@@ -60,7 +60,7 @@ def draw_faces(
 
 @inner_only
 def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
-    """Fills `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
+    """Fill `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
     order, keys = canvas.order, canvas.keys
     height, width = canvas.faces.shape
     count = 0
@@ -89,7 +89,7 @@ def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view:
 
 @inner_only
 def _radius(b: Floats) -> float:
-    """Of the sphere around a box."""
+    """Return the radius of the sphere around a box."""
     grow = max(-b[box.FRONT], 0.0) + max(-b[box.REAR], 0.0) + 2.0 * max(-b[box.SIDES], 0.0)
     along, wide, high = b[box.ALONG] + grow, b[box.WIDE] + grow, b[box.HIGH]
     return 0.5 * math.sqrt(along * along + wide * wide + high * high)
@@ -116,7 +116,7 @@ def _to_camera(x: float, y: float, z: float, view: CameraView) -> Triple:
 
 @inner_only
 def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height: int) -> bool:
-    """False when a sphere is behind the camera or beside the picture."""
+    """Return whether a sphere is in sight: not behind the camera and not beside the picture."""
     right, up, forward = middle
     if forward + radius < NEAR_M:
         return False
@@ -184,7 +184,7 @@ def _hidden(canvas: Canvas, seen: Floats) -> bool:
 
 @inner_only
 def _place_corners(corners: Floats, b: Floats, middle: Triple, view: CameraView) -> float:
-    """Fills in the camera coordinates of the eight corners; returns the depth of the nearest."""
+    """Fill in the camera coordinates of the eight corners; return the depth of the nearest."""
     # the box's own axes in camera axes
     ahead = b[box.COS] * view.cos_yaw + b[box.SIN] * view.sin_yaw
     aside = b[box.SIN] * view.cos_yaw - b[box.COS] * view.sin_yaw

@@ -37,7 +37,7 @@ def add_line(
     ahead: float,
     start_px: float,
 ) -> None:
-    """Adds bilinear samples to `sums`: red in bits 0 to 15, blue in 16 to 31, green in 32 to 47.
+    """Add bilinear samples to `sums`: red in bits 0 to 15, blue in 16 to 31, green in 32 to 47.
 
     The line runs across the picture `depth` metres along the optical axis and `ahead` metres along the ground; `sums`
     begins `start_px` pixels right of the picture's middle. Where `level` has no texels a coarser one has.
@@ -59,7 +59,7 @@ def add_line(
 def _walks(
     levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
 ) -> tuple[Walk, Walk]:
-    """A line in the texels of `level` and of one that covers the wide region, one step a pixel."""
+    """Return a line in the texels of `level` and of one that covers the wide region, one step a pixel."""
     step = depth / view.focal_px
     side = (start_px + 0.5) * step
     x = view.x_m + ahead * view.cos_yaw - side * view.sin_yaw
@@ -73,7 +73,7 @@ def _walks(
 
 @inner_only
 def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
-    """A walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
+    """Return a walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
     scale = (1 << _FRACTION_BITS) / levels[level, 5]
     half = 1 << (_FRACTION_BITS - 1)
     return (
@@ -89,7 +89,7 @@ def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) 
 
 @inner_only
 def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
-    """The steps of `first`..`end` that lie within the texture: from the first result up to the second."""
+    """Return the steps of `first`..`end` that lie within the texture: from the first result up to the second."""
     i, j, di, dj, columns, rows, _ = walk
     low, high = _within(i, di, (columns - 1) << _FRACTION_BITS, first, end)
     low, high = _within(j, dj, (rows - 1) << _FRACTION_BITS, low, high)
@@ -98,7 +98,7 @@ def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
 
 @inner_only
 def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[int, int]:
-    """The u of `first`..`end` with 0 <= start + u * step < limit."""
+    """Return the u of `first`..`end` with 0 <= start + u * step < limit."""
     if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
         return first, end
     if step < 0:
@@ -112,14 +112,14 @@ def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[in
 
 @inner_only
 def _spread(texel: np.uint64) -> np.uint64:
-    """0xCCBBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
+    """Spread 0xCCBBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
     lanes: np.uint64 = (texel | (texel << _TWENTYFOUR)) & _RED_BLUE_GREEN
     return lanes
 
 
 @inner_only
 def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, first: int, end: int) -> None:
-    """Adds the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
+    """Add the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
     i, j, di, dj, columns, _, offset = walk
     i, j = i + first * di, j + first * dj
     for u in range(first, end):
@@ -147,7 +147,7 @@ def line_classes(
     depth: float,
     ahead: float,
 ) -> None:
-    """The classes of the texels nearest to a line across the picture; `depth` and `ahead` as in `add_line`."""
+    """Write the classes of the texels nearest to a line across the picture; `depth` and `ahead` as in `add_line`."""
     near, wide = _walks(levels, level, view, depth, ahead, -0.5 * len(classes))
     near_low, near_high = _inside(near, 0, len(classes))
     wide_low, wide_high = _inside(wide, 0, len(classes))

@@ -51,7 +51,7 @@ _GRAZING = 0.05
 def draw_pixels(
     canvas: Canvas, rows: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
-    """Fills `canvas.colours` wherever a face is seen.
+    """Fill `canvas.colours` wherever a face is seen.
 
     `rows` are the boxes, `clear` (n,) is the share of a surface's colour that
     survives the air, by `CLEAR_STEPS_PER_M` steps of depth.
@@ -102,7 +102,7 @@ def draw_pixels(
 def _light_face(
     entry: Floats, b: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
-    """Fills in the columns of a row of the table from PACKED on."""
+    """Fill in the columns of a row of the table from PACKED on."""
     side, material = int(entry[face.SIDE]), b[box.MATERIAL]
     x, y, z = _outward(b, side)
     shade, extra = _shade(x, y, z, b, air, lamps)
@@ -129,7 +129,7 @@ def _light_face(
 
 @inner_only
 def _outward(b: Floats, side: int) -> Triple:
-    """The normal of a face in world axes; drawn-in tops lean the sides back."""
+    """Return the normal of a face in world axes; drawn-in tops lean the sides back."""
     if side >= _SIDES:
         return 0.0, 0.0, 1.0 if side == _SIDES else -1.0
     if side == 0 or side == 2:
@@ -144,7 +144,7 @@ def _outward(b: Floats, side: int) -> Triple:
 
 @inner_only
 def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraView) -> None:
-    """Fills in how metres along a patterned face follow from places in the picture."""
+    """Fill in how metres along a patterned face follow from places in the picture."""
     half_length, half_width = 0.5 * b[box.ALONG], 0.5 * b[box.WIDE]
     # the face's first corner and the way to its second, in the box's axes
     if side == 0:
@@ -167,7 +167,7 @@ def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraVi
 
 @inner_only
 def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
-    """What the air lets through from a place so far away; of a lamp it lets through more."""
+    """Return what the air lets through from a place so far away; of a lamp it lets through more."""
     steps = min(CLEAR_STEPS_PER_M * depth_m, float(len(clear) - 1))
     left = float(clear[int(steps)])
     return left + (1.0 - left) * _LAMP_THROUGH_HAZE * glow
@@ -175,7 +175,7 @@ def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
 
 @inner_only
 def _shade(x: float, y: float, z: float, b: Floats, air: Air, lamps: Headlamps) -> tuple[float, float]:
-    """Sun and sky on a face whose normal is (x, y, z), and the ego's headlamps on it."""
+    """Return the light of sun, sky and the ego's headlamps on a face whose normal is (x, y, z)."""
     sun = x * air.sun[0] + y * air.sun[1] + z * air.sun[2]
     shade = air.ambient * (0.86 + 0.14 * z) + air.diffuse * max(sun, 0.0)
     if lamps.strength <= 0.0:
@@ -202,7 +202,7 @@ def _draw_run(
     air: Air,
     clear: NDArray[np.float32],
 ) -> None:
-    """Colours one run of pixels of one face; what the air lets through is interpolated between its ends."""
+    """Colour one run of pixels of one face; what the air lets through is interpolated between its ends."""
     glow, last = entry[face.GLOW], len(colours) - 1
     near_start, near_end = float(nearness[0]), float(nearness[last])
     depth_start, depth_end = 1.0 / near_start, 1.0 / near_end
@@ -239,7 +239,7 @@ def _draw_run(
 
 @inner_only
 def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
-    """Whether a run that goes from one height to another meets no window."""
+    """Return whether a run that goes from one height to another meets no window."""
     phase, other = (up_m - SILL_M) * _PER_FLOOR, (other_m - SILL_M) * _PER_FLOOR
     floor, edge = math.floor(phase), 0.5 / max(FLOOR_M * pixels_per_m, 1e-6)
     phase, other = phase - floor, other - floor
@@ -248,7 +248,7 @@ def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
 
 @inner_only
 def _lit(entry: Floats, air: Air, colour: Triple) -> Triple:
-    """Another colour in the light of a face."""
+    """Return another colour in the light of a face."""
     shade, extra = entry[face.LIGHT], entry[face.EXTRA]
     return (
         np.float32(colour[0] * (shade * air.light[0] + extra)),
@@ -269,7 +269,7 @@ def _lit_window(entry: Floats, air: Air) -> Triple:
 
 @inner_only
 def pack_pixels(words: Packed, colours: Packed) -> None:
-    """Colours 0x00BBGGRR (height, width) as bytes red, green, blue, without gaps, in `words` (little-endian)."""
+    """Pack colours 0x00BBGGRR (height, width) as bytes red, green, blue, without gaps, in `words` (little-endian)."""
     flat = colours.reshape(-1)
     whole = len(flat) // 4
     for block in range(whole):

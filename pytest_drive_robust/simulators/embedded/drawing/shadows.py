@@ -31,7 +31,7 @@ _CAST_HEIGHT = 0.85
 
 @inner_only
 def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView, air: Air) -> None:
-    """Darkens the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
+    """Darken the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
     for k in range(len(actors)):
         if actors[k, _KIND] != _BUILDING and actors[k, _KIND] != _DIRT:
             _shadow(canvas, rows, actors[k], view, air)
@@ -39,7 +39,7 @@ def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView,
 
 @inner_only
 def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: Air) -> None:
-    """Darkens what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
+    """Darken what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
     c, s = math.cos(actor[_YAW]), math.sin(actor[_YAW])
@@ -81,7 +81,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: 
 
 @inner_only
 def row_of(ahead_m: float, view: CameraView, height: int) -> int:
-    """The row of pixels that shows the ground so far ahead, within the picture."""
+    """Return the row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
     if forward < 0.01:
         return height - 1
@@ -91,7 +91,7 @@ def row_of(ahead_m: float, view: CameraView, height: int) -> int:
 
 @inner_only
 def _slab(start: float, slope: float, lowest: float, highest: float, low: float, high: float) -> tuple[float, float]:
-    """The part of `low`..`high` where lowest <= start + slope * x <= highest (low > high: none)."""
+    """Return the part of `low`..`high` where lowest <= start + slope * x <= highest (low > high: none)."""
     if abs(slope) < 1e-9:
         return (low, high) if lowest <= start <= highest else (1.0, -1.0)
     one, other = (lowest - start) / slope, (highest - start) / slope

@@ -18,7 +18,7 @@ _ZENITH_RISE = 0.45
 
 
 def sky_rows(height: int, view: CameraView, air: Air) -> NDArray[np.uint32]:
-    """Packed colours 0x00BBGGRR (height,): haze at the horizon, `air.sky_top` high above it."""
+    """Return packed colours 0x00BBGGRR (height,): haze at the horizon, `air.sky_top` high above it."""
     up = (height / 2.0 - np.arange(height) - 0.5) / view.focal_px
     rise = np.clip(view.sin_pitch + up * view.cos_pitch, 0.0, _ZENITH_RISE)
     share = (rise / _ZENITH_RISE) ** 0.7

@@ -45,7 +45,7 @@ _GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
 
 
 def lamp_places(lane_map: LaneMap) -> Floats:
-    """Feet of the lamps, (n, 3): x, y in metres and the direction to the road in radians.
+    """Return the feet of the lamps, (n, 3): x, y in metres and the direction to the road in radians.
 
     One every 30 m along the right edge of every road (beyond parking and biking lanes), none where that is a lane.
     """
@@ -73,7 +73,7 @@ def _leads_same_way(lane_map: LaneMap, lane: Lane) -> bool:
 
 
 def _width_beyond(lane_map: LaneMap, lane: Lane) -> float:
-    """Width of the parking and biking lanes to the right of a driving lane."""
+    """Return the width of the parking and biking lanes to the right of a driving lane."""
     width, index = 0.0, lane.right
     while index >= 0 and lane_map.lanes[index].kind in (LaneKind.PARKING, LaneKind.BIKING):
         width += lane_map.lanes[index].width_m
@@ -82,7 +82,7 @@ def _width_beyond(lane_map: LaneMap, lane: Lane) -> float:
 
 
 def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
-    """Pole, arm and head of each lamp; the head glows by `night` 0..1."""
+    """Return pole, arm and head of each lamp; the head glows by `night` 0..1."""
     boxes = []
     red, green, blue = (a + (b - a) * night for a, b in zip(_DARK_HEAD, _WARM, strict=True))
     for x, y, towards in places:
@@ -111,7 +111,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
 
 @inner_only
 def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
-    """Brightens the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
+    """Brighten the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
 
     What is bright already gains less: no place burns out.
     """
@@ -142,7 +142,7 @@ def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: flo
 def _pool_row(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], forward_m: float, aside_m: float, pixel_m: float, gain: float
 ) -> None:
-    """One row of pixels through one pool, `forward_m` and `aside_m` from its middle."""
+    """Light one row of pixels through one pool, `forward_m` and `aside_m` from its middle."""
     width = len(colours)
     chord = math.sqrt(_POOL_M * _POOL_M - forward_m * forward_m)
     first = max(math.ceil(0.5 * width + (aside_m - chord) / pixel_m - 0.5), 0)
@@ -158,7 +158,7 @@ def _pool_row(
 def _lighten(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], nearest: float, start: float, step: float, gain: float
 ) -> None:
-    """Multiplies what is ground; in float32 and without branches, so that it becomes vector instructions."""
+    """Multiply what is ground; in float32 and without branches, so that it becomes vector instructions."""
     for u in range(len(colours)):
         colour = np.int32(colours[u])
         red, green, blue = (

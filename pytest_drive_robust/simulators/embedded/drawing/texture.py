@@ -77,7 +77,7 @@ class TextureCache:
         self._lock = threading.Lock()
 
     def texture(self, lane_map: LaneMap, around: Floats) -> GroundTexture:
-        """The ground of `lane_map` around the points `around` (n, 2 or more); equal content, equal object."""
+        """Return the ground of `lane_map` around the points `around` (n, 2 or more); equal content, equal object."""
         near = Region.around(around, _NEAR_MARGIN_M, texel_m=_NEAR_TEXEL_M)
         wide = Region.around(around, _WIDE_MARGIN_M, texel_m=_NEAR_TEXEL_M * 2 ** (_NEAR_LEVELS - 1))
         key = _digest(lane_map, near, wide)
@@ -95,7 +95,7 @@ _cache = TextureCache()
 
 
 def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
-    """The ground of `lane_map` around the points `around`, from this process's cache or drawn now."""
+    """Return the ground of `lane_map` around the points `around`, from this process's cache or drawn now."""
     return _cache.texture(lane_map, around)
 
 
@@ -126,7 +126,7 @@ def _halved_region(region: Region) -> Region:
 
 
 def pack_sheet(sheet: GroundSheet) -> Packed:
-    """Colours and classes of a sheet, (rows, columns) uint32, 0xCCBBGGRR."""
+    """Return colours and classes of a sheet, (rows, columns) uint32, 0xCCBBGGRR."""
     column = round(sheet.region.x_m / sheet.region.texel_m)
     row = round(sheet.region.y_m / sheet.region.texel_m)
     packed: Packed = _pack(
@@ -136,7 +136,7 @@ def pack_sheet(sheet: GroundSheet) -> Packed:
 
 
 def unpack(packed: Packed) -> NDArray[np.uint8]:
-    """Packed colours (rows, columns) as RGB (rows, columns, 3)."""
+    """Return packed colours (rows, columns) as RGB (rows, columns, 3)."""
     return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
@@ -180,7 +180,7 @@ def _pack_for(sources: int) -> Callable[..., Packed]:
 
 @inner_only
 def _frequent(picture: Packed, i: int, j: int) -> int:
-    """The most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
+    """Return the most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
     best, most = 0, 0
     for k in range(4):
         candidate, count = np.int64(picture[i + k // 2, j + k % 2] >> np.uint32(24)), 0
@@ -214,7 +214,7 @@ def _halve_for(sources: int) -> Callable[[Packed], Packed]:
 
 
 def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
-    """Equal digests mean equal ground: everything that `paint_ground` reads goes in."""
+    """Return a digest of everything that `paint_ground` reads: equal digests mean equal ground."""
     content = hashlib.blake2b(repr(regions).encode(), digest_size=16)
     for lane in lane_map.lanes:
         words = (lane.index, int(lane.kind), lane.width_m, lane.left, lane.right, lane.left_same_way)

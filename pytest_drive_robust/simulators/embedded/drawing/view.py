@@ -35,7 +35,7 @@ class CameraView(NamedTuple):
 
     @classmethod
     def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
-        """The view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
+        """Return the view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
         return cls(

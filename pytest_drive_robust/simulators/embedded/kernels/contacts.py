@@ -26,7 +26,7 @@ def overlap(
     x: float, y: float, yaw: float, length: float, width: float, ox: float, oy: float, oyaw: float, olength: float,
     owidth: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Separating axes of two boxes: (depth, nx, ny); depth <= 0 means no contact, n pushes the first box out."""
+    """Return (depth, nx, ny) by separating axes; depth <= 0 means no contact, n pushes the first box out."""
     dx, dy = x - ox, y - oy
     best, bx, by = 1e18, 0.0, 0.0
     for axis in range(4):
@@ -46,7 +46,7 @@ def overlap(
 
 @inner
 def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i: int) -> None:
-    """Contact: at most one event per 5 s and actor, per 5 m of road, and none while standing; the ego is pushed out."""
+    """Note at most one event per 5 s and actor, per 5 m of road, and none while standing; push the ego out."""
     ego, criteria = state.ego, state.criteria
     v = ego[c.EGO_V]
     near = math.hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
@@ -78,7 +78,7 @@ def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i
 
 @inner
 def contacts(statics: Statics, state: State) -> None:
-    """Every solid body and building that the ego overlaps at the end of the tick."""
+    """Find every solid body and building that the ego overlaps at the end of the tick."""
     ego = state.ego
     length, width = statics.ego_length_m, statics.ego_width_m
     for i in range(len(state.actors)):

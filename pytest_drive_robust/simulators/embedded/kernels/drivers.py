@@ -39,7 +39,7 @@ _SIREN = int(ActorState.SIREN)
 
 @inner
 def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, brake_max: float) -> float:
-    """Acceleration of the intelligent driver model, limited to what the actor can do [m/s2]."""
+    """Return the acceleration of the intelligent driver model, limited to what the actor can do [m/s2]."""
     if target < 0.05:
         free = -brake_max if v > 0.0 else 0.0
     elif v > target:
@@ -57,7 +57,7 @@ def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, 
 def _leader(
     bodies: Floats, i: int, s: float, right: float, length: float, width: float, notices_m: float, notices_mps: float
 ) -> tuple[float, float]:
-    """(gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i.
+    """Return (gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i.
 
     Bodies farther aside than `notices_m` or faster than `notices_mps` are overlooked.
     """
@@ -78,7 +78,7 @@ def _leader(
 
 @inner
 def _wanted_speed(actor: Floats, whole: Ints, ego: Floats) -> float:
-    """The target speed after leash (traffic stays near the ego) and chase (faster than the ego)."""
+    """Return the target speed after leash (traffic stays near the ego) and chase (faster than the ego)."""
     target = actor[c.A_TARGET_V]
     if whole[c.I_LEASH] == 1:
         ahead = _ahead_of_ego(actor, ego)
@@ -98,7 +98,7 @@ def _ahead_of_ego(actor: Floats, ego: Floats) -> float:
 
 @inner
 def _abreast(actor: Floats, ego: Floats) -> float:
-    """Acceleration that keeps an actor `A_SYNC_M` metres ahead of the ego [m/s2]."""
+    """Return the acceleration that keeps an actor `A_SYNC_M` metres ahead of the ego [m/s2]."""
     behind = actor[c.A_SYNC_M] - _ahead_of_ego(actor, ego)
     wanted = ego[c.EGO_FORWARD] + 1.2 * (ego[c.EGO_V] - actor[c.A_V]) + 0.4 * behind
     return float(min(max(wanted, -actor[c.A_BRAKE_MAX]), actor[c.A_ACCEL_MAX]))
@@ -106,7 +106,7 @@ def _abreast(actor: Floats, ego: Floats) -> float:
 
 @inner
 def _acceleration(statics: Statics, state: State, i: int) -> float:
-    """What the driver of actor i asks for [m/s2]."""
+    """Return what the driver of actor i asks for [m/s2]."""
     actor, whole = state.actors[i], state.actor_ints[i]
     if actor[c.A_SYNC_M] > 0.0:
         return _abreast(actor, state.ego)
@@ -130,7 +130,7 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
 
 @inner
 def _move(statics: Statics, state: State, i: int) -> None:
-    """One actor, one tick: along its path, sideways towards its target, lamps."""
+    """Move one actor by one tick: along its path, sideways towards its target; set its lamps."""
     actor, whole, dt = state.actors[i], state.actor_ints[i], statics.dt_s
     if whole[c.I_STUN] > 0:
         whole[c.I_STUN] -= 1
@@ -164,7 +164,7 @@ def _move(statics: Statics, state: State, i: int) -> None:
 
 @inner
 def _show(actor: Floats, whole: Ints, accel: float, shift: float) -> None:
-    """Brake lamps, indicators, siren."""
+    """Set brake lamps, indicators, siren."""
     shown = whole[c.I_STATE] & _SIREN
     if accel < -0.6 or actor[c.A_V] < 0.1:
         shown |= _BRAKING
@@ -177,7 +177,7 @@ def _show(actor: Floats, whole: Ints, accel: float, shift: float) -> None:
 
 @inner
 def move_actors(statics: Statics, state: State) -> None:
-    """Everybody but the ego, in their order: scripts first, then those who exist and are not fixed move."""
+    """Move everybody but the ego, in their order: scripts first, then those who exist and are not fixed."""
     for i in range(len(state.actors)):
         if state.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
             run_script(statics, state, i)

@@ -25,7 +25,7 @@ DIRT_M = 2.0
 
 @inner
 def _on_dirt(statics: Statics, state: State, throttle: float, steer: float) -> tuple[float, float]:
-    """Dirt within `DIRT_M` of the ego disturbs its controls."""
+    """Return what dirt within `DIRT_M` of the ego makes of its controls."""
     for k in range(len(statics.patches)):
         dx, dy = statics.patches[k, 0] - state.ego[c.EGO_X], statics.patches[k, 1] - state.ego[c.EGO_Y]
         if dx * dx + dy * dy < DIRT_M * DIRT_M:
@@ -38,7 +38,7 @@ def _on_dirt(statics: Statics, state: State, throttle: float, steer: float) -> t
 
 @inner
 def move_ego(statics: Statics, state: State, throttle: float, steer: float, brake: float) -> None:
-    """Kinematic bicycle with steering rate and lag, engine power, drag, brake lag; v >= 0."""
+    """Move the ego: a kinematic bicycle with steering rate and lag, engine power, drag, brake lag; v >= 0."""
     throttle, steer = _on_dirt(statics, state, throttle, steer)
     ego = state.ego
     dt, v = statics.dt_s, ego[c.EGO_V]

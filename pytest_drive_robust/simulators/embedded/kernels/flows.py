@@ -12,7 +12,7 @@ __all__ = ["fill_flows", "run_flows"]
 
 @inner
 def run_flows(statics: Statics, state: State) -> None:
-    """A source sends the next car once the last one is farther away than the drawn gap."""
+    """Let each source send its next car once the last one is farther away than the drawn gap."""
     for f in range(len(state.flows)):
         flow, whole = state.flows[f], state.flow_ints[f]
         latest = whole[c.FI_LATEST]
@@ -49,7 +49,7 @@ def _spawn(statics: Statics, state: State, f: int, slot: int, s: float) -> None:
 
 @inner
 def fill_flows(statics: Statics, state: State) -> None:
-    """At the start every flow is already on the road, from its sink back to its source."""
+    """Fill every flow at the start, from its sink back to its source."""
     for f in range(len(state.flows)):
         flow, whole = state.flows[f], state.flow_ints[f]
         s = flow[c.F_SINK_S] - 5.0

@@ -13,7 +13,7 @@ _STOP_SIGN = int(LightState.STOP_SIGN)
 
 @inner
 def set_lights(statics: Statics, state: State) -> None:
-    """Stop signs stay; lights show the phase of their program that has come since the scenario woke up."""
+    """Set every light to the phase of its program that has come since the scenario woke up; stop signs stay."""
     since = -1.0 if state.clock[1] < 0 else (state.clock[0] - state.clock[1]) * statics.dt_s
     for k in range(len(state.lights)):
         if statics.stop_is_light[k] == 0:

@@ -22,7 +22,10 @@ ON_PATH_M = 6.0
 
 @inner
 def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: float) -> tuple[float, float, float]:
-    """(metres along the path, metres to its right, yaw of the path there); -1 along for a place that is not on it."""
+    """Return (metres along the path, metres to its right, yaw of the path there).
+
+    -1 along for a place that is not on it.
+    """
     k = at = first
     best = 1e18
     while k < last:
@@ -42,7 +45,7 @@ def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: f
 
 @inner
 def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, width: float) -> None:
-    """How much room a body takes along and across the path, and how fast it moves along."""
+    """Write how much room a body takes along and across the path, and how fast it moves along."""
     turn = yaw - path_yaw
     ct, st = abs(math.cos(turn)), abs(math.sin(turn))
     row[c.S_LENGTH], row[c.S_WIDTH] = ct * length + st * width, ct * width + st * length
@@ -51,7 +54,7 @@ def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, wid
 
 @inner
 def _is_driven(ints: Ints, path: int) -> bool:
-    """Does anybody drive on this path?"""
+    """Return whether anybody drives on this path."""
     for i in range(len(ints)):
         if ints[i, c.I_PATH] == path and ints[i, c.I_ACTIVE] == 1 and ints[i, c.I_MODE] == c.MODE_DRIVE:
             return True

@@ -16,7 +16,7 @@ __all__ = ["path_pose"]
 def path_pose(
     paths: NDArray[np.float64], first: int, last: int, step_m: float, s: float, right_m: float
 ) -> tuple[float, float, float]:
-    """x, y, yaw of a point `s` metres along the path of rows `first` to `last` and `right_m` beside it."""
+    """Return x, y, yaw of a point `s` metres along the path of rows `first` to `last` and `right_m` beside it."""
     share = s / step_m
     index = int(min(max(math.floor(share), 0.0), last - first - 2.0))
     share -= index

@@ -13,7 +13,7 @@ __all__ = ["run_script"]
 
 @inner
 def _fires(statics: Statics, state: State, i: int) -> bool:
-    """Has the trigger of actor i come? Only after the scenario woke up."""
+    """Return whether the trigger of actor i has come, after the scenario woke up."""
     if state.clock[1] < 0:
         return False
     actor = state.actors[i]
@@ -29,7 +29,7 @@ def _fires(statics: Statics, state: State, i: int) -> bool:
 
 @inner
 def run_script(statics: Statics, state: State, i: int) -> None:
-    """Waiting -> delayed -> script -> done: what a trigger sets off."""
+    """Advance what a trigger sets off: waiting -> delayed -> script -> done."""
     actor, whole = state.actors[i], state.actor_ints[i]
     phase = whole[c.I_PHASE]
     if phase == c.PHASE_WAITING and _fires(statics, state, i):

@@ -44,7 +44,7 @@ def crossing_bicycle_flow(stage: Stage) -> None:
 
 
 def _first_biking_lane(stage: Stage) -> int:
-    """The path of the biking lane that the route crosses first. Raises `RouteError` when it crosses none."""
+    """Return the path of the biking lane that the route crosses first. Raises `RouteError` when it crosses none."""
     lane_map = stage.dense.lane_map
     crossed: list[tuple[float, int]] = []
     for lane in lane_map.lanes:

@@ -118,7 +118,7 @@ def highway_cut_in(stage: Stage) -> None:
 
 
 def _stands_right(stage: Stage) -> bool:
-    """Whether the standing row is on the lane to the right: where the file says so or there is only that one."""
+    """Return whether the standing row is on the lane to the right: where the file says so or there is only that one."""
     right, left = stage.has_lane_beside("right"), stage.has_lane_beside("left")
     return right and (right_hand(stage) > 0.0 or not left)
 

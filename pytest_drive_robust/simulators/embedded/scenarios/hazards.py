@@ -142,7 +142,7 @@ def control_loss(stage: Stage) -> None:
 
 
 def _bicycles(stage: Stage) -> float:
-    """Two bicycles 9 m apart set off as the scenario wakes up; metres from the trigger to where the last one stops."""
+    """Put two bicycles 9 m apart on the road; return the metres from the trigger to where the last one stops."""
     at = ahead(stage, 43.0)
     ride = speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
     drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
@@ -157,7 +157,7 @@ def _bicycles(stage: Stage) -> float:
 
 
 def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:
-    """The oncoming lane, shifted to its left by `aside_m` between `far_m` and 20 m after the trigger."""
+    """Return the oncoming lane, shifted to its left by `aside_m` between `far_m` and 20 m after the trigger."""
     lane = stage.oncoming()
     line = stage.paths[lane]
     s = arc_lengths(line)
@@ -168,6 +168,6 @@ def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:
 
 
 def _smooth(share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """0 below 0, 1 above 1, without a kink in between."""
+    """Return 0 below 0, 1 above 1, without a kink in between."""
     t = np.clip(share, 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

@@ -26,7 +26,7 @@ _LAST_M = 5.0
 
 
 def _before_a_turn(chain: str) -> Site:
-    """Two lane changes on an avenue, then a turn from the lane for it."""
+    """Return a site with two lane changes on an avenue, then a turn from the lane for it."""
     return Site(
         "LightAvenueCrossing", chain, (128.0, 145.0), before_m=(90.0, 96.0), changes_m=((6.0, 10.0), (46.0, 50.0))
     )
@@ -115,7 +115,7 @@ def sequential_lane_change(stage: Stage) -> None:
 
 
 def flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tuple[float, float]) -> None:
-    """The flow of the route file in the lane in which the route ends, or from where to where the file says.
+    """Put the flow of the route file on the lane in which the route ends, or from where to where the file says.
 
     There is background traffic farther left, or to the right where the flow is to the left.
     """
@@ -133,7 +133,7 @@ def flow_in_last_lane(stage: Stage, *, speed_mps: tuple[float, float], gap_m: tu
 
 
 def _is_beside(stage: Stage, path: int, side: str, ahead_m: float) -> bool:
-    """Whether a path leads along the lane to the `"left"` or `"right"` of the route's."""
+    """Return whether a path leads along the lane to the `"left"` or `"right"` of the route's."""
     width = stage.lane_at(ahead_m).width_m
     x, y = stage.spot(ahead_m, -width if side == "left" else width)
     return abs(project(stage.paths[path], x, y)[1]) < width / 2.0

@@ -44,7 +44,7 @@ def route_flow(
     meets_ahead_m: float,
     kinds: tuple[ActorKind, ...] = _CARS,
 ) -> None:
-    """The flow of the route file: `flow_speed` and gaps from `source_dist_interval`, from edge to edge of the town.
+    """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
     `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers give way to
     nobody (Bench2Drive's do not even brake for a car in their lane), and who comes to `meets_ahead_m` without waiting
@@ -60,7 +60,7 @@ def route_flow(
 
 
 def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
-    """Background traffic straight on from the junction's other arms, as fast as the ego's way through it allows.
+    """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
 
     Without `lights` the two roads would block each other: then there is oncoming traffic only where nobody crosses.
     """
@@ -79,13 +79,13 @@ def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), li
 
 
 def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:
-    """Red along the ego's road, then green; the crossing road has green before that."""
+    """Show red along the ego's road, then green; the crossing road has green before that."""
     own = red_then_green(red_s)
     stage.lights(ego=own, opposite=own, crossing=_green_between(0.0, max(red_s - _ALL_RED_S - _YELLOW_S, 0.0)))
 
 
 def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_S) -> None:
-    """Green along the ego's road, then red, during which the crossing road has its green, then green again."""
+    """Show green along the ego's road, then red, while the crossing road has its green, then green again."""
     red_at = green_s + _YELLOW_S
     own = green_then_red(green_s, red_s)
     between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, 2.0 * _ALL_RED_S))
@@ -93,7 +93,7 @@ def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_
 
 
 def _green_between(start_s: float, end_s: float) -> Program:
-    """Red but for one green, which a yellow ends."""
+    """Return a program that is red but for one green, which a yellow ends."""
     return Program(
         LightState.RED if start_s > 0.0 else LightState.GREEN,
         (
@@ -123,10 +123,10 @@ def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tupl
 
 
 def end_behind_junction(stage: Stage, *, metres: float = 15.0) -> None:
-    """The scenario is over once the ego has left its first junction so far behind."""
+    """End the scenario once the ego has left its first junction so far behind."""
     stage.end_m = stage.trigger_m + stage.exit_ahead_m() + metres
 
 
 def route_end_ahead_m(stage: Stage) -> float:
-    """Metres from the trigger to the end of the route."""
+    """Return the metres from the trigger to the end of the route."""
     return stage.dense.length_m - stage.trigger_m

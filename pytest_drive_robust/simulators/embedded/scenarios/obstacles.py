@@ -50,7 +50,7 @@ class _Obstacle:
 
 
 def _crashed_cars(stage: Stage) -> float:
-    """A police car, crashed cars 10 and 16 m behind it; metres from the trigger to the last one."""
+    """Put a police car and crashed cars 10 and 16 m behind it; return the metres from the trigger to the last one."""
     at = ahead(stage, 42.0)
     shift = right_hand(stage) * _ACCIDENT_SHIFT * stage.lane_width_m / 2.0
     stage.stand(ActorKind.EMERGENCY, at, shift)
@@ -60,7 +60,7 @@ def _crashed_cars(stage: Stage) -> float:
 
 
 def _building_site(stage: Stage) -> float:
-    """Sign, three cones across the lane, debris, four cones along its left edge; metres to the last one."""
+    """Put a sign, three cones across the lane, debris, four along its left edge; return the metres to the last one."""
     at = ahead(stage, 42.0)
     half, side = stage.lane_width_m / 2.0, right_hand(stage)
     stage.stand(ActorKind.WARNING_SIGN, at - 5.0)
@@ -73,7 +73,7 @@ def _building_site(stage: Stage) -> float:
 
 
 def _badly_parked_car(stage: Stage) -> float:
-    """A badly parked car that reaches into the lane, hazard lights on; metres from the trigger to it."""
+    """Put a badly parked car into the lane, hazard lights on; return the metres from the trigger to it."""
     at = ahead(stage, 41.0)
     right_m = right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0
     stage.stand(ActorKind.CAR, at, right_m, state=ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)

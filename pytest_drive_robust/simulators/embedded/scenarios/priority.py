@@ -29,7 +29,7 @@ _BEARINGS = ("left", "right", "opposite")
 
 
 def _site(style: str, chain: str, direction: str) -> Site:
-    """A site with 36 to 46 m to drive before the junction and the vehicle from this direction."""
+    """Return a site with 36 to 46 m to drive before the junction and the vehicle from this direction."""
     return Site(
         style, chain, (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0), texts=(("direction", direction),)
     )
@@ -68,7 +68,7 @@ def opposite_vehicle_taking_priority(stage: Stage) -> None:
 
 
 def _take_priority(stage: Stage, kind: ActorKind) -> None:
-    """A car waits so far from where the ways meet that it gets there together with an ego that does not react."""
+    """Put a car so far from where the ways meet that it gets there together with an ego that does not react."""
     path, ahead_m, meets_m = _way(stage)
     start_m = meets_m - _reach_m(_TTA_S)
     runner = stage.cast.add(
@@ -110,7 +110,7 @@ def _nearest_point(stage: Stage, path: int) -> tuple[float, float]:
 
 
 def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:
-    """How far the driver model gets from rest within so many seconds."""
+    """Return how far the driver model gets from rest within so many seconds."""
     v, s = 0.0, 0.0
     for _ in range(round(seconds / dt_s)):
         v += _ACCEL_MPS2 * (1.0 - (v / _SPEED_MPS) ** 4) * dt_s

@@ -32,12 +32,12 @@ def ahead(stage: Stage, default_m: float, *, at_least_m: float = 20.0) -> float:
 
 
 def speed(stage: Stage, element: str, default_kmh: float, *, at_least_kmh: float = 3.0) -> float:
-    """An element that holds kilometres per hour, in metres per second; at most what a car can drive."""
+    """Return an element that holds kilometres per hour, in metres per second; at most what a car can drive."""
     return min(max(stage.spec.number(element, default_kmh), at_least_kmh), 150.0) * KMH
 
 
 def right_hand(stage: Stage) -> float:
-    """1 where things come from the right or stand there, -1 where the element `direction` is `left`."""
+    """Return 1 where things come from the right or stand there, -1 where the element `direction` is `left`."""
     return -1.0 if stage.spec.texts.get("direction") == "left" else 1.0
 
 
@@ -58,7 +58,7 @@ def road_edge_m(stage: Stage, side: str, ahead_m: float = 0.0) -> float:
 
 
 def side_traffic(stage: Stage, default_kmh: float) -> None:
-    """One-way obstacles: the lane to the left is in use (the right one for obstacles to the left), at element `speed`.
+    """Use the lane to the left (the right one for obstacles to the left), at the element `speed`.
 
     Bench2Drive slows that lane down five seconds after the ego came near; ours has that speed all the time, and long
     gaps among the short ones (`scenario_runner/srunner/scenarios/route_obstacles.py`).
@@ -70,19 +70,19 @@ def side_traffic(stage: Stage, default_kmh: float) -> None:
 
 
 def oncoming_gaps(stage: Stage, default_m: tuple[float, float]) -> None:
-    """Two-way obstacles: cars come the other way, with gaps from the element `frequency` (`from`, `to` or `value`)."""
+    """Let cars come the other way, with gaps from the element `frequency` (`from`, `to` or `value`)."""
     given = stage.spec.parameters.get("frequency", {})
     ends = [given.get(name, given.get("value", usual)) for name, usual in zip(("from", "to"), default_m, strict=True)]
     stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(min(ends), max(ends)), background=True)
 
 
 def scenery(stage: Stage, gap_m: tuple[float, float] = (45.0, 90.0)) -> None:
-    """Traffic the other way that only shares the road; a one-way road has none."""
+    """Add traffic the other way that only shares the road; a one-way road has none."""
     with contextlib.suppress(RouteError):
         stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=gap_m, background=True)
 
 
 def rolling_start(stage: Stage) -> float:
-    """On fast roads the ego starts at 70 % of the limit, elsewhere at rest; its speed in metres per second."""
+    """Start the ego at 70 % of the limit on fast roads, elsewhere at rest; return its speed in metres per second."""
     stage.start_mps = 0.7 * stage.speed_limit_mps if stage.speed_limit_mps > _FAST_MPS else 0.0
     return stage.start_mps

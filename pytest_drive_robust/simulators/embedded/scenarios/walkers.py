@@ -148,22 +148,22 @@ def vehicle_turning_route_pedestrian(stage: Stage) -> None:
 
 
 def _angle_deg(stage: Stage) -> float:
-    """The element `crossing_angle`, at most so much that somebody still gets across."""
+    """Return the element `crossing_angle`, at most so much that somebody still gets across."""
     return min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
 
 
 def _far_side(stage: Stage) -> str:
-    """Towards which side somebody walks."""
+    """Return towards which side somebody walks."""
     return "left" if right_hand(stage) > 0.0 else "right"
 
 
 def _near_edge_m(stage: Stage, at_m: float) -> float:
-    """From the middle of the ego's lane to where somebody comes from: its edge, to the left that of the road."""
+    """Return the metres from the middle of the ego's lane to where somebody comes from: the edge of lane or road."""
     return stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at_m)
 
 
 def _crosses_after_turn(stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival) -> None:
-    """Somebody starts beside the road that the ego turns into, and crosses all of it."""
+    """Let somebody start beside the road that the ego turns into, and cross all of it."""
     at = stage.exit_ahead_m() + behind_exit_m
     start = road_edge_m(stage, "right", at) + stage.draw("kerb", 1.2, 2.4)
     across = start + road_edge_m(stage, "left", at) + 1.5

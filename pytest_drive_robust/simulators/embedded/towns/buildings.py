@@ -23,7 +23,7 @@ _NEAR_M = 50.0
 
 
 def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
-    """(b, 6): x, y, yaw, length, width, height of every house."""
+    """Return (b, 6): x, y, yaw, length, width, height of every house."""
     key = np.frombuffer(hashlib.blake2b(f"{town.name}\x1fhouses".encode(), digest_size=16).digest(), dtype=np.uint64)
     rng = np.random.Generator(np.random.Philox(key=key))
     points = np.concatenate([lane.centre[:, :2] for lane in lanes])
@@ -45,12 +45,12 @@ def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
 
 
 def _is_near(row: list[float], points: Floats) -> NDArray[np.bool_]:
-    """Points that may be too close to a house: the exact distance is worked out for these only."""
+    """Return points that may be too close to a house: the exact distance is worked out for these only."""
     return np.asarray(np.abs(points - row[:2]).max(axis=1) < _NEAR_M)
 
 
 def _outside(row: list[float], points: Floats) -> Floats:
-    """Distance of each point from a house, 0 inside."""
+    """Return the distance of each point from a house, 0 inside."""
     dx, dy = points[:, 0] - row[0], points[:, 1] - row[1]
     cos, sin = np.cos(row[2]), np.sin(row[2])
     along = np.maximum(np.abs(dx * cos + dy * sin) - row[3] / 2.0, 0.0)

@@ -25,7 +25,7 @@ _COUNTRY_ARM_M = 170.0
 
 
 def crossing(control: str | None, *, lanes: int) -> Draw:
-    """A style: a crossing of four arms in town, the same control at every entry."""
+    """Return a style: a crossing of four arms in town, the same control at every entry."""
 
     def draw(town: Town, rng: np.random.Generator) -> None:
         width = float(rng.uniform(3.4, 3.7))
@@ -38,7 +38,7 @@ def crossing(control: str | None, *, lanes: int) -> Draw:
 
 
 def tee(control: dict[str, str]) -> Draw:
-    """A style: a through road from W to E in town and a stem from S; `control` by arm."""
+    """Return a style: a through road from W to E in town and a stem from S; `control` by arm."""
 
     def draw(town: Town, rng: np.random.Generator) -> None:
         width = float(rng.uniform(3.4, 3.7))
@@ -51,7 +51,7 @@ def tee(control: dict[str, str]) -> Draw:
 
 
 def bike_crossing(town: Town, rng: np.random.Generator) -> None:
-    """A crossing with lights and biking lanes that go straight over."""
+    """Draw a crossing with lights and biking lanes that go straight over."""
     width, biking = float(rng.uniform(3.4, 3.7)), float(rng.uniform(1.5, 1.8))
     section = Section(1, 1, width, float(rng.choice(_TOWN_LIMITS_MPS)), biking_m=biking)
     box = width + biking + float(rng.uniform(5.0, 7.0))
@@ -59,12 +59,12 @@ def bike_crossing(town: Town, rng: np.random.Generator) -> None:
 
 
 def rural_tee(town: Town, rng: np.random.Generator) -> None:
-    """A fast country road from W to E and a slower stem from S, nothing controlled, wide turns."""
+    """Draw a fast country road from W to E and a slower stem from S, nothing controlled, wide turns."""
     _rural(town, rng, "ESW", control={})
 
 
 def rural_crossing(town: Town, rng: np.random.Generator) -> None:
-    """A fast country road from W to E, crossed by a slower one with stop signs."""
+    """Draw a fast country road from W to E, crossed by a slower one with stop signs."""
     _rural(town, rng, "ESWN", control={"N": "stop", "S": "stop"})
 
 
@@ -86,7 +86,7 @@ def _junction(town: Town, names: str, box_m: float, section: Section, *, control
 
 
 def _close_sidewalk(town: Town) -> None:
-    """Where a tee has no fourth arm, the sidewalk goes on."""
+    """Continue the sidewalk where a tee has no fourth arm."""
     before, after = town.chains["E.bwalk"][-1], town.chains["W.fwalk"][0]
     lane, onward = town.network.get_lane(before), town.network.get_lane(after)
     start, end = lane.position(lane.length, 0.0), onward.position(0.0, 0.0)

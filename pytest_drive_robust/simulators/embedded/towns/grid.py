@@ -18,7 +18,7 @@ _SIZE = 2
 
 
 def grid(town: Town, rng: np.random.Generator) -> None:
-    """Four crossings with lights, 75 to 95 m apart, one lane each way.
+    """Draw four crossings with lights, 75 to 95 m apart, one lane each way.
 
     Roads that lead out: `W0`, `W1` (row 0 lies in the north), `E0`, `E1`, `N0`, `N1` (column 0 lies in the west), `S0`,
     `S1`; between the crossings `H0`, `H1` lead east, `V0`, `V1` south. Chains: `W0.left0` turns left at its first
@@ -43,7 +43,7 @@ def grid(town: Town, rng: np.random.Generator) -> None:
 
 
 def _arms(column: int, row: int, centre: tuple[float, float], box_m: float, section: Section) -> list[Arm]:
-    """The arms of one crossing; a road between two crossings is drawn by the western or northern one."""
+    """Return the arms of one crossing; a road between two crossings is drawn by the western or northern one."""
     last = _SIZE - 1
     roads = (
         (f"E{row}" if column == last else f"H{row}", False),

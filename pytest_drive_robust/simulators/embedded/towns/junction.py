@@ -39,7 +39,7 @@ def draw_arms(town: Town, arms: list[Arm], *, length_m: float, crosswalks: bool 
 
 
 def crosswalk(town: Town, arm: Arm) -> None:
-    """A crossing for pedestrians where the arm meets the box."""
+    """Draw a crossing for pedestrians where the arm meets the box."""
     half_m = arm.section.forward * arm.section.width_m + arm.section.biking_m
     x, y, heading = arm.edge()
     ahead = np.array([math.cos(heading), math.sin(heading)])
@@ -52,7 +52,7 @@ def crosswalk(town: Town, arm: Arm) -> None:
 
 
 def turn_between(source: Arm, target: Arm) -> str:
-    """How one turns from one arm into another; arms stand at right angles."""
+    """Return how one turns from one arm into another; arms stand at right angles."""
     turned = math.remainder(target.heading_rad - source.heading_rad - math.pi, math.tau)
     if abs(turned) < 0.1:
         return "straight"
@@ -95,7 +95,7 @@ def chains_through(town: Town, connections: list[Connection]) -> None:
 
 
 def control_of(arm: Arm, lane: LaneKey, what: str) -> JunctionControl:
-    """A light stands in the far corner, halfway round the kerb along which cars turn right."""
+    """Return a light in the far corner, halfway round the kerb along which cars turn right, or a stop sign."""
     edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
     aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M
     return JunctionControl(lane, what, arm.box_m + edge + aside, aside)

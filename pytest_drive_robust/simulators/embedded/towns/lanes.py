@@ -27,7 +27,7 @@ _NOBODY: _Side = (-1, False)
 
 
 def draw_lanes(town: Town) -> tuple[Lane, ...]:
-    """Every lane of the town, numbered in the order in which they were drawn."""
+    """Return every lane of the town, numbered in the order in which they were drawn."""
     keys = list(town.kinds)
     index = {key: k for k, key in enumerate(keys)}
     centres = [_sample(town, key) for key in keys]
@@ -61,7 +61,7 @@ def _lane(
 
 
 def _sample(town: Town, key: LaneKey) -> Floats:
-    """What `lane.position` and `lane.heading_at` give for a row of distances, at once."""
+    """Return what `lane.position` and `lane.heading_at` give for a row of distances, at once."""
     lane = town.network.get_lane(key)
     if isinstance(lane, TracedLane):
         return lane.centre
@@ -80,7 +80,7 @@ def _sample(town: Town, key: LaneKey) -> Floats:
 def _neighbours(
     town: Town, index: dict[LaneKey, int], centres: list[Floats]
 ) -> tuple[dict[int, _Side], dict[int, _Side]]:
-    """For each lane number what lies to its left, to its right: (lane number, leads the same way)."""
+    """Return for each lane number what lies to its left and to its right: (lane number, leads the same way)."""
     left: dict[int, _Side] = {}
     right: dict[int, _Side] = {}
     for strip in town.slices:
@@ -93,7 +93,7 @@ def _neighbours(
 
 
 def _successors(town: Town, keys: list[LaneKey], centres: list[Floats]) -> list[tuple[int, ...]]:
-    """The lanes of the same kind that begin where each lane ends, heading the same way."""
+    """Return the lanes of the same kind that begin where each lane ends, heading the same way."""
     kinds = np.array([int(town.kinds[key]) for key in keys])
     starts, ends = np.array([centre[0] for centre in centres]), np.array([centre[-1] for centre in centres])
     meets = np.hypot(*(ends[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1)) < _JOIN_M
@@ -104,7 +104,7 @@ def _successors(town: Town, keys: list[LaneKey], centres: list[Floats]) -> list[
 
 
 def stop_lines(town: Town, lanes: tuple[Lane, ...]) -> tuple[StopLine, ...]:
-    """One for each controlled lane, `_STOP_BEFORE_END_M` before its end.
+    """Return a stop line for each controlled lane, `_STOP_BEFORE_END_M` before its end.
 
     A light stands at the far corner of the junction, where a driver at the line can see it; a sign stands at the line.
     Both stand to the right of the outermost lane.
@@ -125,7 +125,7 @@ def _stop_line(k: int, lane: Lane, control: JunctionControl, lanes: tuple[Lane, 
 
 
 def _to_kerb_m(lanes: tuple[Lane, ...], lane: Lane) -> float:
-    """Width of the lanes that lie to the right of this one, up to the sidewalk."""
+    """Return the width of the lanes that lie to the right of this one, up to the sidewalk."""
     total = 0.0
     while lane.right >= 0 and lane.right_same_way and lanes[lane.right].kind is not LaneKind.SIDEWALK:
         lane = lanes[lane.right]

@@ -20,7 +20,7 @@ _GAP_M = (14.0, 35.0)
 
 
 def entry_ramp(town: Town, rng: np.random.Generator) -> None:
-    """Two or three lanes and a ramp that becomes an acceleration lane, which ends."""
+    """Draw two or three lanes and a ramp that becomes an acceleration lane, which ends."""
     lanes, limit, ramp = _draw(rng)
     parallel_m = float(rng.uniform(90.0, 140.0))
     section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
@@ -38,7 +38,7 @@ def entry_ramp(town: Town, rng: np.random.Generator) -> None:
 
 
 def exit_ramp(town: Town, rng: np.random.Generator) -> None:
-    """Two or three lanes and an exit lane to their right, which parts from the road."""
+    """Draw two or three lanes and an exit lane to their right, which parts from the road."""
     lanes, limit, ramp = _draw(rng)
     section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
     gore = road(town, "road", _START, [(_EXIT_LANE_M, 0.0)], replace(section, forward=lanes + 1))
@@ -51,12 +51,12 @@ def exit_ramp(town: Town, rng: np.random.Generator) -> None:
 
 
 def _draw(rng: np.random.Generator) -> tuple[int, float, float]:
-    """Lanes, speed limit of the road, of the ramp."""
+    """Return lanes, speed limit of the road, of the ramp."""
     return int(rng.integers(2, 4)), float(rng.choice([20.0, 22.0, 25.0])), float(rng.uniform(14.0, 17.0))
 
 
 def _ramp(rng: np.random.Generator) -> list[Piece]:
-    """A straight and an arc to the right of 15 to 25 degrees that ends parallel to the road."""
+    """Return a straight and an arc to the right of 15 to 25 degrees that ends parallel to the road."""
     radius, turn = float(rng.uniform(170.0, 230.0)), float(rng.uniform(0.27, 0.42))
     return [(float(rng.uniform(140.0, 160.0)), 0.0), (radius * turn, 1.0 / radius)]
 

@@ -28,7 +28,7 @@ _PARKING_WIDTH_M = 2.4
 
 
 def advance(pose: Pose, length: float, curvature: float) -> Pose:
-    """The pose after `length` metres on a line or an arc (curvature positive to the right)."""
+    """Return the pose after `length` metres on a line or an arc (curvature positive to the right)."""
     x, y, heading = pose
     if curvature == 0.0:
         return x + length * math.cos(heading), y + length * math.sin(heading), heading
@@ -41,7 +41,7 @@ def advance(pose: Pose, length: float, curvature: float) -> Pose:
 
 
 def retreat(pose: Pose, pieces: list[Piece]) -> Pose:
-    """Where a road of these pieces must start to end at `pose`."""
+    """Return where a road of these pieces must start to end at `pose`."""
     x, y, heading = pose
     for length, curvature in reversed(pieces):
         x, y, heading = advance((x, y, heading + math.pi), length, -curvature)
@@ -50,7 +50,7 @@ def retreat(pose: Pose, pieces: list[Piece]) -> Pose:
 
 
 def beside(pose: Pose, right_m: float) -> Pose:
-    """The pose `right_m` metres to the right, same heading."""
+    """Return the pose `right_m` metres to the right, same heading."""
     x, y, heading = pose
     return x - right_m * math.sin(heading), y + right_m * math.cos(heading), heading
 
@@ -58,7 +58,7 @@ def beside(pose: Pose, right_m: float) -> Pose:
 def piece(
     pose: Pose, length: float, curvature: float, offset: float, *, backward: bool, **lane: object
 ) -> AbstractLane:
-    """A highway-env lane `offset` metres to the right of a reference piece, along it or against it."""
+    """Return a highway-env lane `offset` metres to the right of a reference piece, along it or against it."""
     x, y, heading = pose
     right = np.array([-math.sin(heading), math.cos(heading)])
     if curvature == 0.0:
@@ -152,7 +152,7 @@ class _Strips:
 
 
 def winding(rng: np.random.Generator, total_m: float, *, radius_m: Piece, arc_m: Piece = (25.0, 45.0)) -> list[Piece]:
-    """Pieces of a gently winding road of `total_m` metres: line, arc, line, counter-arc, line."""
+    """Return the pieces of a gently winding road of `total_m` metres: line, arc, line, counter-arc, line."""
     sign = 1.0 if rng.random() < 0.5 else -1.0
     arc = float(rng.uniform(*arc_m))
     straight = (total_m - 2.0 * arc) / 3.0

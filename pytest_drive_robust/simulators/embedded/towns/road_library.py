@@ -23,7 +23,10 @@ _PACKAGE = "highway_env"
 
 
 def _road_model() -> tuple[ModuleType, ModuleType]:
-    """The modules `road.lane` and `road.road`. Raises `ModuleNotFoundError` where highway-env is not installed."""
+    """Return the modules `road.lane` and `road.road`.
+
+    Raises `ModuleNotFoundError` where highway-env is not installed.
+    """
     lane, road = f"{_PACKAGE}.road.lane", f"{_PACKAGE}.road.road"
     if _PACKAGE in sys.modules:
         return importlib.import_module(lane), importlib.import_module(road)

@@ -18,7 +18,7 @@ _QUARTER = math.pi / 2.0
 
 
 def roundabout(town: Town, rng: np.random.Generator) -> None:
-    """A ring of 14 to 20 m radius with four arms; who is in the ring goes first."""
+    """Draw a ring of 14 to 20 m radius with four arms; who is in the ring goes first."""
     width, radius = float(rng.uniform(3.5, 3.8)), float(rng.uniform(14.0, 20.0))
     bend = float(rng.uniform(11.0, 14.0))
     section = Section(1, 1, width, float(rng.choice([11.0, 12.5])))

@@ -53,16 +53,16 @@ class Arm:
     ends_here: bool = False
 
     def edge(self) -> Pose:
-        """Where the road meets the box, heading away."""
+        """Return where the road meets the box, heading away."""
         x, y = self.centre
         return x + self.box_m * np.cos(self.heading_rad), y + self.box_m * np.sin(self.heading_rad), self.heading_rad
 
     def inward(self, lane: str) -> str:
-        """The chain of lane `"0"`, `"1"`, `"bike"`, ... that comes in."""
+        """Return the chain of lane `"0"`, `"1"`, `"bike"`, ... that comes in."""
         return f"{self.name}.{'f' if self.ends_here else 'b'}{lane}"
 
     def outward(self, lane: str) -> str:
-        """The chain of lane `"0"`, `"1"`, `"bike"`, ... that leads away."""
+        """Return the chain of lane `"0"`, `"1"`, `"bike"`, ... that leads away."""
         return f"{self.name}.{'b' if self.ends_here else 'f'}{lane}"
 
 
@@ -119,5 +119,5 @@ class Town:
         return key
 
     def new_junction(self) -> int:
-        """A number that no junction has yet."""
+        """Return a number that no junction has yet."""
         return 1 + max(self.junctions.values(), default=-1)

@@ -26,28 +26,28 @@ class TracedLane(AbstractLane):  # type: ignore[misc]
         self.priority = 0
 
     def position(self, longitudinal: float, lateral: float) -> NDArray[np.float64]:
-        """The point of these lane coordinates."""
+        """Return the point of these lane coordinates."""
         return np.array(place(self.centre, longitudinal, lateral)[:2])
 
     def local_coordinates(self, position: NDArray[np.float64]) -> tuple[float, float]:
-        """(metres along the lane, metres to its right) of a point."""
+        """Return (metres along the lane, metres to its right) of a point."""
         return project(self.centre, float(position[0]), float(position[1]))
 
     def heading_at(self, longitudinal: float) -> float:
-        """Heading in radians so far along the lane."""
+        """Return the heading in radians so far along the lane."""
         return place(self.centre, longitudinal)[2]
 
     def width_at(self, longitudinal: float) -> float:
-        """The same everywhere, in metres."""
+        """Return the width, the same everywhere, in metres."""
         return self.width
 
     @classmethod
     def from_config(cls, config: dict[str, object]) -> TracedLane:
-        """highway-env's way to read a lane from a dictionary of these arguments."""
+        """Return highway-env's way to read a lane from a dictionary of these arguments."""
         return cls(**config)  # type: ignore[arg-type]
 
     def to_config(self) -> dict[str, object]:
-        """What `from_config` reads."""
+        """Return what `from_config` reads."""
         return {
             "centre": self.centre,
             "width": self.width,

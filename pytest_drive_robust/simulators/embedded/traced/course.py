@@ -56,7 +56,7 @@ class RouteCourse:
         return 0.0 if self.after is None else float(np.hypot(*(self.after[0, :2] - self.before[-1, :2])))
 
     def whole(self) -> Floats:
-        """One line, with a smooth curve where waypoints are missing."""
+        """Return one line, with a smooth curve where waypoints are missing."""
         if self.after is None:
             return self.before
         between = bridge(tuple(self.before[-1]), tuple(self.after[0]))
@@ -117,7 +117,7 @@ def _chained(parts: list[Floats]) -> Floats:
 
 
 def _without_shifts(points: Floats) -> tuple[Floats, tuple[Shift, ...]]:
-    """The points with every jump to the next lane taken out, and the jumps."""
+    """Return the points with every jump to the next lane taken out, and the jumps."""
     steps = np.diff(points, axis=0)
     length = np.hypot(*steps.T)
     s = np.concatenate([[0.0], np.cumsum(length)])

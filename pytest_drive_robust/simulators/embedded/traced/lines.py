@@ -33,7 +33,7 @@ _FIT_M = 10.0
 
 
 def smoothed(points: Floats) -> Floats:
-    """A line through points (n, 2) without their rounding: a Gaussian of 4 m along it."""
+    """Return a line through points (n, 2) without their rounding: a Gaussian of 4 m along it."""
     line = resample(points)
     first, last = _end_heading(line), _end_heading(line[::-1]) + math.pi
     steps = np.arange(1, _REACH_M + 1)[:, None]
@@ -47,7 +47,7 @@ def smoothed(points: Floats) -> Floats:
 
 
 def _end_heading(line: Floats) -> float:
-    """Heading of the straight line that fits the first metres best."""
+    """Return the heading of the straight line that fits the first metres best."""
     near = line[arc_lengths(line) <= _FIT_M, :2]
     if len(near) < 3:
         near = line[:3, :2]
@@ -58,14 +58,14 @@ def _end_heading(line: Floats) -> float:
 
 
 def straight(pose: Pose, length_m: float) -> Floats:
-    """A straight line that begins at `pose`."""
+    """Return a straight line that begins at `pose`."""
     x, y, heading = pose
     at = np.linspace(0.0, length_m, max(2, round(length_m) + 1))
     return np.column_stack([x + at * math.cos(heading), y + at * math.sin(heading), np.full(len(at), heading)])
 
 
 def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> Floats:
-    """The line with straight metres at its ends."""
+    """Return the line with straight metres at its ends."""
     parts = [line]
     if before_m > 0.5:
         x, y, heading = line[0]
@@ -77,12 +77,15 @@ def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> F
 
 
 def joined(*lines: Floats) -> Floats:
-    """One line through several that follow each other."""
+    """Return one line through several that follow each other."""
     return resample(np.concatenate(lines))
 
 
 def shifted(line: Floats, right_m: float | Floats) -> Floats:
-    """The line moved to its right, everywhere by the same or by metres for each point; points stay one to one."""
+    """Return the line moved to its right, everywhere by the same or by metres for each point.
+
+    Points stay one to one.
+    """
     right = np.asarray(right_m, dtype=float)
     x = line[:, 0] - right * np.sin(line[:, 2])
     y = line[:, 1] + right * np.cos(line[:, 2])
@@ -93,26 +96,26 @@ def shifted(line: Floats, right_m: float | Floats) -> Floats:
 
 
 def reversed_line(line: Floats) -> Floats:
-    """The same line, driven from its end to its start."""
+    """Return the same line, driven from its end to its start."""
     return np.asarray(line[::-1] + np.array([0.0, 0.0, math.pi]))
 
 
 def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
-    """A pose so far ahead and to the right, heading the same way."""
+    """Return a pose so far ahead and to the right, heading the same way."""
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
     return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
 
 
 def local(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
-    """(metres ahead, metres to the right) of a point as seen from a pose."""
+    """Return (metres ahead, metres to the right) of a point as seen from a pose."""
     dx, dy = float(point[0]) - pose[0], float(point[1]) - pose[1]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def bridge(start: Pose, end: Pose) -> Floats:
-    """A smooth line from one pose to another: nearly an arc where one fits."""
+    """Return a smooth line from one pose to another: nearly an arc where one fits."""
     a, b = np.array(start[:2]), np.array(end[:2])
     turn = abs(math.remainder(end[2] - start[2], math.tau))
     reach = float(np.hypot(*(b - a)))
@@ -133,7 +136,10 @@ def bridge(start: Pose, end: Pose) -> Floats:
 
 
 def crossing_point(start: Pose, end: Pose) -> tuple[float, float] | None:
-    """(metres ahead of `start`, metres before `end`) of the corner where their straight ways meet; None if parallel."""
+    """Return (metres ahead of `start`, metres before `end`) of the corner where their straight ways meet.
+
+    None if parallel.
+    """
     ahead, right = local(start, end)
     turn = end[2] - start[2]
     if abs(math.sin(turn)) < 0.05:

@@ -41,7 +41,7 @@ def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | 
 
 
 def _for_direction(roads: Roads, direction: str | None, shifts: tuple[Shift, ...]) -> Roads:
-    """Where something happens to the left instead of the right, the ego drives at the other edge of its way.
+    """Return where something happens to the left instead of the right, the ego drives at the other edge of its way.
 
     Lane changes need lanes: as many to either side as the route goes there, and one more where it never goes.
     """

@@ -84,7 +84,7 @@ def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec
 
 
 def draw_cut_in(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec) -> Floats:
-    """The ego's lane straight on, and beside it a lane that comes from a ramp and ends."""
+    """Draw the ego's lane straight on, and beside it a lane that comes from a ramp and ends."""
     line = course.whole()
     other = spec.parameters["other_actor_location"]
     side = 1.0 if project(line, other["x"], other["y"])[1] > 0.0 else -1.0
@@ -146,7 +146,7 @@ def _road(
     town: Town, line: Floats, speed_mps: float, split_m: float, *, extra_m: float, lanes: tuple[int, int, int],
     own_lane: int, side: float = 1.0,
 ) -> None:  # fmt: skip
-    """A one-way road of two or three stretches; a lane that only the middle one has lies on `side`."""
+    """Draw a one-way road of two or three stretches; a lane that only the middle one has lies on `side`."""
     town.building_gap_m = (14.0, 35.0)
     s = arc_lengths(line)
     first = int(np.searchsorted(s, split_m))
@@ -169,7 +169,7 @@ def _changing(line: Floats, from_m: float, over_m: float, side: float) -> Floats
 
 
 def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
-    """1 before a change of lanes, 0 after it."""
+    """Return 1 before a change of lanes, 0 after it."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip((s - from_m) / over_m, 0.0, 1.0)))
 
 
@@ -182,7 +182,7 @@ def _level(line: Floats, at_m: float, other: Floats) -> float:
 
 
 def _ramp_speed(ramp: Floats) -> float:
-    """As fast as its sharpest bend allows with 3 m/s2 sideways, 7 to 14 m/s."""
+    """Return the speed that its sharpest bend allows with 3 m/s2 sideways, 7 to 14 m/s."""
     bend = np.abs(np.convolve(np.diff(ramp[:, 2]), np.full(8, 1.0 / 8.0), mode="same")).max()
     return float(np.clip(math.sqrt(_SIDEWAYS_MPS2 / max(bend, 1e-3)), _LEAST_MPS, _RAMP_MPS))
 

@@ -19,7 +19,7 @@ _OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{2}(?:HD)?(?:_Opt)?")
 
 
 def is_official(town: str) -> bool:
-    """Whether a town's name is one of the CARLA leaderboard's: `Town01` to `Town15`, `Town10HD`."""
+    """Return whether a town's name is one of the CARLA leaderboard's: `Town01` to `Town15`, `Town10HD`."""
     return _OFFICIAL_TOWN.fullmatch(town) is not None
 
 
@@ -171,7 +171,7 @@ SCHEMA: dict[str, TypeSchema] = {
 
 
 def problems_of(spec: ScenarioSpec) -> list[str]:
-    """What is wrong with a scenario of an official route file; empty when nothing is."""
+    """Return what is wrong with a scenario of an official route file; empty when nothing is."""
     schema = SCHEMA.get(spec.type)
     if schema is None:
         close = nearest(spec.type, sorted(SCHEMA))

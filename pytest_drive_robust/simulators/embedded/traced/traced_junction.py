@@ -71,7 +71,7 @@ def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: floa
 
 
 def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
-    """Where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
+    """Return where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
     line = course.before
     first, last = round(trigger_m) + 12, len(line) - 12
     if last - first < _WINDOW_M:
@@ -86,7 +86,10 @@ def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
 
 
 def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
-    """A junction where the ego turns: its two roads meet in the corner of their lanes. None where they do not."""
+    """Return a junction where the ego turns: its two roads meet in the corner of their lanes.
+
+    None where they do not.
+    """
     before, after = course.before, course.after
     assert after is not None
     start, end = tuple(before[-1]), tuple(after[0])
@@ -122,7 +125,7 @@ def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
 
 
 def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
-    """(arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
+    """Return (arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
     plain = Section(1, 1, LANE_M, roads.speed_mps)
     own = Section(1, 1, LANE_M, roads.speed_mps, biking_m=_BIKING_M if roads.biking else 0.0)
     entry = reversed_line(shifted(prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
@@ -148,7 +151,7 @@ def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section)
 
 
 def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
-    """Every way from arm to arm; the line of the ego's own."""
+    """Return every way from arm to arm; the line of the ego's own."""
     junction = town.new_junction()
     own: Floats | None = None
     for source in arms:

@@ -106,7 +106,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
     assert runner.returncode == (130 if number == signal.SIGINT else -number)
 
 
-def test_nothing_is_left_when_the_keeper_is_killed(
+def test_nothing_is_left_when_the_subreaper_is_killed(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor(tries=1)
@@ -119,7 +119,7 @@ def test_nothing_is_left_when_the_keeper_is_killed(
                 own = f"{MARK}={process_mark}".encode() in (entry / "environ").read_bytes()
             except OSError:
                 continue
-            if own and any(part.endswith(b"keeper.py") for part in parts):
+            if own and any(part.endswith(b"subreaper.py") for part in parts):
                 os.kill(int(entry.name), signal.SIGKILL)
     assert future.result(60).outcome is Outcome.INFRA_ERROR
     assert left_behind(process_mark) == []

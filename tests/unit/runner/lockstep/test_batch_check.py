@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
-from lockstep_agents import Floats, Net, bits, task
+from lockstep_agents import Floats, Net, bits, drive_together, task
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.runner.lockstep.batch_check import Recording, check_lockstep, record
-from pytest_drive_robust.runner.lockstep.lockstep import drive_together
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 

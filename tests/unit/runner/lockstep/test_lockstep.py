@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lockstep_agents import Net, bits, task
+from lockstep_agents import Net, bits, drive_together, task
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.lockstep.lockstep import Lockstep, drive_together
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent

@@ -249,7 +249,7 @@ def digests() -> list[str]:
 
 def test_another_process_draws_the_same_bytes() -> None:
     here = os.path.dirname(__file__)
-    code = f"import sys; sys.path.insert(0, {here!r}); import test_camera as t; print(t.digests())"
+    code = f"import sys; sys.path[:0] = {[here, *sys.path]!r}; import test_camera as t; print(t.digests())"
     fresh = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONHASHSEED": "5"},

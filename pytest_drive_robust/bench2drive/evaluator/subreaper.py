@@ -4,7 +4,7 @@ An evaluator starts its server in a session of its own, so no process group reac
 parent of everything below it whose own parent ends (Linux), and kills all of it when the command is over, or when its
 standard input ends, which it does when whoever started us closes it or dies.
 
-    python keeper.py COMMAND [ARGUMENTS]
+    python subreaper.py COMMAND [ARGUMENTS]
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def _kill(pid: int, *, group: bool = False) -> None:
 
 
 def _below(root: int) -> list[int]:
-    """Every process below `root`; children that only wait to be reaped do not count."""
+    """Return every process below `root`; children that only wait to be reaped do not count."""
     children: dict[int, list[int]] = {}
     for name in os.listdir("/proc") if os.path.isdir("/proc") else []:
         if not name.isdecimal():

@@ -1,0 +1,114 @@
+"""The executor of lockstep in this process: what joins a batch, what is driven alone, what is refused."""
+
+from __future__ import annotations
+
+import pytest
+from lockstep_agents import Net, bits, drive_together, task
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
+from pytest_drive_robust.runner.lockstep.executor import LockstepExecutor
+from pytest_drive_robust.runner.lockstep.local import lockstep_inline
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
+
+made: list[FakeSimulator] = []
+
+
+class Unmakable(Net):
+    def __init__(self) -> None:
+        raise OSError("no weights")
+
+
+def world(options: SimulatorOptions, *, breaks: tuple[int, ...] = ()) -> FakeSimulator:
+    """The worlds with these numbers, in the order in which they are made, break in tick 5."""
+    raises = RuntimeError("lost the server") if len(made) in breaks else None
+    made.append(FakeSimulator(SimulatorOptions(tick_cap=150), raises=raises, raises_at=5))
+    return made[-1]
+
+
+@pytest.fixture
+def registry() -> Registry:
+    made.clear()
+    registry = Registry()
+    registry.register_agent("net", Net)
+    registry.register_agent("unmakable", Unmakable)
+    registry.register_agent("alone", ScriptedAgent)
+    registry.register_simulator("world", world)
+    registry.register_simulator("breaks once", lambda options: world(options, breaks=(2,)))
+    registry.register_simulator("breaks", lambda options: world(options, breaks=tuple(range(1, 20))))
+    return registry
+
+
+def executor(registry: Registry, simulator: str = "world") -> LockstepExecutor:
+    return lockstep_inline(registry, simulator=simulator, options=SimulatorOptions(), ticked=lambda: None, width=4)
+
+
+def keyed(number: int, agent: str = "net") -> EpisodeRequest:
+    one = task(metres=8.0 + number, seed=number, agent=agent)
+    return EpisodeRequest(one.episode, one.route, one.setting, f"{agent}{number}")
+
+
+def drive(driving: LockstepExecutor, requests: list[EpisodeRequest]) -> list[EpisodeResult]:
+    futures = [driving.submit(request) for request in requests]
+    driving.close()
+    return [future.result(timeout=0.0) for future in futures]
+
+
+def test_what_is_submitted_is_driven_in_batches(registry: Registry) -> None:
+    requests = [keyed(number) for number in range(6)]
+    found = drive(executor(registry), requests)
+    assert {result.versions["lockstep"] for result in found} == {"4"}
+    alone = drive_together(lambda: FakeSimulator(SimulatorOptions(tick_cap=150)), Net, requests, width=4)
+    assert [bits(result) for result in found] == [bits(result) for result in alone]
+
+
+def test_work_returns_when_an_episode_has_ended(registry: Registry) -> None:
+    driving = executor(registry)
+    futures = [driving.submit(keyed(number)) for number in range(4)]
+    assert driving.work is not None
+    driving.work()
+    assert 1 <= sum(future.done() for future in futures) < 4
+    late = driving.submit(keyed(9))
+    while not all(future.done() for future in (*futures, late)):
+        driving.work()
+    driving.work()  # nothing is left
+    driving.close()
+
+
+def test_an_episode_whose_world_broke_is_driven_again_alone(registry: Registry) -> None:
+    requests = [keyed(number) for number in range(4)]
+    found = drive(executor(registry, "breaks once"), requests)
+    assert {result.outcome for result in found} & {Outcome.INFRA_ERROR, Outcome.AGENT_ERROR} == set()
+    assert len(made) == 1 + 4, "one to ask the agent in, and those of the batch without the broken one, used again"
+
+
+def test_a_world_that_always_breaks_ends_in_an_infra_error(registry: Registry) -> None:
+    (found,) = drive(executor(registry, "breaks"), [keyed(0)])
+    assert found.outcome is Outcome.INFRA_ERROR
+    assert len(made) == 1 + 1 + 1 + DRIVEN_AGAIN
+
+
+def test_an_agent_that_cannot_be_made_has_no_results_and_others_have(registry: Registry) -> None:
+    driving = executor(registry)
+    futures = [driving.submit(keyed(number, agent)) for number, agent in enumerate(("unmakable", "net", "unmakable"))]
+    driving.close()
+    assert isinstance(futures[0].exception(timeout=0.0), UsageError)
+    assert futures[0].exception() is futures[2].exception(timeout=0.0)
+    assert futures[1].result(timeout=0.0).outcome is Outcome.COMPLETED
+
+
+def test_an_agent_without_act_batch_takes_the_place_of_a_batch_until_it_is_collected(registry: Registry) -> None:
+    driving = executor(registry)
+    assert driving.slots == 4
+    assert driving.submit(keyed(0, "alone")).done()
+    assert driving.slots == 1
+    assert driving.work is not None
+    driving.work()
+    assert driving.slots == 4
+    driving.close()
+    driving.close()

@@ -1,0 +1,163 @@
+"""Flows that must be crossed or joined: gaps, speeds, manners."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scenario_driver import collisions, drawn, staged
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
+from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
+from pytest_drive_robust.simulators.embedded.world import World
+
+Floats = NDArray[np.float64]
+FULL_BRAKE = Control(brake=1.0)
+FLOWS = (
+    "CrossingBicycleFlow", "EnterActorFlow", "HighwayExit", "InterurbanActorFlow", "InterurbanAdvancedActorFlow",
+    "MergerIntoSlowTraffic", "MergerIntoSlowTrafficV2", "NonSignalizedJunctionLeftTurn",
+    "NonSignalizedJunctionLeftTurnEnterFlow", "NonSignalizedJunctionRightTurn", "SignalizedJunctionLeftTurn",
+    "SignalizedJunctionLeftTurnEnterFlow", "SignalizedJunctionRightTurn",
+)  # fmt: skip
+
+
+def file_flows(world: World) -> list[NDArray[np.int64]]:
+    """The actors of each flow that the route file asks for, from the first on its way to the last."""
+    found = []
+    for flow in np.unique(world.state.actor_ints[:, c.I_FLOW]):
+        members = np.flatnonzero(
+            (world.state.actor_ints[:, c.I_FLOW] == flow)
+            & (world.state.actor_ints[:, c.I_BACKGROUND] == 0)
+            & (world.state.actor_ints[:, c.I_ACTIVE] == 1)
+        )
+        if flow >= 0 and len(members):
+            found.append(members[np.argsort(-world.state.actors[members, c.A_S])])
+    return found
+
+
+def gaps_m(world: World, members: NDArray[np.int64]) -> Floats:
+    """Rear of one to front of the next, in metres."""
+    rows = world.state.actors[members]
+    half = 0.5 * (rows[:-1, c.A_LENGTH] + rows[1:, c.A_LENGTH])
+    return np.asarray(rows[:-1, c.A_S] - rows[1:, c.A_S] - half)
+
+
+# --- flows ---
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_gaps_and_speed_are_those_of_the_route_file(name: str) -> None:
+    for number in range(len(SCENARIOS[name].sites)):
+        world = World(drawn(name, number), seed=number)
+        spec = world.dense.route.scenario
+        low = spec.number("source_dist_interval", math.nan, attribute="from")
+        high = spec.number("source_dist_interval", math.nan, attribute="to")
+        flows = file_flows(world)
+        assert flows
+        for members in flows:
+            gaps = gaps_m(world, members)
+            # the drawn gaps hold between the longest kinds; every third may be twice as long
+            assert gaps.min() >= max(low, 4.0) - 1e-6
+            assert gaps.max() <= 2.0 * high + 1.1
+            assert world.state.actors[members, c.A_V] == pytest.approx(spec.number("flow_speed", math.nan))
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_a_flow_keeps_its_speed_however_dense_it_is(name: str) -> None:
+    world = staged(name)
+    world.state.ego[c.EGO_X] += 1e4  # nobody in its way
+    before = world.state.actors[file_flows(world)[0][0], c.A_V]
+    for _ in range(120):
+        world.tick(FULL_BRAKE)
+    for members in file_flows(world):
+        assert world.state.actors[members, c.A_V] == pytest.approx(before, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_the_flow_comes_to_where_the_ego_must_go(name: str) -> None:
+    for number in range(len(SCENARIOS[name].sites)):
+        world = World(drawn(name, number), seed=0)
+        rows = world.dense.rows
+        path = world.stage.paths[int(world.state.actor_ints[file_flows(world)[0][0], c.I_PATH])]
+        away = np.hypot(rows[:, None, 0] - path[:, 0], rows[:, None, 1] - path[:, 1])
+        assert away.min() < 1.0
+        assert away[0].min() > 1.5  # not where it starts
+
+
+@pytest.mark.parametrize("name", ["NonSignalizedJunctionLeftTurn", "NonSignalizedJunctionRightTurn"])
+def test_the_first_to_come_find_no_wide_gap_and_the_patient_do(name: str) -> None:
+    world = staged(name)
+    high = world.dense.route.scenario.number("source_dist_interval", math.nan, attribute="to")
+    world.state.ego[c.EGO_X] += 1e4
+    members = file_flows(world)[0]
+    meets = world.stage.along(int(world.state.actor_ints[members[0], c.I_PATH]), world.stage.junction_ahead_m())
+    passed: list[float] = []  # when somebody passes
+    before = world.state.actors[:, c.A_S].copy()
+    slots = world.state.actor_ints[:, c.I_FLOW] == world.state.actor_ints[members[0], c.I_FLOW]
+    for _ in range(1000):
+        world.tick(FULL_BRAKE)
+        now = world.state.actors[:, c.A_S]
+        passed.extend([world.state.clock[0] * 0.05] * int((slots & (before < meets) & (now >= meets)).sum()))
+        before = now.copy()
+    apart = np.diff(passed) * world.state.flows[0, c.F_SPEED]
+    early = np.array(passed[1:]) < 10.0
+    assert apart[early].max() < high + 6.2
+    assert apart[~early].max() > high + 6.2
+
+
+def test_who_comes_late_is_overlooked_until_he_is_in_the_middle_of_the_lane() -> None:
+    braking = {}
+    for aside in (1.6, 0.0):
+        world = staged("NonSignalizedJunctionLeftTurn")
+        car = int(file_flows(world)[0][-2])
+        row = world.state.actors[car]
+        yaw = float(row[c.A_YAW])
+        ahead = 12.0
+        world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = (
+            row[c.A_X] + ahead * math.cos(yaw) - aside * math.sin(yaw),
+            row[c.A_Y] + ahead * math.sin(yaw) + aside * math.cos(yaw),
+            yaw,
+            0.0,
+        )
+        world.tick(FULL_BRAKE)
+        braking[aside] = float(world.state.actors[car, c.A_ACCEL])
+    assert braking[1.6] == pytest.approx(0.0, abs=0.01)
+    assert braking[0.0] < -3.0
+
+
+def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_blocking_the_road() -> None:
+    world = staged("NonSignalizedJunctionLeftTurn")
+    car = int(file_flows(world)[0][-2])
+    row, start = world.state.actors[car], float(world.state.actors[car, c.A_S])
+    yaw, ahead, aside = float(row[c.A_YAW]), 12.0, 1.6
+    x, y = row[c.A_X] + ahead * math.cos(yaw), row[c.A_Y] + ahead * math.sin(yaw)
+    world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = (
+        x - aside * math.sin(yaw), y + aside * math.cos(yaw), yaw, 0.0
+    )  # fmt: skip
+    before = world.state.ego[:2].copy()
+    for _ in range(80):
+        world.tick(FULL_BRAKE)
+    assert np.hypot(*(world.state.ego[:2] - before)) > 0.1  # it was pushed aside
+    assert collisions(world) == []
+    assert world.state.actors[car, c.A_S] > start + 25.0
+
+
+@pytest.mark.parametrize("name", [*FLOWS, "SequentialLaneChange", "T_Junction", "VanillaNonSignalizedTurn"])
+def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> None:
+    for number in range(min(len(SCENARIOS[name].sites), 3)):
+        world = World(drawn(name, number), seed=1)
+        world.state.ego[c.EGO_X] += 1e4
+        for _ in range(50):
+            for _ in range(8):
+                world.tick(FULL_BRAKE)
+            cars = world.frame().actors[
+                :, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]
+            ]
+            for i in range(len(cars)):
+                near = np.hypot(cars[:i, 0] - cars[i, 0], cars[:i, 1] - cars[i, 1]) < 8.0
+                assert all(overlap(*cars[i], *other)[0] == 0.0 for other in cars[:i][near])
