@@ -73,7 +73,7 @@ class Metric:
         clean: Sequence[EpisodeResult] = (),
         mode: str = "bench2drive",
     ) -> float | None:
-        """Return the value over `results`, None when they hold no data. Raises `ComparisonError` as its formula says."""
+        """Return the value over `results`, None without data. Raises `ComparisonError` as its formula says."""
         require_mode(mode)
         require_scorable(results)
         of_episode = self.of_episode

@@ -79,7 +79,7 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
 
 
 def ships(spec: str) -> bool:
-    """Return whether a specification names routes that we ship, so that their ids alone are enough to find them again."""
+    """Return whether a specification names routes that we ship, so that their ids are enough to find them again."""
     return _split(spec.strip())[0] in set_names()
 
 

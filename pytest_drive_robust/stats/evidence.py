@@ -204,7 +204,7 @@ class LinearForms:
         return self.sign * (score - self.keep * reference - self.base)
 
     def slack(self, score: float, reference: float = 0.0) -> float:
-        """Return the value of one route whose mean is above 0 exactly when the limit is missed by less than the margin."""
+        """Return the value of one route whose mean is above 0 exactly when the limit is missed by less than margin."""
         return self.sign * (score - self.lenient_keep * reference - self.lenient_base)
 
     @property

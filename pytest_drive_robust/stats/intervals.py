@@ -236,7 +236,7 @@ def _wealth(gains: Sequence[float], worst: float) -> float:
 
 
 def _turning_point(inside: float, end: float, rejects: Callable[[float], bool]) -> float:
-    """Return where `rejects` turns between `inside`, which is never rejected, and `end`; `end` when it does not turn."""
+    """Return where `rejects` turns between `inside`, never rejected, and `end`; `end` when it does not turn."""
     outside = end
     if math.isinf(end):
         step = math.copysign(1.0 / 64.0, end) * max(1.0, abs(inside))

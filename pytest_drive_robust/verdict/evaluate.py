@@ -142,7 +142,7 @@ def _interval_after_reading(
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
-    """Return why an RD says nothing: an agent that hardly drives has little to lose. Empty when it does say something."""
+    """Return why an RD says nothing: an agent that hardly drives has little to lose. Empty when it says something."""
     if not metric.needs_clean:
         return ""
     scores = values_by_route(clean, driving_score).values()

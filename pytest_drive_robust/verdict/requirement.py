@@ -30,7 +30,7 @@ _COMPARISONS = ("<=", ">=")
 
 
 def known_metric(name: str) -> Metric:
-    """Return the metric of that name. Raises `RequirementError` with the nearest name, or what a broken plugin raises."""
+    """Return the metric of that name. Raises `RequirementError` with the nearest name, or a broken plugin's error."""
     if name in METRICS:
         return METRICS[name]
     names = metric_names()
