@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import RunFolder, home_of
+from pytest_drive_robust.regression.runs import StoredRuns, home_of
 from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.store.record_files import read_episode
 
@@ -63,7 +63,7 @@ def _run_file(reference: str) -> Path:
     path = Path(reference)
     if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
         return path
-    return RunFolder(home_of(Path.cwd())).find(reference)
+    return StoredRuns(home_of(Path.cwd())).find(reference)
 
 
 def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:

@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import RunFolder, home_of
+from pytest_drive_robust.regression.runs import StoredRuns, home_of
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode
@@ -99,7 +99,7 @@ def _run_file(reference: str | None) -> Path | None:
         if not Path(reference).is_file():
             raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
         return Path(reference)
-    runs = RunFolder(home_of(Path.cwd()))
+    runs = StoredRuns(home_of(Path.cwd()))
     if reference is None and not runs.names():
         return None
     return runs.find(reference or "latest")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
-from pytest_drive_robust.regression.runs import RunFolder, home_of
+from pytest_drive_robust.regression.runs import StoredRuns, home_of
 
 __all__ = ["add_arguments"]
 
@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    runs = RunFolder(home_of(Path.cwd())).runs()
+    runs = StoredRuns(home_of(Path.cwd())).runs()
     if not runs:
         print("no stored run. Store one with pytest --drive-robust --drive-save")
         return 0

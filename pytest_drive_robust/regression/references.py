@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression.baselines import read_baseline
 from pytest_drive_robust.regression.blessing import blessed_snapshot
 from pytest_drive_robust.regression.document import read_document, snapshot_of
-from pytest_drive_robust.regression.runs import AUTO, RunFolder
+from pytest_drive_robust.regression.runs import AUTO, StoredRuns
 from pytest_drive_robust.regression.snapshot import Snapshot
 
 __all__ = ["BASELINES", "References"]
@@ -33,7 +33,7 @@ class References:
     """Finds runs below `home`; `baselines` is the folder of the blessed ones."""
 
     def __init__(self, home: Path, baselines: Path | None = None) -> None:
-        self.runs = RunFolder(home)
+        self.runs = StoredRuns(home)
         self.baselines = home / BASELINES if baselines is None else baselines
 
     def load(self, reference: str, *, simulator: str | None = None) -> Snapshot:

@@ -13,7 +13,7 @@ from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["AUTO", "RESERVED", "RunFolder", "StoredRun", "check_run_name", "home_of"]
+__all__ = ["AUTO", "RESERVED", "StoredRun", "StoredRuns", "check_run_name", "home_of"]
 
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
@@ -58,7 +58,7 @@ def check_run_name(name: str, *, source: str) -> str:
     return name
 
 
-class RunFolder:
+class StoredRuns:
     """The stored runs below `home`. Nothing is created before something is stored."""
 
     def __init__(self, home: Path) -> None:

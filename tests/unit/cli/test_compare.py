@@ -15,7 +15,7 @@ from result_factory import crashed_simulation, scored
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.regression.runs import RunFolder
+from pytest_drive_robust.regression.runs import StoredRuns
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import Asked, Event, Identified, Used
@@ -51,7 +51,7 @@ def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0") ->
 
 
 def store(name: str, **given: object) -> Path:
-    return RunFolder(Path.cwd()).save(document(**given), json_text, name=name)  # type: ignore[arg-type]
+    return StoredRuns(Path.cwd()).save(document(**given), json_text, name=name)  # type: ignore[arg-type]
 
 
 def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.CaptureFixture[str]) -> None:
