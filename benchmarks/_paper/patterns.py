@@ -18,7 +18,7 @@ from _paper.estimates import IntervalEstimate, ds_means, efficiency_means, gap, 
 from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT, published_mean_rd
 from _paper.results import Results
 
-__all__ = ["FAR", "Comparison", "Pattern", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
+__all__ = ["FAR", "Pattern", "PatternPart", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
 
 Verdict = Literal["appears", "does not appear", "cannot be told", "not driven"]
 
@@ -35,7 +35,7 @@ _MILD, _SEVERE = FAMILIES["latency"][0], FAMILIES["latency"][-1]
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class PatternPart:
     """One comparison. `agents` are those whose column it belongs to; `paper` is the same in the paper's table."""
 
     agents: tuple[str, ...]
@@ -52,7 +52,7 @@ class Pattern:
     key: str
     statement: str
     unit: str
-    parts: tuple[Comparison, ...]
+    parts: tuple[PatternPart, ...]
     verdict: Verdict
     how: str = ""
     digits: int = 2
@@ -123,7 +123,7 @@ def patterns_of(results: Results) -> tuple[Pattern, ...]:
 
 
 def _all(
-    key: str, statement: str, parts: list[Comparison], *, how: str = "", unit: str = "RD", digits: int = 2
+    key: str, statement: str, parts: list[PatternPart], *, how: str = "", unit: str = "RD", digits: int = 2
 ) -> Pattern:
     """Return a pattern that appears when all its parts do."""
     return Pattern(key, statement, unit, tuple(parts), all_of(part.verdict for part in parts), how, digits)
@@ -141,17 +141,17 @@ def _paper_rd(agent: str, settings: tuple[str, ...]) -> float:
     return sum(1.0 - rows[setting].ds / rows[CLEAN].ds for setting in settings) / len(settings)
 
 
-def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> Comparison:
+def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> PatternPart:
     """Compare RD under some settings with RD under others, for one agent."""
     estimate = _rd_gap(results, (agent, more), (agent, less))
-    return Comparison((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
+    return PatternPart((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
 
 
-def _step(results: Results, agent: str, mild: str, severe: str) -> Comparison:
+def _step(results: Results, agent: str, mild: str, severe: str) -> PatternPart:
     return _within(results, agent, (severe,), (mild,), f"{agent}: {SHORT[severe]} - {SHORT[mild]}")
 
 
-def _severity(results: Results) -> list[Comparison]:
+def _severity(results: Results) -> list[PatternPart]:
     return [
         _step(results, agent, mild, severe)
         for agent in AGENTS
@@ -160,11 +160,11 @@ def _severity(results: Results) -> list[Comparison]:
     ]
 
 
-def _latency(results: Results) -> list[Comparison]:
+def _latency(results: Results) -> list[PatternPart]:
     return [_step(results, agent, _MILD, _SEVERE) for agent in AGENTS]
 
 
-def _gps(results: Results) -> list[Comparison]:
+def _gps(results: Results) -> list[PatternPart]:
     severe = FAMILIES["GPS"][-1:]
     parts = []
     for agent in AGENTS:
@@ -172,11 +172,11 @@ def _gps(results: Results) -> list[Comparison]:
             estimate = _rd_gap(results, (agent, severe), (REFERENCE, severe))
             what = f"{agent} - {REFERENCE}: {SHORT[severe[0]]}, more than {FAR:.2f}"
             paper = _paper_rd(agent, severe) - _paper_rd(REFERENCE, severe)
-            parts.append(Comparison((agent,), what, estimate, paper, judge(estimate, FAR)))
+            parts.append(PatternPart((agent,), what, estimate, paper, judge(estimate, FAR)))
     return parts
 
 
-def _occlusion(results: Results) -> list[Comparison]:
+def _occlusion(results: Results) -> list[PatternPart]:
     mild, severe = FAMILIES["occlusion"]
     parts = [_step(results, agent, mild, severe) for agent in AGENTS]
     for agent in AGENTS:
@@ -184,24 +184,24 @@ def _occlusion(results: Results) -> list[Comparison]:
             estimate = _rd_gap(results, (REFERENCE, (severe,)), (agent, (severe,)))
             paper = _paper_rd(REFERENCE, (severe,)) - _paper_rd(agent, (severe,))
             what = f"{REFERENCE} - {agent}: {SHORT[severe]}"
-            parts.append(Comparison((REFERENCE,), what, estimate, paper, judge(estimate)))
+            parts.append(PatternPart((REFERENCE,), what, estimate, paper, judge(estimate)))
     return parts
 
 
-def _burst(results: Results) -> list[Comparison]:
+def _burst(results: Results) -> list[PatternPart]:
     more, less = FAMILIES["occlusion"], FAMILIES["burst"]
     what = "mean of occlusion - mean of burst"
     return [_within(results, agent, more, less, f"{agent}: {what}") for agent in AGENTS]
 
 
-def _speed(results: Results) -> list[Comparison]:
+def _speed(results: Results) -> list[PatternPart]:
     parts = []
     for agent in CAPPED:
         for setting in FAMILIES["speed"]:
             pair = efficiency_means(results, agent, setting)
             estimate = None if pair is None else gap(pair[1], pair[0])
             paper = PUBLISHED[agent][setting].efficiency - PUBLISHED[agent][CLEAN].efficiency
-            parts.append(Comparison((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
+            parts.append(PatternPart((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
     return parts
 
 
@@ -222,7 +222,7 @@ def _ranking(results: Results) -> Pattern:
     )
 
 
-def _reversal(results: Results, first: str, second: str, confidence: float) -> Comparison:
+def _reversal(results: Results, first: str, second: str, confidence: float) -> PatternPart:
     """Judge one pair: the better agent's RD is clearly larger, and both DS and RD are clearly apart."""
     better, worse = first, second
     ahead = gap(ds_means(results, first, CLEAN), ds_means(results, second, CLEAN), confidence)
@@ -235,4 +235,4 @@ def _reversal(results: Results, first: str, second: str, confidence: float) -> C
     what = f"{better} - {worse}"
     if ahead is not None:
         what += f" (clean DS {ahead.value:+.1f}, {ahead.low:+.1f} to {ahead.high:+.1f})"
-    return Comparison((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)
+    return PatternPart((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)

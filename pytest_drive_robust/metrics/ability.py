@@ -56,7 +56,7 @@ _SIGN_INFRACTIONS = (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN)
 
 
 def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
-    """The success rate (0..1) of each ability over its routes, None where no episode belongs to it.
+    """Return the success rate (0..1) of each ability over its routes, None where no episode belongs to it.
 
     Traffic_Signs has a rule of its own: an episode that failed later counts when it passed the first junction by 8
     waypoints without running a red light or a stop sign. Raises `ComparisonError` for no episode or an `infra_error`.
@@ -72,7 +72,7 @@ def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
 
 
 def mean_ability(rates: Mapping[str, float | None]) -> float | None:
-    """The plain mean of the abilities that have data, or None when none has."""
+    """Return the plain mean of the abilities that have data, or None when none has."""
     known = [rate for rate in rates.values() if rate is not None]
     return mean(known) if known else None
 

@@ -14,14 +14,14 @@ __all__ = ["mean", "mean_over_routes", "values_by_route"]
 
 
 def mean(values: Sequence[float]) -> float:
-    """The mean of at least one value, independent of their order to the last bit (the sum is exact)."""
+    """Return the mean of at least one value, independent of their order to the last bit (the sum is exact)."""
     return fsum(values) / len(values)
 
 
 def values_by_route(
     results: Sequence[EpisodeResult], value_of: Callable[[EpisodeResult], float | None]
 ) -> dict[str, float]:
-    """The mean over seeds of `value_of`, for each route that has data, in the order of their first episode."""
+    """Return the mean over seeds of `value_of`, for each route that has data, in the order of their first episode."""
     collected: dict[str, list[float]] = {}
     for result in results:
         value = value_of(result)
@@ -33,6 +33,6 @@ def values_by_route(
 def mean_over_routes(
     results: Sequence[EpisodeResult], value_of: Callable[[EpisodeResult], float | None]
 ) -> float | None:
-    """The mean over routes of the mean over seeds, or None when no episode has data."""
+    """Return the mean over routes of the mean over seeds, or None when no episode has data."""
     by_route = values_by_route(results, value_of)
     return mean(list(by_route.values())) if by_route else None

@@ -71,7 +71,7 @@ class Motion:
 
 
 def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None:
-    """The share of comfortable segments of one episode in percent, 0..100, or None when it holds no data.
+    """Return the share of comfortable segments of one episode in percent, 0..100, or None when it holds no data.
 
     Segments are 20 ticks long (1 s at 20 Hz; `fixed`: 1 s at any rate), an incomplete last one is dropped, an episode
     of at most one segment counts as one. A segment is comfortable when every signal is strictly within its bounds at
@@ -108,7 +108,7 @@ def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> fl
 
 
 def _cut(values: Floats, samples: int) -> Floats:
-    """The whole segments, one in each row."""
+    """Return the whole segments, one in each row."""
     segments = len(values) // samples
     return values[: segments * samples].reshape(segments, samples)
 

@@ -33,7 +33,7 @@ def robustness_degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[E
 def paired_driving_scores(
     clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]
 ) -> tuple[list[float], list[float]]:
-    """The clean and the perturbed driving score of each route (mean over its seeds), in the same order.
+    """Return the clean and the perturbed driving score of each route (mean over its seeds), in the same order.
 
     Refuses the same sets as `robustness_degradation`.
     """

@@ -17,7 +17,7 @@ LARGEST_RATIO_PCT = 1000.0
 
 
 def efficiency(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None:
-    """The efficiency of one episode in percent, 0 or more; values above 100 are normal.
+    """Return the efficiency of one episode in percent, 0 or more; values above 100 are normal.
 
     ============ ========================================= ======================================
     mode         values above 1000 %                       an ego that never reached a checkpoint

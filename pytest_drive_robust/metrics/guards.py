@@ -15,13 +15,13 @@ MODES = ("bench2drive", "fixed")
 
 
 def require_mode(mode: str) -> None:
-    """Raises `UnknownNameError` when `mode` is not one of `MODES`."""
+    """Raise `UnknownNameError` when `mode` is not one of `MODES`."""
     if mode not in MODES:
         raise UnknownNameError.of("metric mode", mode, MODES)
 
 
 def require_scorable(results: Sequence[EpisodeResult]) -> None:
-    """Raises `ComparisonError` when there is no episode at all or one ended with `infra_error`."""
+    """Raise `ComparisonError` when there is no episode at all or one ended with `infra_error`."""
     if not results:
         raise ComparisonError("there is no episode to score. Expected at least one; a score of nothing is not 0.")
     broken = [result for result in results if result.outcome is Outcome.INFRA_ERROR]

@@ -30,7 +30,7 @@ PENALTIES: Mapping[InfractionKind, float] = MappingProxyType(
 
 
 def penalty(result: EpisodeResult) -> float:
-    """The product of the factors of all infractions, 0..1: P in `DS = RC * P`."""
+    """Return the product of the factors of all infractions, 0..1: P in `DS = RC * P`."""
     product = 1.0
     for infraction in result.infractions:
         product *= _factor(infraction)
@@ -48,7 +48,7 @@ def driving_score(result: EpisodeResult) -> float:
 
 
 def is_success(result: EpisodeResult) -> bool:
-    """True when the route was completed and every infraction list but the minimum-speed one is empty.
+    """Return True when the route was completed and every infraction list but the minimum-speed one is empty.
 
     Raises `ComparisonError` for an `infra_error`.
     """

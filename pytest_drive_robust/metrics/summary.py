@@ -49,7 +49,7 @@ class Summary:
 
 
 def summarize(results: Sequence[EpisodeResult], *, mode: str = "bench2drive") -> Summary:
-    """The metrics of a set of episodes: means over routes, the seeds of a route averaged first.
+    """Return the metrics of a set of episodes: means over routes, the seeds of a route averaged first.
 
     Raises `ComparisonError` when there is no episode or one is an `infra_error`, `UnknownNameError` for a mode that is
     neither `bench2drive` nor `fixed`.

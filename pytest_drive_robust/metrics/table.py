@@ -27,7 +27,7 @@ class MetricFunction(Protocol):
     """What a user registers: the value over the episodes of one setting, None when they hold no data."""
 
     def __call__(self, results: Sequence[EpisodeResult], /) -> float | None:
-        """The metric of `results` (one agent, one setting, never an `infra_error`)."""
+        """Return the metric of `results` (one agent, one setting, never an `infra_error`)."""
         ...
 
 
@@ -54,7 +54,7 @@ class Metric:
 
     @classmethod
     def from_function(cls, name: str, function: MetricFunction) -> Metric:
-        """A user's metric: any range, no unit, higher is better."""
+        """Return the metric of a user's function: any range, no unit, higher is better."""
         meaning = (getattr(function, "__doc__", None) or name).strip().splitlines()[0]
         return cls(name, meaning, function=function)
 
@@ -73,7 +73,7 @@ class Metric:
         clean: Sequence[EpisodeResult] = (),
         mode: str = "bench2drive",
     ) -> float | None:
-        """The value over `results`, None when they hold no data. Raises `ComparisonError` as its formula says."""
+        """Return the value over `results`, None without data. Raises `ComparisonError` as its formula says."""
         require_mode(mode)
         require_scorable(results)
         of_episode = self.of_episode
@@ -109,13 +109,13 @@ class Metric:
         return (values[0], references[0]) if values else None
 
     def format(self, value: float | None) -> str:
-        """The value for people: `"0.43"`, `"61.25"`; a dash when there is no data."""
+        """Return the value for people: `"0.43"`, `"61.25"`; a dash when there is no data."""
         if value is None:
             return "-"
         return f"{value:.{2 if self.decimals is None else self.decimals}f}"
 
     def format_limit(self, limit: float) -> str:
-        """The limit for a sentence, exact: `"0.30"` with two decimals at least for RD and SR, else `"40"`."""
+        """Return the limit for a sentence, exact: `"0.30"` with two decimals at least for RD and SR, else `"40"`."""
         text = f"{limit:g}" if self.decimals is None else f"{limit:.{self.decimals}f}"
         return text if float(text) == limit else repr(float(limit))
 

@@ -109,7 +109,7 @@ class Campaign:
             self._observer(fact)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
-        """Every episode of `scope` under `setting`, routes within seeds."""
+        """Return every episode of `scope` under `setting`, routes within seeds."""
         return self._results(scope, scope.need(setting, clean=False))[1]
 
     def judge(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule, *, nodeid: str) -> Judgement:
@@ -152,7 +152,7 @@ class Campaign:
         )
 
     def measure(self, requirement: Requirement, scope: Scope) -> Verdict:
-        """The value over all episodes, for a caller who only wants the value.
+        """Return the value over all episodes, for a caller who only wants the value.
 
         Raises `ComparisonError` when there is none, and when it says nothing: an RD below the floor of the clean score.
         """
@@ -175,7 +175,7 @@ class Campaign:
         self._scheduler.close()
 
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
-        """The clean and the perturbed results, driven where missing."""
+        """Return the clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
         with self._driving(), self._kept_in_view(need.requests):
             self._ensure(sorted(need.requests, key=self._expected_s, reverse=True))  # all are needed: no long one last
@@ -232,7 +232,7 @@ class Campaign:
     def _scores(
         self, requirement: Requirement, routes: Sequence[RouteRequests], begun: list[EpisodeRequest]
     ) -> Iterator[tuple[float, float] | None]:
-        """The scores of one route after the other, while free slots drive the routes behind it.
+        """Yield the scores of one route after the other, while free slots drive the routes behind it.
 
         `begun` gets every request that was asked for.
         """
@@ -259,7 +259,7 @@ class Campaign:
         self._scheduler.ensure(unique, ahead)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
-        """The results of these requests, which the run now rests on."""
+        """Return the results of these requests, which the run now rests on."""
         if requests:
             self._observer(Used(tuple(request.key for request in requests)))
         return self._finished(requests)

@@ -57,7 +57,7 @@ class Scope:
     identity: str = ""
 
     def need(self, setting: Setting, *, clean: bool) -> Need:
-        """The episodes under `setting` and, if `clean` is asked for, their clean twins.
+        """Return the episodes under `setting` and, if `clean` is asked for, their clean twins.
 
         The twins are driven under `setting.baseline`, which has the warm-up of `setting`: a baseline that may drive
         off earlier would make the setting look worse than it is.
@@ -68,7 +68,7 @@ class Scope:
         return Need(self._requests(setting.baseline) if clean else (), perturbed, setting)
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
-        """Every episode that judging `requirements` takes, by key, each once, in the order of need."""
+        """Return every episode that judging `requirements` takes, by key, each once, in the order of need."""
         return {
             request.key: request
             for requirement in requirements
@@ -76,7 +76,9 @@ class Scope:
         }
 
     def _requests(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
-        """One request for each route and seed, seeds varying slowest so that a picture of all routes comes early."""
+        """Return one request for each route and seed, seeds varying slowest so that a picture of all routes comes
+        early.
+        """
         sentence = str(setting)
         return tuple(
             EpisodeRequest(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
@@ -146,7 +148,7 @@ def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_
 
 
 def _draw(*texts: str) -> float:
-    """A number in 0..1 named by texts: the same in every process, unlike `hash()`."""
+    """Return a number in 0..1 named by texts: the same in every process, unlike `hash()`."""
     digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:6], "big") / 2.0**48
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
+from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, load_routes, named_routes, set_names
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
@@ -20,12 +21,12 @@ __all__ = ["DEFAULT_ROUTES", "default_spec", "own_routes", "resolve_routes", "ro
 
 
 def own_routes(simulator: Simulator) -> OwnRoutes | None:
-    """The optional `Simulator.routes` of a world that cannot drive ours; None for all others."""
+    """Return the optional `Simulator.routes` of a world that cannot drive ours; None for all others."""
     return getattr(simulator, "routes", None)
 
 
 def default_spec(settings: RunOptions, simulator: Simulator) -> str:
-    """What `--drive-routes` means when nobody gave it: ours, or by the simulator's name all of its own."""
+    """Return what `--drive-routes` means when nobody gave it: ours, or by the simulator's name all of its own."""
     if settings.routes_given or own_routes(simulator) is None:
         return settings.routes
     return simulator.name
@@ -56,7 +57,7 @@ def routes_for(
 
 
 def resolve_routes(spec: str) -> tuple[Route, ...]:
-    """The routes of a specification, in the order in which it names them.
+    """Return the routes of a specification, in the order in which it names them.
 
     ==================== =======================================================
     `one-per-scenario`   a named set: `full`, `one-per-scenario` or `dev10`
@@ -78,16 +79,12 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
 
 
 def ships(spec: str) -> bool:
-    """Whether a specification names routes that we ship, so that their ids alone are enough to find them again."""
-    from pytest_drive_robust.simulators.embedded.routes import set_names
-
+    """Return whether a specification names routes that we ship, so that their ids are enough to find them again."""
     return _split(spec.strip())[0] in set_names()
 
 
 def _split(text: str) -> tuple[str, str | None]:
     """(set or file, ids or None). A colon may also belong to a file name (`C:/routes.xml`)."""
-    from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, set_names
-
     if text in set_names() or _is_file(text):
         return text, None
     source, colon, ids = text.rpartition(":")
@@ -99,8 +96,6 @@ def _split(text: str) -> tuple[str, str | None]:
 
 
 def _load(source: str) -> tuple[Route, ...]:
-    from pytest_drive_robust.simulators.embedded.routes import load_routes, named_routes, set_names
-
     names = set_names()
     if source in names:
         return named_routes(source)

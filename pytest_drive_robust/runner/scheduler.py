@@ -168,7 +168,7 @@ class Scheduler:
         return True
 
     def _came_from_elsewhere(self, request: EpisodeRequest) -> bool:
-        """Whether an episode that another process was driving is finished. Others need no look at the disk."""
+        """Return whether an episode that another process was driving is finished. Others need no look at the disk."""
         return request.key in self._elsewhere and self._is_finished(request)
 
     def _fill(self, missing: Sequence[EpisodeRequest], nearer: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:

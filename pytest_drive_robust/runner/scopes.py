@@ -52,13 +52,13 @@ class Scopes:
         self._identities: dict[str, str] = {}
 
     def routes(self, spec: str) -> tuple[Route, ...]:
-        """The routes of a spec. Raises `UsageError` when there is no such set or file."""
+        """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
         if spec not in self._routes:
             self._routes[spec] = routes_for(spec, self._simulator, self._load_routes)
         return self._routes[spec]
 
     def of(self, marker: MarkerOptions) -> Scope:
-        """The scope of a test with this marker.
+        """Return the scope of a test with this marker.
 
         Raises `UsageError` for unknown agents, lost weights, and routes that are unknown or cannot be driven.
         """
@@ -71,7 +71,9 @@ class Scopes:
         return scope
 
     def identify(self, scope: Scope) -> Identified:
-        """What the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not read."""
+        """Return what the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not
+        read.
+        """
         return identify(scope, self._registry)
 
     def check(self) -> None:
@@ -80,7 +82,7 @@ class Scopes:
         self.of(MarkerOptions())
 
     def setting(self, sentence: str) -> Setting:
-        """The setting that is called so. Raises `UsageError`."""
+        """Return the setting that is called so. Raises `UsageError`."""
         return Setting.parse(sentence, self._registry.perturbations())
 
     def check_setting(self, setting: Setting) -> None:

@@ -68,7 +68,7 @@ class Wealth:
         self.value = 1.0
 
     def bet(self, x: float) -> float:
-        """The wealth after one more value. Raises `ComparisonError` below -1 and for NaN."""
+        """Bet on one more value and return the wealth. Raises `ComparisonError` below -1 and for NaN."""
         if not x >= -1.0:
             if not x > -1.0 - 1e-9:
                 raise ComparisonError(f"a value of {x!r} lies outside the range that its scores can have.")
@@ -113,7 +113,7 @@ class Evidence:
         return len(self._holds)
 
     def read(self, hold: float, slack: float) -> Decision | None:
-        """One more route; the verdict as soon as there is one. Later routes change nothing any more.
+        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more.
 
         Raises `ComparisonError` for a value outside the range.
         """
@@ -130,7 +130,7 @@ class Evidence:
         return self.decision
 
     def close(self) -> Decision:
-        """The last look, once there are no more routes. Raises `ComparisonError` when none was read."""
+        """Take the last look, once there are no more routes. Raises `ComparisonError` when none was read."""
         if not self._holds:
             raise ComparisonError("there is no route to judge. Expected one score per route.")
         if self.decision is None:
@@ -149,7 +149,9 @@ class Evidence:
         return "inconclusive"
 
     def _unseen(self) -> float:
-        """The pseudo route: the worst that the range allows; without an end, as far out as the farthest route seen."""
+        """Return the pseudo route: the worst that the range allows; without an end, as far out as the farthest route
+        seen.
+        """
         return -self._least if self._least < math.inf else -max(abs(slack) for slack in self._slacks)
 
 
@@ -161,7 +163,7 @@ def share_of(bound: float, x: float) -> float:
 
 
 def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
-    """The p-value against "the mean is 0 or more" by Hall's transformed t statistic; small: the mean is below 0.
+    """Return the p-value against "the mean is 0 or more" by Hall's transformed t statistic; small: the mean is below 0.
 
     For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5). `scale` is
     what the values were computed from: less than a billionth of a thousandth of it is rounding, thus 0.
@@ -198,11 +200,11 @@ class LinearForms:
     relative: bool
 
     def hold(self, score: float, reference: float = 0.0) -> float:
-        """The value of one route whose mean is 0 or more exactly when the requirement holds."""
+        """Return the value of one route whose mean is 0 or more exactly when the requirement holds."""
         return self.sign * (score - self.keep * reference - self.base)
 
     def slack(self, score: float, reference: float = 0.0) -> float:
-        """The value of one route whose mean is above 0 exactly when the limit is missed by less than the margin."""
+        """Return the value of one route whose mean is above 0 exactly when the limit is missed by less than margin."""
         return self.sign * (score - self.lenient_keep * reference - self.lenient_base)
 
     @property
@@ -246,7 +248,8 @@ def mean_forms(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> LinearForms:
-    """The mean over routes of values in `low..high` against `limit`: DS (0..100), SR (0..1), comfort, efficiency.
+    """Return the mean over routes of values in `low..high` against `limit`: DS (0..100), SR (0..1), comfort,
+    efficiency.
 
     A range that has no end gives no early verdict on the side that needs it: clipping the values there would move
     their mean. `efficiency >= 60` (0 or more, no upper end) can pass early and fails in the last look only.

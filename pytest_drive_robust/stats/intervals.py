@@ -137,7 +137,8 @@ def evidence_interval(
     ended: bool = False,
     top_score: float = 100.0,
 ) -> tuple[float, float]:
-    """The interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early, `alpha` a side.
+    """Return the interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early, `alpha` a
+    side.
 
     Scores are 0..`top_score`, one per route. Contains the RD of the means, ends at 1 at most, is wider for a smaller
     alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
@@ -171,7 +172,7 @@ def evidence_interval(
 def mean_evidence_interval(
     values: Sequence[float], alpha: float = 0.05, *, low: float, high: float, ended: bool = False
 ) -> tuple[float, float]:
-    """The same for a mean over routes of values in `low..high`: SR (0..1), DS and comfort (0..100).
+    """Return the interval of a mean over routes of values in `low..high`: SR (0..1), DS and comfort (0..100).
 
     An end of the range may be infinite (efficiency has no upper end): the end of the interval that would need it, the
     upper one, is then infinite too until the last look.
@@ -215,7 +216,7 @@ def _require_values(values: Sequence[float]) -> int:
 
 
 def _rejects(gains: Sequence[float], worst: float, alpha: float, ended: bool, *, unseen: bool = False) -> bool:
-    """Whether "the mean of the gains is 0 at most" is given up; no gain is below `-worst`."""
+    """Return whether "the mean of the gains is 0 at most" is given up; no gain is below `-worst`."""
     if not worst > 0.0:
         return any(gain > 0.0 for gain in gains)
     if _wealth(gains, worst) * alpha * (EARLY_SHARE if ended else 1.0) >= 1.0:
@@ -235,7 +236,7 @@ def _wealth(gains: Sequence[float], worst: float) -> float:
 
 
 def _turning_point(inside: float, end: float, rejects: Callable[[float], bool]) -> float:
-    """Where `rejects` turns between `inside`, which is never rejected, and `end`; `end` when it does not turn."""
+    """Return where `rejects` turns between `inside`, never rejected, and `end`; `end` when it does not turn."""
     outside = end
     if math.isinf(end):
         step = math.copysign(1.0 / 64.0, end) * max(1.0, abs(inside))

@@ -52,11 +52,11 @@ class Judge(Protocol):
         ...
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """One more route; the verdict as soon as there is one. Later routes change nothing any more."""
+        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more."""
         ...
 
     def close(self) -> Decision:
-        """The verdict when there are no more routes. Raises `ComparisonError` when none was read."""
+        """Return the verdict when there are no more routes. Raises `ComparisonError` when none was read."""
         ...
 
 
@@ -96,14 +96,14 @@ class EvidenceJudge(_Reading):
         self.evidence = forms.evidence(alpha, fail_alpha=fail_alpha)
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """One more route; the verdict as soon as there is one."""
+        """Read one more route; return the verdict as soon as there is one."""
         if self.decision is None:
             found = self.evidence.read(self._enter(score, reference), self.forms.slack(score, reference))
             self.decision = found if self._compares else None
         return self.decision
 
     def close(self) -> Decision:
-        """The last look."""
+        """Take the last look."""
         self._require_routes()
         if self.decision is None:
             self.decision = self.evidence.close() if self._compares else "inconclusive"
@@ -118,7 +118,7 @@ class PointJudge(_Reading):
         self._holds: list[float] = []
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """One more route; never a verdict before the end."""
+        """Read one more route; there is never a verdict before the end."""
         if self.decision is None:
             self._holds.append(self._enter(score, reference))
         return self.decision
@@ -154,7 +154,7 @@ class ListJudge(_Reading):
         self._sum = 0.0
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """One more route; the verdict as soon as there is one. Raises `ComparisonError` beyond the list."""
+        """Read one more route; return the verdict as soon as there is one. Raises `ComparisonError` beyond the list."""
         if self.decision is None:
             left = self.planned - self.routes
             if left <= 0:
@@ -194,7 +194,7 @@ class ListJudge(_Reading):
 def judge_by(
     kind: VerdictKind, forms: LinearForms, *, planned: int, alpha: float = 0.05, fail_alpha: float | None = None
 ) -> Judge:
-    """The judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
+    """Return the judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
 
     Raises `ValueError` for another name.
     """

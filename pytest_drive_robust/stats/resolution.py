@@ -38,7 +38,7 @@ class Advice:
 def resolution(
     routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
 ) -> float:
-    """The smallest violation that a gate on `routes` pairs catches with probability `power`.
+    """Return the smallest violation that a gate on `routes` pairs catches with probability `power`.
 
     Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
     they own in so few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1
@@ -57,7 +57,7 @@ def resolution(
 
 
 def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER) -> int:
-    """How many routes catch a violation of `margin` with probability `power`; 20 at least.
+    """Return how many routes catch a violation of `margin` with probability `power`; 20 at least.
 
     >>> routes_needed(0.10)
     187
@@ -71,7 +71,7 @@ def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0
 def advise(
     routes: int, margin: float, noise: float = USUAL_NOISE, *, what: str = "RD", scale: float = 1.0, alpha: float = 0.05
 ) -> Advice:
-    """The words for the collection of a gate on `routes` routes with this margin.
+    """Return the words for the collection of a gate on `routes` routes with this margin.
 
     Refused: fewer than 20 routes, unless the margin is 0.30 of the `scale` (the metric's range: 1 for RD and SR, 100
     for DS) or more. Warned: a margin finer than the resolution, fewer than 50 routes.
@@ -96,7 +96,7 @@ def advise(
 
 
 def _standard_errors(alpha: float, power: float) -> float:
-    """How many standard errors away a truth must be, so that the last look finds it with this power."""
+    """Return how many standard errors away a truth must be, so that the last look finds it with this power."""
     from scipy.special import ndtri
 
     normal: Callable[[float], float] = ndtri

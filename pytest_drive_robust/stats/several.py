@@ -17,7 +17,8 @@ __all__ = ["any_wrong", "holm", "late_fails"]
 
 
 def any_wrong(alpha: float, count: int) -> float:
-    """The chance that at least one of `count` independent verdicts fails wrongly, all sitting exactly at their limits.
+    """Return the chance that at least one of `count` independent verdicts fails wrongly, all sitting exactly at their
+    limits.
 
     >>> round(any_wrong(0.05, 11), 2)
     0.43
@@ -50,7 +51,7 @@ def holm(p_values: Sequence[float], alpha: float = 0.05) -> tuple[bool, ...]:
 def late_fails(
     verdicts: Sequence[str], p_values: Sequence[float], *, family: int, alpha: float = 0.05
 ) -> tuple[int, ...]:
-    """The places of the inconclusive verdicts that Holm's procedure makes fails, once all are known.
+    """Return the places of the inconclusive verdicts that Holm's procedure makes fails, once all are known.
 
     Fewer p-values than `family` are filled up with 1: what was not judged rejects nothing. A pass counts as 1 too.
 

@@ -135,14 +135,14 @@ def evaluate(
 def _interval_after_reading(
     metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float, *, ended: bool
 ) -> tuple[float, float]:
-    """The interval that holds although reading may have stopped early."""
+    """Return the interval that holds although reading may have stopped early."""
     if metric.needs_clean:
         return evidence_interval(references, values, alpha, ended=ended)
     return mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
-    """Why an RD says nothing: an agent that hardly drives has little to lose. Empty when it does say something."""
+    """Return why an RD says nothing: an agent that hardly drives has little to lose. Empty when it says something."""
     if not metric.needs_clean:
         return ""
     scores = values_by_route(clean, driving_score).values()

@@ -72,7 +72,7 @@ class Divergence(NamedTuple):
 def worst_routes(
     clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult], *, relative: bool, count: int = 3
 ) -> tuple[WorstRoute, ...]:
-    """At most `count` routes, one episode each, the worst first.
+    """Return at most `count` routes, one episode each, the worst first.
 
     `relative`: by the driving score that was lost against the clean twin, routes that lost nothing left out (every
     perturbed episode must have its twin). Otherwise by the lowest driving score, full scores left out. Ties go by
@@ -94,7 +94,7 @@ def worst_routes(
 
 
 def describe_outcome(result: EpisodeResult) -> str:
-    """How the episode ended and its first infraction, with their seconds.
+    """Return how the episode ended and its first infraction, with their seconds.
 
     `"completed, red light at 8.2 s"`, `"collision with vehicle at 11.3 s and 1 more, blocked at 61.0 s"`.
     """
@@ -110,13 +110,13 @@ def describe_outcome(result: EpisodeResult) -> str:
 
 
 def first_divergence_s(clean: EpisodeResult, perturbed: EpisodeResult) -> float | None:
-    """The second of `first_divergence`."""
+    """Return the second of `first_divergence`."""
     found = first_divergence(clean, perturbed)
     return None if found is None else found.second
 
 
 def first_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> Divergence | None:
-    """When the two egos differ for the first time and in what, or None when they never do.
+    """Return when the two egos differ for the first time and in what, or None when they never do.
 
     They differ when, at the same tick, one is more than 0.5 m ahead, behind or beside the other (in the frame of the
     clean ego) or more than 1 m/s faster or slower. Only the ticks that both episodes have are compared.

@@ -194,7 +194,7 @@ def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[Sever
 
 
 def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProbe]) -> tuple[str, ...]:
-    """Where a milder severity is clearly worse than a more severe one: then "the largest" is only one crossing."""
+    """Return where a milder severity is clearly worse than a more severe one: "the largest" is then one crossing."""
     ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
     span = metric.high - metric.low
     notable = _NOTABLE * (span if 0.0 < span < float("inf") else 1.0 if metric.needs_clean else 100.0)

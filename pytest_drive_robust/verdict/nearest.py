@@ -60,7 +60,7 @@ def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], s
 
 
 def _split(sentence: str) -> tuple[str, str, str]:
-    """What stands before the last comparison, the comparison, and what follows."""
+    """Return what stands before the last comparison, the comparison, and what follows."""
     outside_brackets = re.sub(r"\([^)]*\)", lambda match: " " * len(match.group()), sentence)
     found = list(_COMPARISON.finditer(outside_brackets))
     if not found:
@@ -89,7 +89,7 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
 
 
 def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
-    """The phrase whose words are most like those of `text`; `text` when none is alike.
+    """Return the phrase whose words are most like those of `text`; `text` when none is alike.
 
     `numbers`: with the numbers of `text`, else with usual ones.
     """
@@ -108,7 +108,7 @@ def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
 
 
 def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
-    """The number of `("0.2", "s")` in the unit that the field's name ends with."""
+    """Return the number of `("0.2", "s")` in the unit that the field's name ends with."""
     if quantity is None:
         return None
     number, unit = quantity
@@ -120,7 +120,7 @@ def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
 
 
 def _examples(cls: type[Perturbation]) -> dict[str, str]:
-    """A usual value of each severity: the class's `example`, else the default."""
+    """Return a usual value of each severity: the class's `example`, else the default."""
     defaults = {field.name: field.default for field in dataclasses.fields(cls)}
     values = {name: value for name, value in defaults.items() if isinstance(value, (int, float, str))}
     values.update(getattr(cls, "example", {}))
@@ -128,6 +128,6 @@ def _examples(cls: type[Perturbation]) -> dict[str, str]:
 
 
 def _words(phrase: str) -> str:
-    """The words of a phrase without its numbers and units, in lower case."""
+    """Return the words of a phrase without its numbers and units, in lower case."""
     text = _QUANTITY.sub(" ", _FIELD.sub(" ", phrase.lower()))
     return " ".join(word for word in text.split() if word not in _UNITS)

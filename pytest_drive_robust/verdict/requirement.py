@@ -30,7 +30,7 @@ _COMPARISONS = ("<=", ">=")
 
 
 def known_metric(name: str) -> Metric:
-    """The metric of that name. Raises `RequirementError` with the nearest name, or what a broken plugin raises."""
+    """Return the metric of that name. Raises `RequirementError` with the nearest name, or a broken plugin's error."""
     if name in METRICS:
         return METRICS[name]
     names = metric_names()
@@ -42,7 +42,7 @@ def known_metric(name: str) -> Metric:
 
 
 def metric_names() -> list[str]:
-    """Every name that `known_metric` knows, the built-in ones first."""
+    """Return every name that `known_metric` knows, the built-in ones first."""
     return [*METRICS, *(name for name, _ in default_registry().names("metrics") if name not in METRICS)]
 
 
@@ -101,11 +101,11 @@ class Requirement:
         return self.metric.needs_clean
 
     def is_met_by(self, value: float) -> bool:
-        """True when `value` is on the right side of the limit or equal to it."""
+        """Return True when `value` is on the right side of the limit or equal to it."""
         return value <= self.limit if self.comparison == "<=" else value >= self.limit
 
     def reads_routes(self, verdict_rule: VerdictRule) -> bool:
-        """True when the verdict is read route by route; a user's function over all episodes cannot be."""
+        """Return True when the verdict is read route by route; a user's function over all episodes cannot be."""
         return verdict_rule.kind != "point" and self.metric.function is None
 
     def margin(self, verdict_rule: VerdictRule) -> float:
@@ -175,7 +175,7 @@ class Unjudged:
 
 
 def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) -> Unjudged:
-    """The object form of a sentence: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`.
+    """Return the object form of a sentence: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`.
 
     Raises `RequirementError` for an unknown metric; the limit is checked when it is compared with.
     """
@@ -198,7 +198,7 @@ def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) 
 
 
 def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
-    """The limit as a float that the metric can reach and can miss."""
+    """Return the limit as a float that the metric can reach and can miss."""
     try:
         number = float(limit)
     except (TypeError, ValueError):
@@ -225,7 +225,7 @@ def _range(low: float, high: float) -> str:
 
 
 def _slug(text: str) -> str:
-    """A part of a test id: `"GPS noise 5 m"` to `"gps-noise-5m"`."""
+    """Return a part of a test id: `"GPS noise 5 m"` to `"gps-noise-5m"`."""
     text = re.sub(r"(?<=\d) (?=(?:ms|m|s)\b)", "", text.lower())
     text = re.sub(r"(?<![a-z0-9.])-(?=\d)", "minus ", text)
     return re.sub(r"[^a-z0-9_.]+", "-", text.replace("e+", "e")).strip("-")

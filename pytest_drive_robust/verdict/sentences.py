@@ -36,7 +36,7 @@ DEFAULT_LIMIT = 0.30
 
 
 def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
-    """The requirements of a text, one a line, in order; blank lines and `#` comments are skipped.
+    """Return the requirements of a text, one a line, in order; blank lines and `#` comments are skipped.
 
     `known` are the perturbations that sentences may use, every registered one by default. Raises one
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
@@ -66,7 +66,7 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
 
 
 def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
-    """The requirement that one sentence states; the inverse of `str()`.
+    """Return the requirement that one sentence states; the inverse of `str()`.
 
     Raises `RequirementError` with what was expected and the nearest valid sentence.
     """
@@ -107,7 +107,7 @@ def _parse(sentence: str, known: Known) -> Requirement:
 
 
 def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
-    """The requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
+    """Return the requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
 
     Raises `RequirementError` for a failure that nobody knows and for the wrong unit, `PerturbationError` for a severity
     that the failure cannot have.

@@ -160,7 +160,7 @@ def _with(setting: Setting, place: int, item: Perturbation) -> Setting:
 
 
 def _height(item: Perturbation, dt_s: float) -> float:
-    """The share of its ladder that a failure has climbed; those without a ladder are tried last."""
+    """Return the share of its ladder that a failure has climbed; those without a ladder are tried last."""
     ladder = _ladder(item, dt_s)
     if ladder is None:
         return 2.0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.cli.main import COMMANDS, main
 from pytest_drive_robust.registry import registry
 
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
@@ -173,3 +173,27 @@ def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[st
     assert "stopped early" in capsys.readouterr().out
     assert main([*arguments, "soon"]) == 4
     assert "--stuck-stop is 'soon', expected seconds > 0" in capsys.readouterr().err
+
+
+def test_every_command_of_the_table_has_a_module_and_is_listed_by_help(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    shown = capsys.readouterr().out
+    for name in COMMANDS:
+        assert name in shown.split()
+        with pytest.raises(SystemExit) as left:
+            main([name, "--help"])
+        assert left.value.code == 0
+
+
+def test_only_the_module_of_the_command_is_imported() -> None:
+    program = (
+        "import sys\n"
+        "from pytest_drive_robust.cli.main import main\n"
+        "main(['runs', 'list'])\n"
+        "print(*sorted(name for name in sys.modules if name.startswith('pytest_drive_robust.cli.')))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1].split() == [
+        f"pytest_drive_robust.cli.{name}" for name in ("main", "runs", "tables")
+    ]

@@ -269,3 +269,60 @@ def _scripted() -> ScriptedAgent:
 
 def _other_scripted() -> ScriptedAgent:
     return ScriptedAgent([Control(brake=1.0)])
+
+
+# Simulators that come in several kinds: `gymnasium:ID`.
+
+
+@pytest.fixture
+def several_kinds():
+    registry = Registry()
+    registry.register_simulator("towns", town, argument="TOWN")
+    registry.register_simulator("plain", FakeSimulator)
+    return registry
+
+
+def town(options, name):
+    if name == "Atlantis":
+        raise UsageError("Atlantis is under water.")
+    simulator = FakeSimulator(options)
+    simulator.name = f"towns:{name}"
+    return simulator
+
+
+def test_what_follows_the_colon_is_passed_to_the_factory(several_kinds):
+    assert several_kinds.simulator("towns:Rome").name == "towns:Rome"
+    assert several_kinds.simulator("towns:a:b").name == "towns:a:b"
+    assert several_kinds.simulator("towns").name == "towns:"
+    assert several_kinds.simulator("plain").name == "fake"
+
+
+def test_the_list_shows_the_syntax(several_kinds):
+    names = [name for name, _ in several_kinds.names("simulators")]
+    assert names == ["embedded", "gymnasium:ID", "plain", "towns:TOWN"]
+
+
+def test_the_factory_s_own_refusal_comes_through(several_kinds):
+    with pytest.raises(UsageError, match=r"^Atlantis is under water\.$"):
+        several_kinds.simulator("towns:Atlantis")
+
+
+def test_a_misspelt_name_before_the_colon_gets_the_nearest_one(several_kinds):
+    with pytest.raises(UnknownNameError, match="Did you mean 'gymnasium:merge-v0'"):
+        several_kinds.simulator("gymnasum:merge-v0")
+    with pytest.raises(UnknownNameError, match="Did you mean 'towns:Rome'"):
+        several_kinds.require("simulators", "twons:Rome")
+
+
+def test_a_module_of_your_own_is_still_a_module(several_kinds, tmp_path, monkeypatch):
+    (tmp_path / "town.py").write_text("from pytest_drive_robust.testing import FakeSimulator as Sim\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert several_kinds.simulator("town:Sim").name == "fake"
+    with pytest.raises(PluginError, match="no_module_at_all"):
+        several_kinds.simulator("no_module_at_all:Sim")
+
+
+def test_names_without_an_argument_take_none(several_kinds):
+    with pytest.raises(PluginError, match="does not load"):
+        several_kinds.simulator("plain:Rome")

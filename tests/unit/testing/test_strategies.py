@@ -1,4 +1,4 @@
-"""RunOptions for hypothesis: what is drawn, and what it shrinks to."""
+"""Strategies for hypothesis: what is drawn, and what it shrinks to."""
 
 from __future__ import annotations
 

@@ -12,11 +12,11 @@ from types import MappingProxyType
 from pytest_drive_robust import CameraSpec, rig
 from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["AGENT_RIGS", "AgentRig", "agent_rig"]
+__all__ = ["TRAINING_RIGS", "TrainingRig", "agent_rig"]
 
 
 @dataclass(frozen=True, slots=True)
-class AgentRig:
+class TrainingRig:
     """The `cameras` of an agent; `perception` says whether boxes and map vectors are among its labels."""
 
     cameras: tuple[CameraSpec, ...]
@@ -25,19 +25,19 @@ class AgentRig:
 
 _AROUND = rig("nuscenes", width_px=160, height_px=96)
 
-AGENT_RIGS: Mapping[str, AgentRig] = MappingProxyType(
+TRAINING_RIGS: Mapping[str, TrainingRig] = MappingProxyType(
     {
-        "simlingo": AgentRig(rig("simlingo", width_px=256, height_px=128), perception=False),
-        "tcp": AgentRig((CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128),), False),
-        "uniad": AgentRig(_AROUND, perception=True),
-        "vad": AgentRig(_AROUND, perception=True),
+        "simlingo": TrainingRig(rig("simlingo", width_px=256, height_px=128), perception=False),
+        "tcp": TrainingRig((CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128),), False),
+        "uniad": TrainingRig(_AROUND, perception=True),
+        "vad": TrainingRig(_AROUND, perception=True),
     }
 )
 """The rig of each agent by its name."""
 
 
-def agent_rig(agent: str) -> AgentRig:
+def agent_rig(agent: str) -> TrainingRig:
     """Return the rig of an agent. Raises `UnknownNameError`."""
-    if agent not in AGENT_RIGS:
-        raise UnknownNameError.of("learned agent", agent, AGENT_RIGS)
-    return AGENT_RIGS[agent]
+    if agent not in TRAINING_RIGS:
+        raise UnknownNameError.of("learned agent", agent, TRAINING_RIGS)
+    return TRAINING_RIGS[agent]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drive_robust_agents.training.data.facts import fact_labels
 from drive_robust_agents.training.data.labels import Row, motion_labels, way_labels
 from drive_robust_agents.training.data.perception import MapLines, box_labels
-from drive_robust_agents.training.data.rigs import AgentRig
+from drive_robust_agents.training.data.rigs import TrainingRig
 from drive_robust_agents.training.data.rollouts import Sample
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.route import Route
@@ -49,7 +49,7 @@ class RigCameras:
         return found
 
 
-def rows(samples: Sequence[Sample], route: Route, agent_rig: AgentRig, *, tag: int, episode: int) -> Iterator[Row]:
+def rows(samples: Sequence[Sample], route: Route, agent_rig: TrainingRig, *, tag: int, episode: int) -> Iterator[Row]:
     """Return one row for each sample, as in the contract of `frames`."""
     if not samples:
         return

@@ -20,7 +20,7 @@ from drive_robust_agents._nets.weights import load
 from drive_robust_agents.training import evaluate as evaluating
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
-from drive_robust_agents.training.data.rigs import AGENT_RIGS
+from drive_robust_agents.training.data.rigs import TRAINING_RIGS
 from drive_robust_agents.training.recipes.recipe import recipe_of
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.routes import save_routes
@@ -147,7 +147,7 @@ def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) 
     factory.check()
     assert factory.weights == (file,)
     assert type(factory()) is drive_robust_agents.tcp.TCP
-    assert factory().sensors() == AGENT_RIGS["tcp"].cameras == recipe_of("tcp").rig
+    assert factory().sensors() == TRAINING_RIGS["tcp"].cameras == recipe_of("tcp").rig
     with pytest.raises(UsageError, match="expected candidate:AGENT=FILE"):
         candidate(f"tcp={tmp_path / 'nothing.safetensors'}")
     with pytest.raises(UsageError, match="Did you mean 'tcp'"):
