@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
-from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
-from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.regression.allowance import Allowance
+    from pytest_drive_robust.regression.fingerprint import MismatchPolicy
 
 __all__ = ["RegressionOptions"]
 
-# Every pytest session imports this module: what loads numpy is imported when it is needed.
+# Every pytest session imports this module: what reads the values is imported when they are read.
 
 
 def _save(given: Given) -> str:
@@ -22,10 +25,14 @@ def _save(given: Given) -> str:
 
 
 def _allowances(given: Given) -> tuple[Allowance, ...]:
+    from pytest_drive_robust.regression.allowance import parse_allowances
+
     return parse_allowances([given.text], source=given.flag)
 
 
 def _policy(given: Given) -> MismatchPolicy:
+    from pytest_drive_robust.regression.fingerprint import parse_policy
+
     return parse_policy(given.text)
 
 
