@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.options.option import Given
+from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
@@ -74,7 +74,7 @@ class _Wanted:
 def _replay(options: argparse.Namespace) -> int:
     registry = default_registry()
     wanted = _wanted(options, registry)
-    stuck_stop_s = seconds(Given("--stuck-stop", options.stuck_stop))
+    stuck_stop_s = seconds(GivenText("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
     before = before_of(options.run, wanted.stored)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
+from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
 from pytest_drive_robust.options.parsers import gigabytes, one_of, time_limit_s
 
 __all__ = ["ExecutionOptions", "available_cores"]
@@ -16,7 +16,7 @@ __all__ = ["ExecutionOptions", "available_cores"]
 _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 
-def _executor(given: Given) -> str:
+def _executor(given: GivenText) -> str:
     """Debuggers and prints need the agent in this process."""
     executor = _known_executor(given)
     if executor != "auto" or given.source is None:
@@ -26,7 +26,7 @@ def _executor(given: Given) -> str:
     return "inline" if debugging or config.getoption("capture", "") == "no" else "processes"
 
 
-def _workers(given: Given) -> int | None:
+def _workers(given: GivenText) -> int | None:
     if given.text == "auto":
         return None
     if not given.text.isdecimal() or int(given.text) < 1:
@@ -34,7 +34,7 @@ def _workers(given: Given) -> int | None:
     return int(given.text)
 
 
-def _width(given: Given) -> int | None:
+def _width(given: GivenText) -> int | None:
     if given.text in ("", "none"):
         return None
     if not given.text.isdecimal() or int(given.text) < 4 or int(given.text) % 4:

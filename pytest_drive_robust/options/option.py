@@ -14,7 +14,17 @@ from dataclasses import field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-__all__ = ["Given", "Option", "OptionSource", "combined", "option", "options_of", "read_fields", "switch", "was_given"]
+__all__ = [
+    "GivenText",
+    "Option",
+    "OptionSource",
+    "combined",
+    "option",
+    "options_of",
+    "read_fields",
+    "switch",
+    "was_given",
+]
 
 _OPTIONS, _PARSE = "options", "parse"
 
@@ -55,7 +65,7 @@ class Option(NamedTuple):
         return self.flag.lstrip("-").replace("-", "_")
 
 
-class Given(NamedTuple):
+class GivenText(NamedTuple):
     """The text that an option was given, or its default. `source` is None where defaults are read."""
 
     flag: str
@@ -63,12 +73,12 @@ class Given(NamedTuple):
     source: OptionSource | None = None
 
 
-def _as_text(given: Given) -> str:
+def _as_text(given: GivenText) -> str:
     return given.text
 
 
 def option(
-    flag: str, metavar: str, default: str, help: str, *, bare: str = "", parse: Callable[[Given], Any] = _as_text
+    flag: str, metavar: str, default: str, help: str, *, bare: str = "", parse: Callable[[GivenText], Any] = _as_text
 ) -> Any:
     """Return a dataclass field that is one option; `parse` makes its value and raises `UsageError`."""
     return combined(Option(flag, metavar, default, help, bare), parse=parse)
@@ -82,7 +92,7 @@ def switch(flag: str, help: str) -> Any:
 def combined(*options: Option, parse: Callable[..., Any]) -> Any:
     """Return a dataclass field whose value `parse` makes of several options, in their order."""
     return field(
-        default_factory=lambda: parse(*(Given(option.flag, option.default) for option in options)),
+        default_factory=lambda: parse(*(GivenText(option.flag, option.default) for option in options)),
         metadata={_OPTIONS: options, _PARSE: parse},
     )
 
@@ -108,8 +118,8 @@ def was_given(option: Option, source: OptionSource) -> bool:
     return bool(_text(option, source))
 
 
-def _given(option: Option, source: OptionSource) -> Given:
-    return Given(option.flag, _text(option, source) or option.default, source)
+def _given(option: Option, source: OptionSource) -> GivenText:
+    return GivenText(option.flag, _text(option, source) or option.default, source)
 
 
 def _text(option: Option, source: OptionSource) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
-from pytest_drive_robust.options.option import Given
+from pytest_drive_robust.options.option import GivenText
 
 __all__ = [
     "check_seeds",
@@ -27,10 +27,10 @@ _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?"
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
-def one_of(names: tuple[str, ...], what: str) -> Callable[[Given], str]:
+def one_of(names: tuple[str, ...], what: str) -> Callable[[GivenText], str]:
     """Return a parser of one of the names; `what` is what people call them: `"metric mode"`."""
 
-    def parse(given: Given) -> str:
+    def parse(given: GivenText) -> str:
         if given.text not in names:
             raise UnknownNameError.of(what, given.text, names, hint=f"Set it with {given.flag}.")
         return given.text
@@ -38,7 +38,7 @@ def one_of(names: tuple[str, ...], what: str) -> Callable[[Given], str]:
     return parse
 
 
-def seed_list(given: Given) -> tuple[int, ...]:
+def seed_list(given: GivenText) -> tuple[int, ...]:
     """Return `"0,1"` as distinct whole numbers >= 0."""
     words = [word.strip() for word in given.text.split(",")]
     if not all(word.isdecimal() for word in words):
@@ -62,7 +62,7 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def share(given: Given) -> float:
+def share(given: GivenText) -> float:
     """Return a number that shall lie between 0 and 1; whoever uses it checks the bounds."""
     try:
         return float(given.text)
@@ -72,7 +72,7 @@ def share(given: Given) -> float:
         ) from None
 
 
-def seconds(given: Given) -> float | None:
+def seconds(given: GivenText) -> float | None:
     """Return a number of seconds > 0, None for nothing."""
     if not given.text:
         return None
@@ -82,7 +82,7 @@ def seconds(given: Given) -> float | None:
     return value
 
 
-def time_limit_s(given: Given) -> float | None:
+def time_limit_s(given: GivenText) -> float | None:
     """Return `"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds > 0, None for nothing and for `"none"`."""
     if given.text in ("", "none"):
         return None
@@ -93,7 +93,7 @@ def time_limit_s(given: Given) -> float | None:
     return value
 
 
-def gigabytes(given: Given) -> int | None:
+def gigabytes(given: GivenText) -> int | None:
     """Return gigabytes > 0, as in `"4"`, in bytes, None for nothing."""
     if not given.text:
         return None
@@ -103,7 +103,7 @@ def gigabytes(given: Given) -> int | None:
     return int(value * 1e9)
 
 
-def writable_file(given: Given) -> Path | None:
+def writable_file(given: GivenText) -> Path | None:
     """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
     if not given.text:
         return None
@@ -119,7 +119,7 @@ def writable_file(given: Given) -> Path | None:
     return path
 
 
-def store_folder(given: Given) -> str:
+def store_folder(given: GivenText) -> str:
     """Return the folder of the store, or `"off"`."""
     if given.source is not None and (given.source.rootpath / given.text).is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a file; expected a folder, or off.")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import (
-    Given,
+    GivenText,
     Option,
     OptionSource,
     combined,
@@ -29,7 +29,7 @@ DRIVE_ROBUST = Option("--drive-robust", "", "", "drive episodes and judge requir
 """The switch without which the plugin is inert."""
 
 
-def _verdict_rule(kind: Given, margin: Given, alpha: Given) -> VerdictRule:
+def _verdict_rule(kind: GivenText, margin: GivenText, alpha: GivenText) -> VerdictRule:
     return VerdictRule(kind.text, margin=share(margin), alpha=share(alpha))
 
 

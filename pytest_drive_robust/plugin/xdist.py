@@ -17,9 +17,9 @@ import pytest
 
 from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
 from pytest_drive_robust.plugin.terminal import progress_for
-from pytest_drive_robust.store.base import open_store
 from pytest_drive_robust.store.events import Advised, Event
 from pytest_drive_robust.store.journal import JournalReader, JournalWriter
+from pytest_drive_robust.store.opening import open_store
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.option import Given, OptionSource, option, read_fields
+from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
 
 if TYPE_CHECKING:
     from pytest_drive_robust.regression.allowance import Allowance
@@ -18,25 +18,25 @@ __all__ = ["RegressionOptions"]
 # Every pytest session imports this module: what reads the values is imported when they are read.
 
 
-def _save(given: Given) -> str:
+def _save(given: GivenText) -> str:
     from pytest_drive_robust.regression.runs import AUTO, check_run_name
 
     return given.text if given.text in ("", AUTO) else check_run_name(given.text, source=given.flag)
 
 
-def _allowances(given: Given) -> tuple[Allowance, ...]:
+def _allowances(given: GivenText) -> tuple[Allowance, ...]:
     from pytest_drive_robust.regression.allowance import parse_allowances
 
     return parse_allowances([given.text], source=given.flag)
 
 
-def _policy(given: Given) -> MismatchPolicy:
+def _policy(given: GivenText) -> MismatchPolicy:
     from pytest_drive_robust.regression.fingerprint import parse_policy
 
     return parse_policy(given.text)
 
 
-def _compare(given: Given) -> str:
+def _compare(given: GivenText) -> str:
     """Refuse a place: `--drive-compare suites/` takes the folder that was meant to be collected."""
     reference = given.text
     if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
@@ -47,13 +47,13 @@ def _compare(given: Given) -> str:
     return reference
 
 
-def _baselines(given: Given) -> Path:
+def _baselines(given: GivenText) -> Path:
     from pytest_drive_robust.regression.references import BASELINES
 
     return _home(given) / (given.text or BASELINES)
 
 
-def _waivers(given: Given) -> Path | None:
+def _waivers(given: GivenText) -> Path | None:
     """Return the file that was named, which must be there, or the usual one where it is."""
     if given.text:
         path = _home(given) / given.text
@@ -64,7 +64,7 @@ def _waivers(given: Given) -> Path | None:
     return usual if usual.is_file() else None
 
 
-def _home(given: Given) -> Path:
+def _home(given: GivenText) -> Path:
     return Path() if given.source is None else given.source.rootpath
 
 

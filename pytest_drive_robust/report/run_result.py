@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.averages import mean
+from pytest_drive_robust.metrics.degradation import paired_driving_scores
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.stats.several import late_fails
@@ -35,9 +36,9 @@ class SettingRow:
     """One agent under one setting.
 
     `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
-    the clean twins were not driven or do not compare. `verdict` is the worst of the requirements on this row:
-    `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged. `needed` leaves out what a verdict
-    did not wait for.
+    the clean twins were not driven, do not compare or score below the floor of the verdict rule. `verdict` is the worst
+    of the requirements on this row: `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged.
+    `needed` leaves out what a verdict did not wait for.
     """
 
     agent: str
@@ -103,7 +104,7 @@ class RunResult:
         judged, late = _corrected(judged, options)
         return cls(
             options=options,
-            rows=tuple(_row(item, episodes, judged, spared, mode=options.metrics) for item in asked),
+            rows=tuple(_row(item, episodes, judged, spared, options=options) for item in asked),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
@@ -147,12 +148,17 @@ def _needed_keys(events: Sequence[Event]) -> list[str]:
 
 
 def _row(
-    asked: Asked, episodes: Mapping[str, EpisodeResult], judged: Sequence[Judged], spared: set[str], *, mode: str
+    asked: Asked,
+    episodes: Mapping[str, EpisodeResult],
+    judged: Sequence[Judged],
+    spared: set[str],
+    *,
+    options: RunOptions,
 ) -> SettingRow:
     results = tuple(episodes[key] for key in asked.keys if key in episodes)
     summary, problem = None, ""
     try:
-        summary = summarize(results, mode=mode)
+        summary = summarize(results, mode=options.metrics)
     except ComparisonError as error:
         problem = str(error)
     return SettingRow(
@@ -163,14 +169,17 @@ def _row(
         needed=sum(key in episodes or key not in spared for key in asked.keys),
         results=results,
         summary=summary,
-        rd=_rd(asked, episodes, spared),
+        rd=_rd(asked, episodes, spared, clean_floor=options.verdict_rule.clean_floor),
         verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
         problem=problem,
     )
 
 
-def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str]) -> float | None:
-    """Return RD over the routes that were driven in both ways; None when one is missing that nobody spared."""
+def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float) -> float | None:
+    """Return RD over the routes that were driven in both ways.
+
+    None when one is missing that nobody spared, and where the clean score is too low to lose anything.
+    """
     if any(key not in episodes and key not in spared for key in (*asked.clean_keys, *asked.keys)):
         return None
     pairs = [
@@ -181,9 +190,10 @@ def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str]) -
     if not pairs:
         return None
     try:
-        return robustness_degradation([clean for clean, _ in pairs], [perturbed for _, perturbed in pairs])
+        clean, perturbed = map(mean, paired_driving_scores([pair[0] for pair in pairs], [pair[1] for pair in pairs]))
     except ComparisonError:
         return None
+    return None if clean < clean_floor else 1.0 - perturbed / clean
 
 
 def _is_on(judged: Judged, asked: Asked) -> bool:

@@ -55,16 +55,16 @@ class EgoVehicle(Vehicle):  # type: ignore[misc]
         self, times: NDArray[np.float64]
     ) -> tuple[list[NDArray[np.float64]], list[float]]:
         """Return (positions, headings) at `times` in seconds from now, with the steering of now and no acceleration."""
-        ghost = copy.copy(self)
-        ghost.road = None  # nobody looks up the ghost's lane
-        ghost.position = self.position.copy()
+        twin = copy.copy(self)
+        twin.road = None  # its lane is never looked up
+        twin.position = self.position.copy()
         steering = self.action["steering"] if self.prediction_type == "constant_steering" else 0.0
-        ghost.action = {"acceleration": 0.0, "steering": steering}
+        twin.action = {"acceleration": 0.0, "steering": steering}
         positions, headings = [], []
         for dt_s in np.diff(np.concatenate(([0.0], times))):
-            ghost.step(dt_s)
-            positions.append(ghost.position.copy())
-            headings.append(ghost.heading)
+            twin.step(dt_s)
+            positions.append(twin.position.copy())
+            headings.append(twin.heading)
         return positions, headings
 
 

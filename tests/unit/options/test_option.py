@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.options.option import (
-    Given,
+    GivenText,
     Option,
     combined,
     option,
@@ -19,7 +19,7 @@ from pytest_drive_robust.options.option import (
 )
 
 
-def _span(low: Given, high: Given) -> tuple[int, int]:
+def _span(low: GivenText, high: GivenText) -> tuple[int, int]:
     return int(low.text), int(high.text)
 
 

@@ -115,3 +115,12 @@ def test_rows_of_early_verdicts_are_not_compared_by_score():
     assert any("early verdicts rest on fewer routes" in line for line in lines)
     late = replace(early, routes=9)
     assert "early verdicts" not in run_summary(run_of(("clean", [scored("1", 100.0)]), judged=[late]), colour=False)
+
+
+def test_a_clean_score_below_the_floor_has_no_degradation_to_show():
+    run = run_of(
+        ("clean", [scored("1", 0.001), scored("2", 20.0)]),
+        ("200 ms latency", [scored(route, 100.0, setting="200 ms latency") for route in ("1", "2")]),
+    )
+    assert [row.rd for row in run.rows] == [None, None]
+    assert [row["rd"] for row in run_as_json(run)["summaries"]] == [None, None]
