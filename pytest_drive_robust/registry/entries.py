@@ -63,7 +63,7 @@ class Entry:
 
 
 def from_entry_points(kind: str) -> Iterator[Entry]:
-    """Return the entries that installed distributions declare in the group `pytest_drive_robust.<kind>`; import none."""
+    """Return the entries that installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
     found = metadata.entry_points(group=f"pytest_drive_robust.{kind}")
     for point in sorted(found, key=lambda point: (point.name, point.value)):
         distribution = point.dist
