@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import WorldState
-    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.messages import PickledRequest
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator

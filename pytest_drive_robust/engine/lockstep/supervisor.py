@@ -10,11 +10,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.exchange import Exchange
 from pytest_drive_robust.engine.fork_server import NoWorkerError
-from pytest_drive_robust.engine.messages import ALONE, CHECK, TOGETHER, TOKEN_BYTES, Answer, Message, refusal
-from pytest_drive_robust.engine.pickled_request import PickledRequest
-from pytest_drive_robust.engine.supervisor import FailedAttempt, Stopped, Supervisor
+from pytest_drive_robust.engine.messages import ALONE, CHECK, TOGETHER, TOKEN_BYTES, Message, PickledRequest
+from pytest_drive_robust.engine.supervisor import FailedAttempt, Supervisor
 from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
@@ -75,24 +74,17 @@ class LockstepSupervisor(Supervisor):
         except NoWorkerError:
             yield from ((request, None) for request in iter(take, None))
             return
-        exchange = Exchange(worker, self._limits, self._wake_r, self._news_r)
-        try:
-            for token, answer in exchange.run(next_message):
-                self.output = exchange.printed
-                result = refusal(answer.refused) if answer.result is None else self._judged(answer.result)
-                leaving = leaving or self._is_spent(answer)
-                yield under_way.pop(token), result
-        except Interrupted:
-            self._discard()
-            raise Stopped from None
+        exchange = Exchange(worker, self._limits, self._news_r)
+        for token, answer in exchange.run(next_message):
+            self._check_stopped()
+            self.output = exchange.printed
+            leaving = leaving or self._is_spent(answer)
+            result = answer.result
+            yield under_way.pop(token), result if isinstance(result, UsageError) else self._judged(result)
         self.output = exchange.printed
-        if self._stopped.is_set():  # what ended while we were stopping is no result
-            self._discard()
-            raise Stopped
-        if exchange.death is not None:
-            self._discard()
-        elif leaving:
-            self._retire()
+        self._check_stopped()
+        if exchange.death is not None or leaving:
+            self._end_worker()
         yield from ((request, None) for request in under_way.values())
 
     def close(self) -> None:
@@ -103,13 +95,6 @@ class LockstepSupervisor(Supervisor):
 
     def _payload(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order, self._width))
-
-    def _is_spent(self, answer: Answer) -> bool:
-        """Whether the process should end with this batch: it is not as it was before, or its world broke."""
-        self._first_rss = self._first_rss or answer.rss
-        grew = answer.rss - self._first_rss > self._limits.growth_bytes
-        broke = answer.result is not None and answer.result.outcome is Outcome.INFRA_ERROR
-        return grew or broke or bool(answer.leftovers)
 
     def _salvaged(self, failure: FailedAttempt, order: PickledRequest) -> EpisodeResult | None:
         result = super()._salvaged(failure, order)

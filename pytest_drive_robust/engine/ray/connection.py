@@ -143,7 +143,7 @@ class ClusterConnection:
         if message.kind == ray_driver.RECORD:
             future.set_result(_read_record(request, message.payload))
         elif message.kind == ray_driver.UNUSABLE:
-            future.set_exception(refusal(json.loads(message.payload)))
+            future.set_exception(refusal(message.payload))
         else:
             future.set_result(_lost(request, message.payload.decode()))
 
