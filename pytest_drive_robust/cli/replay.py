@@ -82,7 +82,6 @@ def _replay(options: argparse.Namespace) -> int:
     registry.require("agents", wanted.agent)
     caps = {} if options.tick_cap is None else {"tick_cap": options.tick_cap}
     simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s, **caps))
-    tapes: list[Tape] = []
     try:
         route = _route(options, wanted.route, simulator)
         running = wanted.setting.start(route_id=route.id, seed=0, dt_s=simulator.dt_s, cameras=())  # or say why not
@@ -95,8 +94,6 @@ def _replay(options: argparse.Namespace) -> int:
             _film(tapes, target)
     finally:
         simulator.close()
-        for tape in tapes:
-            tape.close()
     return 0 if same else 1
 
 
@@ -151,26 +148,21 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
     agent = make_agent(registry, wanted.agent)
     tapes: list[Tape] = []
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
-    try:
-        for setting in settings:
-            with _progress(f"driving under {setting}") as step:
-                tape = record_episode(
-                    simulator,
-                    agent,
-                    route=route,
-                    setting=setting,
-                    seed=wanted.seed,
-                    agent_name=wanted.agent,
-                    ticked=lambda _: step(),
-                )
-            tapes.append(tape)
-            _print_result(tape.result)
-            if tape.plan_problem:
-                print(f"  no plan is shown: {tape.plan_problem}")
-    except BaseException:
-        for tape in tapes:
-            tape.close()
-        raise
+    for setting in settings:
+        with _progress(f"driving under {setting}") as step:
+            tape = record_episode(
+                simulator,
+                agent,
+                route=route,
+                setting=setting,
+                seed=wanted.seed,
+                agent_name=wanted.agent,
+                ticked=lambda _: step(),
+            )
+        tapes.append(tape)
+        _print_result(tape.result)
+        if tape.plan_problem:
+            print(f"  no plan is shown: {tape.plan_problem}")
     return tapes
 
 

@@ -45,14 +45,10 @@ class Witness:
             self._told.append(nan if image is None else image.tick)
         if given is captured:
             return
-        if given.gps is not captured.gps and given.gps != captured.gps:
-            self._touch("gps", captured.tick)
-        if given.speed is not captured.speed and given.speed != captured.speed:
-            self._touch("speed", captured.tick)
-        if given.imu is not captured.imu and given.imu != captured.imu:
-            self._touch("imu", captured.tick)
-        if given.compass is not captured.compass and given.compass != captured.compass:
-            self._touch("compass", captured.tick)
+        for signal in ("gps", "speed", "imu", "compass"):
+            one, other = getattr(captured, signal), getattr(given, signal)
+            if other is not one and other != one:
+                self._touch(signal, captured.tick)
         if given.cameras is not captured.cameras:
             self._compare_images(captured, given)
 

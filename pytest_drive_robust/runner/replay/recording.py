@@ -14,7 +14,7 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import borrowed_for
 from pytest_drive_robust.runner.episode.loop import RunningEpisode
-from pytest_drive_robust.runner.replay.tape import Picture, PictureFile, Tape, TapeTick, main_camera
+from pytest_drive_robust.runner.replay.tape import Picture, Tape, TapeTick, main_camera
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -50,12 +50,8 @@ def record_episode(
     """
     episode = Episode(agent_name, route.id, str(setting), seed)
     recording = _Recording(RunningEpisode(simulator, agent, route, setting, seed, view=_VIEW))
-    try:
-        with borrowed_for(episode):
-            return recording.tape(episode, ticked or (lambda tick: None))
-    except BaseException:
-        recording.file.close()
-        raise
+    with borrowed_for(episode):
+        return recording.tape(episode, ticked or (lambda tick: None))
 
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
@@ -75,7 +71,6 @@ class _Recording:
     """The moments of an episode that it drives."""
 
     def __init__(self, running: RunningEpisode) -> None:
-        self.file = PictureFile()
         self._running = running
         self._moments: list[TapeTick] = []
         self._asked: Control | None = None
@@ -98,7 +93,7 @@ class _Recording:
         last = self._moments[-1] if self._moments else TapeTick(running.state)
         last = replace(last, state=running.state, gps=None, speed_mps=None, asked=None, applied=None)
         moments = (*self._moments, last)
-        return Tape(result, moments, truth.lane_map, truth.route, self.file, running.shows_view, self._plan_problem)
+        return Tape(result, moments, truth.lane_map, truth.route, running.shows_view, self._plan_problem)
 
     def _tick(self) -> None:
         """Do what `RunningEpisode.tick` does, with a look at what the agent asks for and plans."""
@@ -120,10 +115,11 @@ class _Recording:
                 self._planned, self._plan_problem = None, blame("plan", error)
 
     def _keep(self, tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
+        images = observation.cameras or self._running.images
         self._moments.append(
             TapeTick(
                 state=replace(state, actors=state.actors.copy(), lights=state.lights.copy()),
-                pictures=self.file.add(observation.cameras or self._running.images),
+                pictures=tuple(Picture.of(name, image) for name, image in images.items()),
                 real=self._unlike(observation.cameras),
                 gps=(observation.gps.x_m, observation.gps.y_m),
                 speed_mps=observation.speed.mps,
@@ -141,7 +137,7 @@ class _Recording:
         real = self._running.images[name]
         if given[name].pixels is real.pixels or (given[name].pixels == real.pixels).all():
             return None
-        return self.file.add({name: real})[0]
+        return Picture.of(name, real)
 
 
 def _in_world(plan: PlannedPath, ego: EgoState) -> PlannedPath:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,11 +16,10 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import LaneMap, WorldState
 
-__all__ = ["Picture", "PictureFile", "Tape", "TapeTick", "main_camera"]
+__all__ = ["Picture", "Tape", "TapeTick", "main_camera"]
 
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92
-_IN_MEMORY_BYTES = 1 << 25
 
 
 def main_camera(names: Iterable[str]) -> str:
@@ -32,12 +30,33 @@ def main_camera(names: Iterable[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Where one image of a moment lies in the tape's file; `tick` is the tick of its capture."""
+    """One image of a moment as a JPEG, no wider than a panel of a film needs it; `tick` is the tick of its capture."""
 
     camera: str
     tick: int
-    start: int
-    length: int
+    jpeg: bytes = field(repr=False)
+
+    @classmethod
+    def of(cls, camera: str, image: Image) -> Picture:
+        """Compress an image of that camera."""
+        import cv2
+        import numpy as np
+
+        pixels = image.pixels[:, :, ::-1]
+        height, width = pixels.shape[:2]
+        if width > _WIDEST_PX:
+            size = (_WIDEST_PX, max(1, round(height * _WIDEST_PX / width)))
+            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+        jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
+        return cls(camera, image.tick, jpeg)
+
+    def pixels(self) -> Pixels:
+        """Return (height, width, 3) uint8 RGB."""
+        import cv2
+        import numpy as np
+
+        decoded = np.asarray(cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+        return np.ascontiguousarray(decoded[:, :, ::-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,65 +91,14 @@ class Tape:
     moments: tuple[TapeTick, ...]
     lane_map: LaneMap
     route: NDArray[np.float64]
-    file: PictureFile
     shown_only: bool = False
     plan_problem: str = ""
 
     def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
         """Return the pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
-        return {item.camera: (self.file.read(item), item.tick) for item in self.moments[position].pictures}
+        return {item.camera: (item.pixels(), item.tick) for item in self.moments[position].pictures}
 
     def real(self, position: int) -> Pixels | None:
         """Return what the main camera would have shown, where the agent was given something else."""
         picture = self.moments[position].real
-        return None if picture is None else self.file.read(picture)
-
-    def close(self) -> None:
-        """Free the pictures."""
-        self.file.close()
-
-
-def _temporary() -> IO[bytes]:
-    return tempfile.SpooledTemporaryFile(_IN_MEMORY_BYTES)  # closed by `PictureFile.close`
-
-
-@dataclass
-class PictureFile:
-    """JPEGs one after the other in a file without a name: gone when it is closed or the process ends."""
-
-    _file: IO[bytes] = field(default_factory=_temporary)
-    _end: int = 0
-
-    def add(self, images: Mapping[str, Image]) -> tuple[Picture, ...]:
-        """Keep the images of one moment, none wider than a panel of a film needs it."""
-        return tuple(self._add(name, image) for name, image in images.items())
-
-    def read(self, picture: Picture) -> Pixels:
-        """Return the pixels of a picture, RGB."""
-        import cv2
-        import numpy as np
-
-        self._file.seek(picture.start)
-        stored = np.frombuffer(self._file.read(picture.length), np.uint8)
-        decoded = np.asarray(cv2.imdecode(stored, cv2.IMREAD_COLOR), np.uint8)
-        return np.ascontiguousarray(decoded[:, :, ::-1])
-
-    def close(self) -> None:
-        """Delete the file."""
-        self._file.close()
-
-    def _add(self, camera: str, image: Image) -> Picture:
-        import cv2
-        import numpy as np
-
-        pixels = image.pixels[:, :, ::-1]
-        height, width = pixels.shape[:2]
-        if width > _WIDEST_PX:
-            size = (_WIDEST_PX, max(1, round(height * _WIDEST_PX / width)))
-            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-        data = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
-        start = self._end
-        self._file.seek(start)
-        self._file.write(data)
-        self._end += len(data)
-        return Picture(camera, image.tick, start, len(data))
+        return None if picture is None else picture.pixels()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -50,12 +49,10 @@ def tape_of(setting: str, *, ticks: int = 80, infractions: tuple[Infraction, ...
 
 
 @pytest.fixture(scope="module")
-def tapes() -> Iterator[tuple[Tape, Tape]]:
+def tapes() -> tuple[Tape, Tape]:
     clean = tape_of("clean")
     perturbed = tape_of("3 s burst frame drop (probability=0.9) and 500 ms latency", ticks=100, infractions=(HIT,))
-    yield clean, perturbed
-    clean.close()
-    perturbed.close()
+    return clean, perturbed
 
 
 @pytest.fixture(scope="module")
@@ -168,35 +165,26 @@ def test_one_tape_alone_stands_in_the_middle(tapes: tuple[Tape, Tape]) -> None:
 
 def test_an_agent_without_cameras_is_filmed_all_the_same() -> None:
     tape = tape_of("clean", ticks=20, agent=ScriptedAgent([Control(throttle=1.0)]))
-    try:
-        picture = Film(tape).picture(10)
-        assert picture[120:300, 340:700].std() > 5.0
-    finally:
-        tape.close()
+    picture = Film(tape).picture(10)
+    assert picture[120:300, 340:700].std() > 5.0
 
 
 def test_many_cameras_share_the_panel() -> None:
     names = ("front_left", "front", "front_right", "back")
     agent = ScriptedAgent([Control(throttle=1.0)], cameras=[CameraSpec(name) for name in names])
     tape = tape_of("clean", ticks=20, agent=agent)
-    try:
-        picture = Film(tape).picture(10)
-        thumbnails = picture[255:305, 330:710]
-        assert all(thumbnails[:, k * 130 : k * 130 + 100].std() > 5.0 for k in range(3))
-    finally:
-        tape.close()
+    picture = Film(tape).picture(10)
+    thumbnails = picture[255:305, 330:710]
+    assert all(thumbnails[:, k * 130 : k * 130 + 100].std() > 5.0 for k in range(3))
 
 
 def test_a_wrong_gps_is_crossed_where_the_agent_believes_to_be() -> None:
     tape = tape_of("clean", ticks=20)
-    try:
-        moments = [replace(m, gps=(m.state.ego.x_m + 10.0, 5.0)) for m in tape.moments]
-        told, right = Film(replace(tape, moments=tuple(moments))).picture(10), Film(tape).picture(10)
-        view = Rectangle(728, 66, 224, 394)
-        place = np.argwhere((view.of(told) != view.of(right)).any(axis=2)).mean(axis=0)
-        assert place == pytest.approx((394 * 0.76 - 80, 112 + 40), abs=4.0)
-    finally:
-        tape.close()
+    moments = [replace(m, gps=(m.state.ego.x_m + 10.0, 5.0)) for m in tape.moments]
+    told, right = Film(replace(tape, moments=tuple(moments))).picture(10), Film(tape).picture(10)
+    view = Rectangle(728, 66, 224, 394)
+    place = np.argwhere((view.of(told) != view.of(right)).any(axis=2)).mean(axis=0)
+    assert place == pytest.approx((394 * 0.76 - 80, 112 + 40), abs=4.0)
 
 
 def test_the_sheet_holds_the_telling_moments_two_in_a_row(film: Film) -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
-
 from result_factory import infraction, make_result, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.report.film.story import story_of
-from pytest_drive_robust.runner.replay.tape import PictureFile, Tape, TapeTick
+from pytest_drive_robust.runner.replay.tape import Tape, TapeTick
 
 
 def tape_of(result: EpisodeResult) -> Tape:
@@ -21,7 +19,7 @@ def tape_of(result: EpisodeResult) -> Tape:
         TapeTick(WorldState(k, EgoState(0, 0, 0, speed, 0, 0, 0, 4.5, 1.9), np.zeros((0, 10)), np.zeros(0, np.int64)))
         for k, speed in enumerate(speeds)
     )
-    return Tape(result, moments, None, np.zeros((2, 4)), PictureFile(io.BytesIO()))  # type: ignore[arg-type]
+    return Tape(result, moments, None, np.zeros((2, 4)))  # type: ignore[arg-type]
 
 
 def result_of(ticks: int, **given: object) -> EpisodeResult:

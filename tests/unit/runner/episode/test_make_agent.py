@@ -121,7 +121,6 @@ def test_a_replay_drives_what_the_run_drove(registry: Registry, agent: str) -> N
         seed=0,
         agent_name=agent,
     )
-    tape.close()
     assert tape.result.trace.digest == driven["2"]
 
 

@@ -58,10 +58,7 @@ def recorded(agent: Any, setting: str = "clean", *, ticks: int = 40, simulator: 
         seed=3,
         agent_name="driver",
     )
-    try:
-        yield tape
-    finally:
-        tape.close()
+    yield tape
 
 
 @pytest.mark.parametrize("cameras", [(), (CameraSpec("front"),)], ids=["blind", "seeing"])
