@@ -132,8 +132,13 @@ def singly(made: type[NetAgent]) -> Callable[[], int]:
 
 
 def together(made: type[NetAgent], width: int) -> Callable[[], int]:
-    lockstep = Lockstep(world, made, width=width)
-    return lambda: sum(result.ticks for _, result in lockstep.drive(REQUESTS))
+    lockstep = Lockstep(world, lambda name: made(), width=width)
+
+    def work() -> int:
+        requests = iter(REQUESTS)
+        return sum(result.ticks for _, result in lockstep.drive_batch("net", lambda: next(requests, None)))
+
+    return work
 
 
 def rate(work: Callable[[], int]) -> float:

@@ -52,7 +52,7 @@ class UnknownNameError(UsageError):
 
     @classmethod
     def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
-        """The error for a name that was not found among `known`, with the nearest one."""
+        """Return the error for a name that was not found among `known`, with the nearest one."""
         names = sorted(known)
         close = nearest(given, names)
         message = f"there is no {what} named {given!r}."
@@ -96,7 +96,7 @@ class SimulationError(DriveRobustError):
 
 
 def nearest(given: str, known: Iterable[str]) -> str | None:
-    """The known name that is closest to what was given, or None when nothing is close."""
+    """Return the known name that is closest to what was given, or None when nothing is close."""
     import difflib  # here: every pytest session imports this module
 
     lowered = {name.lower(): name for name in known}

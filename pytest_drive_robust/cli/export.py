@@ -67,7 +67,7 @@ def _run_file(reference: str) -> Path:
 
 
 def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
-    """The town of each route, and the route specifications that are no longer there to look it up."""
+    """Return the town of each route, and the route specifications that are no longer there to look it up."""
 
     def routes(spec: str) -> tuple[Route, ...]:
         try:

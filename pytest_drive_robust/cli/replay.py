@@ -118,7 +118,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
 
 
 def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
-    """Where to write, looked at before anything is driven. Without an encoder a strip takes the video's place."""
+    """Return where to write, looked at before anything is driven. Without an encoder a strip replaces the video."""
     words = re.sub(r"[^a-z0-9.]+", "-", f"{wanted.route}-{wanted.setting}".lower()).strip("-")
     target = Path(options.out or f"replay-{words}.mp4")
     if target.suffix.lower() not in _SUFFIXES:
@@ -209,7 +209,7 @@ def _film(tapes: list[Tape], target: Path) -> None:
 
 @contextmanager
 def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal, nothing elsewhere: `step()` for each tick or picture."""
+    """Return a bar on a terminal, nothing elsewhere: `step()` for each tick or picture."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

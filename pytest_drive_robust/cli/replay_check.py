@@ -39,7 +39,7 @@ class Before:
     episode: EpisodeResult | None = None
 
     def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
-        """(same, a clause that says so), or None when that episode is not there."""
+        """Return (same, a clause that says so), or None when that episode is not there."""
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
         else:
@@ -57,7 +57,7 @@ class Before:
         return False, f"DIFFERS from {self.label}"
 
     def _is_another(self, route: Route) -> bool:
-        """Whether the route of that id was another one then."""
+        """Return whether the route of that id was another one then."""
         return self.routes.get(route.id, route_digest(route)) != route_digest(route)
 
 
@@ -85,7 +85,7 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
 
 
 def read_episode_file(name: str) -> EpisodeResult:
-    """The episode in a file. Raises `UsageError` when there is none."""
+    """Return the episode in a file. Raises `UsageError` when there is none."""
     try:
         return read_episode(Path(name))
     except FileNotFoundError:
@@ -106,7 +106,7 @@ def _run_file(reference: str | None) -> Path | None:
 
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
-    """The records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
+    """Return the records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
     found: list[EpisodeResult] = []
     for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):
         try:
@@ -131,7 +131,7 @@ def _digests(document: Mapping[str, Any], path: Path) -> dict[Words, str]:
 
 
 def _routes(document: Mapping[str, Any]) -> dict[str, str]:
-    """Empty for runs that were stored before routes were told."""
+    """Return nothing for runs that were stored before routes were told."""
     fingerprint = document.get("fingerprint")
     routes = fingerprint.get("routes") if isinstance(fingerprint, dict) else None
     return {str(name): str(digest) for name, digest in routes.items()} if isinstance(routes, dict) else {}

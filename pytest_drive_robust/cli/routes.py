@@ -81,5 +81,5 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
 
 
 def _length_m(route: Route) -> float:
-    """Along the waypoints: a file can be listed whose towns we do not know."""
+    """Return the length along the waypoints: a file can be listed whose towns we do not know."""
     return sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(route.waypoints))

@@ -42,7 +42,7 @@ class Agent(Protocol):
     """
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """The cameras of the rig, each with its own name. GPS, compass, IMU and speed are always there."""
+        """Return the cameras of the rig, each with its own name. GPS, compass, IMU and speed are always there."""
         ...
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -50,7 +50,7 @@ class Agent(Protocol):
         ...
 
     def act(self, observation: Observation) -> Control:
-        """The control for this tick. The observation belongs to the agent: it may be kept or written to."""
+        """Return the control for this tick. The observation belongs to the agent: it may be kept or written to."""
         ...
 
 
@@ -69,7 +69,7 @@ def is_privileged(agent: Agent) -> bool:
 
 
 def consumed_signals(agent: Agent) -> frozenset[str]:
-    """The signals that reach the policy: `consumes`, or all of `SIGNALS` when the agent does not say."""
+    """Return the signals that reach the policy: `consumes`, or all of `SIGNALS` when the agent does not say."""
     return frozenset(getattr(agent, "consumes", SIGNALS))
 
 

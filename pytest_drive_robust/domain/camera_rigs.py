@@ -42,14 +42,14 @@ RIGS: Mapping[str, tuple[CameraSpec, ...]] = MappingProxyType(
 
 
 def rig_names() -> tuple[str, ...]:
-    """The names that `rig` knows."""
+    """Return the names that `rig` knows."""
     return tuple(sorted(RIGS))
 
 
 def rig(
     name: str, *, width_px: int | None = None, height_px: int | None = None, rate_hz: float = 20.0
 ) -> tuple[CameraSpec, ...]:
-    """The cameras of a rig, each `width_px` x `height_px` pixels (the published size where not said).
+    """Return the cameras of a rig, each `width_px` x `height_px` pixels (the published size where not said).
 
     The field of view is kept, whatever the size: with another ratio of width to height more or less sky and road is
     seen. Raises `UnknownNameError` for other names and `UsageError` for sizes and rates that no camera has.

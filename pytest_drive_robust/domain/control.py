@@ -29,7 +29,7 @@ class Control:
     NEUTRAL: ClassVar[Control]
 
     def problem(self) -> str | None:
-        """What is wrong with this control (`"steer is nan, expected a number in -1..1"`), or None."""
+        """Return what is wrong with this control (`"steer is nan, expected a number in -1..1"`), or None."""
         throttle, steer, brake = self.throttle, self.steer, self.brake
         plain = type(throttle) is type(steer) is type(brake) is float
         if plain and 0.0 <= throttle <= 1.0 and -1.0 <= steer <= 1.0 and 0.0 <= brake <= 1.0:

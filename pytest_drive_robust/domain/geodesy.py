@@ -13,12 +13,12 @@ EARTH_RADIUS_M = 6378137.0
 
 
 def to_geodetic(x_m: float, y_m: float) -> tuple[float, float]:
-    """(latitude, longitude) in degrees of a point (x east, y south) in metres."""
+    """Return (latitude, longitude) in degrees of a point (x east, y south) in metres."""
     latitude = 2.0 * math.atan(math.exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
     return math.degrees(latitude), math.degrees(x_m / EARTH_RADIUS_M)
 
 
 def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """(x east, y south) in metres of a latitude and longitude in degrees; the inverse of `to_geodetic`."""
+    """Return (x east, y south) in metres of a latitude and longitude in degrees; the inverse of `to_geodetic`."""
     y = -EARTH_RADIUS_M * math.log(math.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
     return EARTH_RADIUS_M * math.radians(longitude_deg), y

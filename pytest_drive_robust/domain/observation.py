@@ -119,9 +119,9 @@ class Observation:
     truth: GroundTruth | None = None
 
     def map_images(self, change: Callable[[str, Image], Image]) -> Observation:
-        """A copy whose images are `change(camera name, image)`; the originals are not touched."""
+        """Return a copy whose images are `change(camera name, image)`; the originals are not touched."""
         return replace(self, cameras={name: change(name, image) for name, image in self.cameras.items()})
 
     def private(self) -> Observation:
-        """A copy whose pixels share no memory with anybody: what the loop hands to the agent."""
+        """Return a copy whose pixels share no memory with anybody: what the loop hands to the agent."""
         return self.map_images(lambda _, image: Image(image.pixels.copy(), image.tick))

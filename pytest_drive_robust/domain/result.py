@@ -46,7 +46,7 @@ class Trace:
     )
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """One column of `rows` by its name."""
+        """Return one column of `rows` by its name."""
         values: NDArray[np.float64] = self.rows[:, self.COLUMNS.index(name)]
         return values
 
@@ -74,7 +74,7 @@ class Given:
     COLUMNS = ("tick", "gps_x_m", "gps_y_m", "heading_rad", "speed_mps")
 
     def column(self, name: str) -> NDArray[np.float32]:
-        """One of the first columns by its name."""
+        """Return one of the first columns by its name."""
         values: NDArray[np.float32] = self.rows[:, self.COLUMNS.index(name)]
         return values
 

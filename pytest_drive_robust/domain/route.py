@@ -57,7 +57,7 @@ class ScenarioSpec:
     texts: Mapping[str, str] = field(default_factory=dict)
 
     def number(self, element: str, default: float, *, attribute: str = "value") -> float:
-        """The number of a parameter element, or the scenario type's default."""
+        """Return the number of a parameter element, or the scenario type's default."""
         return self.parameters.get(element, {}).get(attribute, default)
 
 

@@ -54,7 +54,7 @@ class VerdictRule:
         return self.alpha / self.family
 
     def for_routes(self, count: int) -> VerdictRule:
-        """The same with `"auto"` resolved for so many routes."""
+        """Return the same with `"auto"` resolved for so many routes."""
         if self.kind != "auto":
             return self
         return replace(self, kind="evidence" if count >= _FEWEST_FOR_EVIDENCE else "list")

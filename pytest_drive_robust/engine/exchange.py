@@ -11,14 +11,14 @@ from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.engine.death import Cause, Death
-from pytest_drive_robust.engine.messages import Answer, Message, receive
+from pytest_drive_robust.engine.messages import Answer, Message, receive, send
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.shared_state import StateReading
     from pytest_drive_robust.engine.worker_process import WorkerProcess
 
-__all__ = ["Exchange", "Interrupted"]
+__all__ = ["Exchange"]
 
 _CHUNK_BYTES = 1 << 16
 _TRACEBACK_S = 0.1
@@ -26,21 +26,16 @@ _EXIT_S = 0.25
 _FULL_S = 0.05
 
 
-class Interrupted(Exception):  # noqa: N818 - it is no error: somebody asked for it
-    """The descriptor that wakes us became readable."""
-
-
 class Exchange:
     """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    `wake_fd` becomes readable when somebody wants to stop, `news_fd` when there may be another request. `death` is how
-    the worker ended, once it has.
+    `news_fd` becomes readable when there may be another request. `death` is how the worker ended, once it has: also
+    when somebody kills it who wants to stop.
     """
 
-    def __init__(self, worker: WorkerProcess, limits: Limits, wake_fd: int, news_fd: int | None = None) -> None:
+    def __init__(self, worker: WorkerProcess, limits: Limits, news_fd: int | None = None) -> None:
         self._worker = worker
         self._limits = limits
-        self._wake_fd = wake_fd
         self._news_fd = news_fd
         self.death: Death | None = None
         self._printed = bytearray()
@@ -54,7 +49,7 @@ class Exchange:
         return bytes(self._printed[-self._limits.output_bytes :]).decode("utf-8", "replace")
 
     def ask(self, request: Message) -> Answer | Death:
-        """Send one request and wait. After a `Death` the worker is dead, too. Raises `Interrupted`."""
+        """Send one request and wait. After a `Death` the worker is dead, too."""
         requests = [request]
         for _, answer in self.run(lambda: requests.pop() if requests else None):
             return answer
@@ -64,18 +59,15 @@ class Exchange:
     def run(self, take: Callable[[], Message | None]) -> Generator[tuple[bytes, Answer], None, None]:
         """Send what `take` gives and yield each answer with its token, until nothing is under way or to be sent.
 
-        The limit of an episode counts from its own request. Ends with `death` set when the worker is dead. Raises
-        `Interrupted`.
+        The limit of an episode counts from its own request. Ends with `death` set when the worker is dead.
         """
         worker = self._worker
-        sources: list[Any] = [self._wake_fd, worker.output, worker.sentinel, worker.connection]
+        sources: list[Any] = [worker.output, worker.sentinel, worker.connection]
         if self._news_fd is not None:
             sources.append(self._news_fd)
         while self._send(take):
             self._started_s = min(self._begun_s.values())
             ready = wait(sources, self._patience_s())
-            if self._wake_fd in ready:
-                raise Interrupted
             if self._news_fd in ready:
                 os.read(self._news_fd, _CHUNK_BYTES)
             if worker.output in ready and not self._listen():
@@ -100,7 +92,7 @@ class Exchange:
                 break
             self._begun_s[request.token] = self._started_s = time.monotonic()
             try:
-                self._worker.send(request)
+                send(self._worker.connection, request)
             except OSError:
                 self._lost(Cause.SILENT)
         return self.death is None and bool(self._begun_s)

@@ -27,7 +27,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 from pytest_drive_robust import errors
 from pytest_drive_robust.engine.messages import refusal
@@ -58,17 +58,16 @@ class ForkServer:
     """Starts the worker processes of one setup; from any thread. Nothing is started before the first one is asked for.
 
     On Linux workers are forked. Elsewhere, and where a plugin starts threads while it is imported, forking a process
-    that has loaded numerical libraries is not safe, and each worker is a new Python (`fork=False`: always). Raises
-    `UsageError` on systems without either.
+    that has loaded numerical libraries is not safe, and each worker is a new Python. Raises `UsageError` on systems
+    without either.
     """
 
-    def __init__(self, worker_setup: WorkerSetup, *, fork: bool = True) -> None:
+    def __init__(self, worker_setup: WorkerSetup) -> None:
         if os.name != "posix":
             raise errors.UsageError(
                 "guarded processes need Linux or macOS (on Windows: inside WSL). Give --drive-executor inline."
             )
         self._setup = worker_setup
-        self._fork = fork
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
@@ -110,7 +109,7 @@ class ForkServer:
             return
         self._stop()
         forks = self._launch(unwanted)
-        if not forks and self._fork and self._setup.preload_agents:
+        if not forks and self._setup.preload_agents:
             self._setup = replace(self._setup, preload_agents=())
             self._stop()
             forks = self._launch(unwanted)
@@ -128,16 +127,18 @@ class ForkServer:
         with theirs:
             arguments = theirs.fileno(), os.getpid()
             self._process = self._setup.start_python(
-                "serve_forks", arguments, (self._setup, self._fork), pass_fds=arguments[:1], output=self._log.fileno()
+                "serve_forks", arguments, self._setup, pass_fds=arguments[:1], output=self._log.fileno()
             )
-        answer = self._answer(unwanted)
-        if answer is not None and "type" in answer:
+        line = self._first_line(unwanted)
+        answer = json.loads(line or "{}")
+        if "type" in answer:
             self._stop()
-            raise refusal(answer)
-        return None if answer is None else bool(answer["forks"])
+            raise refusal(line)
+        forks: bool | None = answer.get("forks")
+        return forks
 
-    def _answer(self, unwanted: Callable[[], bool]) -> dict[str, Any] | None:
-        """Return what the server said when it was ready, None when it died before. Raises `Stopped`."""
+    def _first_line(self, unwanted: Callable[[], bool]) -> bytes:
+        """Return what the server said when it was ready, nothing when it died before. Raises `Stopped`."""
         assert self._control is not None
         deadline = time.monotonic() + _READY_S
         while not select.select([self._control], [], [], _POLL_S)[0]:
@@ -145,13 +146,10 @@ class ForkServer:
                 self._stop()
                 raise Stopped
             if time.monotonic() > deadline:
-                return None
-        try:
-            with self._control.makefile("rb") as file:
-                answer = file.readline()
-        except OSError:
-            return None
-        return json.loads(answer) if answer else None
+                return b""
+        with suppress(OSError), self._control.makefile("rb") as file:
+            return file.readline()
+        return b""
 
     def _forked(self, limits: Limits) -> WorkerProcess:
         assert self._control is not None

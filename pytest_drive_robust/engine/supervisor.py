@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.death import Blame, Death, Explanation, explain
-from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.exchange import Exchange
 from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, refusal
-from pytest_drive_robust.engine.pickled_request import PickledRequest
+from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, PickledRequest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["FailedAttempt", "Stopped", "Supervisor"]
 
 _SALVAGE_S = 600.0
-_EXIT_S = 0.5
 
 
 class FailedAttempt(NamedTuple):
@@ -57,8 +55,6 @@ class Supervisor:
         self._first_rss = 0
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._wake_r, self._wake_w = os.pipe()
-        self._closed = False
         self.output = ""
 
     @property
@@ -89,7 +85,6 @@ class Supervisor:
             else:
                 result = self._judged(ended)
                 if result.outcome is Outcome.INFRA_ERROR and count < DRIVEN_AGAIN:
-                    self._retire()
                     result = None
             if result is not None:
                 return result
@@ -102,21 +97,13 @@ class Supervisor:
         """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
         self._stopped.set()
         with self._lock:
-            if self._closed:
-                return
-            os.write(self._wake_w, b"!")
             if self._worker is not None:
                 self._worker.kill()
 
     def close(self) -> None:
         """End the worker. Calling it twice does no harm; afterwards `drive` raises `Stopped`."""
         self._stopped.set()
-        self._retire()
-        with self._lock:
-            if not self._closed:
-                self._closed = True
-                os.close(self._wake_r)
-                os.close(self._wake_w)
+        self._end_worker()
 
     def _result_of(
         self, failure: FailedAttempt, request: PickledRequest, *, final: bool, started: float
@@ -144,10 +131,7 @@ class Supervisor:
             ended = self._attempt(SALVAGE, pickle.dumps((request, recorded)), limits)
         except UsageError:
             return None
-        if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
-            self._retire()
-            return None
-        return ended
+        return None if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR else ended
 
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
         """Tell a crash for lack of memory from others: another limit gives another result."""
@@ -163,62 +147,50 @@ class Supervisor:
             worker = self._ready_worker()
         except NoWorkerError as error:
             return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
-        exchange = Exchange(worker, limits, self._wake_r)
-        try:
-            ended: Answer | Death | None = exchange.ask(Message(kind, os.urandom(TOKEN_BYTES), payload))
-        except Interrupted:
-            ended = None
+        exchange = Exchange(worker, limits)
+        ended = exchange.ask(Message(kind, os.urandom(TOKEN_BYTES), payload))
         if kind != SALVAGE:
             self.output = exchange.printed
-        if ended is None or self._stopped.is_set():  # what ended while we were stopping is no result
-            self._discard()
-            raise Stopped
+        self._check_stopped()
         if isinstance(ended, Death):
             failure = _failure(ended, worker.state)
-            self._discard()
+            self._end_worker()
             return failure
-        self._keep_or_replace(ended)
-        if ended.result is None:
-            raise refusal(ended.refused)
+        if self._is_spent(ended):
+            self._end_worker()
+        if isinstance(ended.result, UsageError):
+            raise ended.result
         return ended.result
 
     def _ready_worker(self) -> WorkerProcess:
         """Return the worker that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
-        if self._stopped.is_set():
-            raise Stopped
         if self._worker is not None and self._worker.wait(0.0) is not None:  # somebody killed it while it waited
-            self._discard()
+            self._end_worker()
         if self._worker is None:
             worker = self._fork_server.start_worker(self._limits, self._stopped.is_set)
             with self._lock:
                 self._worker, self._first_rss = worker, 0
+        self._check_stopped()  # `stop` may have come before there was a worker to kill
         return self._worker
 
-    def _keep_or_replace(self, answer: Answer) -> None:
-        """Replace a worker that is not as it was before the episode."""
+    def _check_stopped(self) -> None:
+        """Raise `Stopped` after `stop`: what ended since is no result."""
+        if self._stopped.is_set():
+            self._end_worker()
+            raise Stopped
+
+    def _is_spent(self, answer: Answer) -> bool:
+        """Return whether the worker is not as it was before the episode, or its world broke."""
         self._first_rss = self._first_rss or answer.rss
-        if answer.leftovers:
-            self._discard()
-        elif answer.rss - self._first_rss > self._limits.growth_bytes:
-            self._retire()
+        grew = answer.rss - self._first_rss > self._limits.growth_bytes
+        broke = not isinstance(answer.result, UsageError) and answer.result.outcome is Outcome.INFRA_ERROR
+        return grew or broke or bool(answer.leftovers)
 
-    def _retire(self) -> None:
-        """Let the worker end by itself: its simulator may have something to close."""
+    def _end_worker(self) -> None:
         with self._lock:
             worker, self._worker = self._worker, None
         if worker is not None:
-            worker.hang_up()
-            if worker.wait(_EXIT_S) is None:
-                worker.kill()
-            worker.close()
-
-    def _discard(self) -> None:
-        """Kill the worker and everything in its group."""
-        with self._lock:
-            worker, self._worker = self._worker, None
-        if worker is not None:
-            worker.kill()
-            worker.close()
+            worker.end()
 
 
 def _failure(death: Death, state: SharedState) -> FailedAttempt:

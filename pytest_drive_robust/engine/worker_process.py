@@ -14,11 +14,11 @@ from contextlib import ExitStack
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
-from pytest_drive_robust.engine.messages import Message, send
 from pytest_drive_robust.engine.shared_state import SharedState, shared_file, state_bytes
 
 __all__ = ["Descriptors", "WorkerProcess"]
 
+_EXIT_S = 0.5
 _STALLED_S = 10
 """The rest of a message comes within this time: a worker writes it in one go, and anybody else does not."""
 
@@ -72,16 +72,16 @@ class WorkerProcess:
             raise ConnectionError("it died instead of forking")
         self.pid = int.from_bytes(told, "little", signed=True)
 
-    def send(self, message: Message) -> None:
-        """Give it a message. Raises `OSError` when it is dead."""
-        send(self.connection, message)
-
     def wait(self, timeout_s: float) -> int | None:
         """Return how it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
         deadline = time.monotonic() + timeout_s
-        while (status := self._look()) is None and (left_s := deadline - time.monotonic()) > 0:
+        while True:
+            with self._lock:
+                status = self._read_status()
+            left_s = deadline - time.monotonic()
+            if status is not None or left_s <= 0:
+                return status
             select.select([self.sentinel], [], [], left_s)
-        return status
 
     def kill(self, number: int = signal.SIGKILL) -> None:
         """Send a signal to it, SIGKILL to its whole group. From any thread, also when it is dead."""
@@ -90,12 +90,12 @@ class WorkerProcess:
                 return  # its number may belong to somebody else by now
             (os.killpg if number == signal.SIGKILL else os.kill)(self.pid, number)
 
-    def hang_up(self) -> None:
-        """Ask for nothing more: a worker that waits frees its simulator and ends."""
-        with self._lock, contextlib.suppress(OSError):
-            if not self._closed:
-                with socket.socket(fileno=os.dup(self.connection.fileno())) as other:
-                    other.shutdown(socket.SHUT_RDWR)
+    def end(self) -> None:
+        """End it and everything in its group. One that waits for a message may close its simulator before."""
+        self.connection.close()
+        if self.wait(_EXIT_S) is None:
+            self.kill()
+        self.close()
 
     def close(self) -> None:
         """Free what belongs to it here. Calling it twice does no harm."""
@@ -103,10 +103,6 @@ class WorkerProcess:
             self._closed = True
             self._theirs.close()
             self._ours.close()
-
-    def _look(self) -> int | None:
-        with self._lock:
-            return self._read_status()
 
     def _read_status(self) -> int | None:
         if self._status is None and not self._closed and select.select([self.sentinel], [], [], 0)[0]:

@@ -10,7 +10,6 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import UsageError
@@ -51,16 +50,13 @@ class WorkerSetup:
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
 
-    def environment(self) -> dict[str, str]:
-        """Return the environment of the process: ours, with the number of threads for libraries that read it."""
-        return {**os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))}
-
     def start_python(
         self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int
     ) -> subprocess.Popen[bytes]:
         """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
 
-        It finds `content` pickled at its standard input.
+        It finds `content` pickled at its standard input, and in its environment the number of threads for libraries
+        that read it.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -75,7 +71,7 @@ class WorkerSetup:
                 stdout=output,
                 stderr=output,
                 pass_fds=pass_fds,
-                env=self.environment(),
+                env={**os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))},
                 cwd=self.folder,
                 start_new_session=True,
             )
@@ -85,12 +81,19 @@ class WorkerSetup:
 
         Raises `UsageError` for a plugin that does not load.
         """
-
         sys.path[:] = self.python_path
         os.chdir(self.folder)
         registry = default_registry()
         for module, file in self.plugins:
-            call_hook(_imported(module, file), registry)
+            try:
+                plugin = imported_from(module, file)
+            except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
+                raise UsageError(
+                    f"the plugin {module} ({file}) does not load in the processes that drive episodes: "
+                    f"{type(error).__name__}: {error}. What it needs must not depend on pytest having started; or give "
+                    "--drive-executor inline."
+                ) from error
+            call_hook(plugin, registry)
         return registry
 
     def limit_threads(self) -> None:
@@ -101,14 +104,3 @@ class WorkerSetup:
         torch: Any = sys.modules.get("torch")
         if torch is not None:
             torch.set_num_threads(self.threads)
-
-
-def _imported(module: str, file: str) -> ModuleType:
-    try:
-        return imported_from(module, file)
-    except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
-        raise UsageError(
-            f"the plugin {module} ({file}) does not load in the processes that drive episodes: "
-            f"{type(error).__name__}: {error}. What it needs must not depend on pytest having started; or give "
-            "--drive-executor inline."
-        ) from error

@@ -31,7 +31,7 @@ def parabola_filter(values: Floats, window: int, *, derivative: int, step_s: flo
 
 @functools.lru_cache(maxsize=64)
 def _weights(samples: int, window: int, derivative: int) -> Floats:
-    """(samples, samples): the weights of all samples in column i give the value at sample i."""
+    """Return (samples, samples): the weights of all samples in column i give the value at sample i."""
     import numpy as np
 
     within = np.arange(window) - (window - 1) / 2.0

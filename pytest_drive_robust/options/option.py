@@ -123,7 +123,7 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 
 
 def _text(option: Option, source: OptionSource) -> str:
-    """The command line's value, else the ini file's, else nothing."""
+    """Return the command line's value, else the ini file's, else nothing."""
     value = source.getoption(option.name)
     if option.is_switch:
         return "on" if value else ""

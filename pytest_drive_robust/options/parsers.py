@@ -134,7 +134,7 @@ def _number(text: str) -> float:
 
 
 def _similar(folder: Path) -> str:
-    """A nearby folder that does exist, as a sentence of its own."""
+    """Return a nearby folder that does exist, as a sentence of its own."""
     if not folder.parent.is_dir():
         return ""
     close = nearest(folder.name, [entry.name for entry in folder.parent.iterdir() if entry.is_dir()])

@@ -98,7 +98,7 @@ def backend_for(
 
 
 def _route_file(options: RunOptions) -> Path | None:
-    """The route file that the evaluator reads: the one of `--drive-routes`, else its own 220 routes."""
+    """Return the route file that the evaluator reads: the one of `--drive-routes`, else its own 220 routes."""
     if not options.routes_given:
         return None
     file = Path(options.routes if options.routes.endswith(".xml") else options.routes.rpartition(":")[0])

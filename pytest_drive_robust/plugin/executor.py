@@ -71,7 +71,7 @@ def executor_of(
 
 def _inline(options: RunOptions, ticked: Callable[[], object], *, width: int | None) -> Executor:
     """Return an executor that drives in this process."""
-    from pytest_drive_robust.runner.lockstep.local import lockstep_inline
+    from pytest_drive_robust.runner.lockstep.inline import lockstep_inline
 
     world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
     if width is None:

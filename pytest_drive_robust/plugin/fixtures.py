@@ -25,7 +25,7 @@ def drive(request: pytest.FixtureRequest) -> Drive:
 
 @pytest.fixture
 def drive_agent(request: pytest.FixtureRequest) -> str:
-    """The name of the agent under test: --drive-agent, or what the test's marker says."""
+    """Return the name of the agent under test: --drive-agent, or what the test's marker says."""
     return _context(request).drive_for(request.node).agent
 
 

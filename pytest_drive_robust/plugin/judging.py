@@ -63,7 +63,7 @@ class Estimate(float):
 
     @classmethod
     def of(cls, verdict: Verdict) -> Estimate:
-        """The value of a verdict."""
+        """Return the value of a verdict."""
         estimate = cls(verdict.value)
         estimate.metric = verdict.requirement.metric.name
         estimate.setting = str(verdict.requirement.setting)
@@ -128,22 +128,22 @@ class Drive:
         return judgement.verdict
 
     def rd(self, setting: Setting | Perturbation) -> Estimate:
-        """Robustness degradation under `setting`: 0 is none, 1 is all of the clean driving score."""
+        """Return the robustness degradation under `setting`: 0 is none, 1 is all of the clean driving score."""
         __tracebackhide__ = True
         return self._measure("RD", setting, "<=", 0.0)
 
     def ds(self, setting: Setting | Perturbation) -> Estimate:
-        """Driving score under `setting`, 0..100."""
+        """Return the driving score under `setting`, 0..100."""
         __tracebackhide__ = True
         return self._measure("DS", setting, ">=", 50.0)
 
     def sr(self, setting: Setting | Perturbation) -> Estimate:
-        """Success rate under `setting`, 0..1."""
+        """Return the success rate under `setting`, 0..1."""
         __tracebackhide__ = True
         return self._measure("SR", setting, ">=", 0.5)
 
     def episodes(self, setting: Setting | Perturbation) -> tuple[EpisodeResult, ...]:
-        """Every episode under `setting`, driven where missing: routes within seeds."""
+        """Return every episode under `setting`, driven where missing: routes within seeds."""
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
             return self._context.campaign.episodes(self._scope, _as_setting(setting))
@@ -171,7 +171,7 @@ class Drive:
         return bracket
 
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
-        """The smallest part of the requirement's setting that still breaks it, None when nothing is broken:
+        """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken:
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
         """
         __tracebackhide__ = True
@@ -241,7 +241,7 @@ class Drive:
         return legible(text + self._reach(judgement.verdict.requirement))
 
     def _reach(self, requirement: Requirement) -> str:
-        """How far the agent does get, where a margin was asked for."""
+        """Return how far the agent does get, where a margin was asked for."""
         if not isinstance(requirement, MarginRequirement):
             return ""
         return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)}"

@@ -51,7 +51,7 @@ class RegressionChecks:
         return red
 
     def sections(self, *, colour: bool) -> list[tuple[str, str]]:
-        """(title, text) of what there is to tell."""
+        """Return (title, text) of what there is to tell."""
         told = []
         if self._comparison is not None:
             title = f"drive-robust: compared with {self._comparison.before.label}"

@@ -92,7 +92,7 @@ def header(options: RunOptions) -> str:
 
 
 def _routes_in_words(options: RunOptions) -> str:
-    """How many routes are driven, and what they are called."""
+    """Return how many routes are driven, and what they are called."""
     if is_external(options):
         return options.routes if options.routes_given else f"all of {options.simulator}"
     if options.simulator == DEFAULT_SIMULATOR:

@@ -32,11 +32,11 @@ class RunRecord(Protocol):
     """What happened in a run, wherever it happened."""
 
     def events(self) -> list[Event]:
-        """Everything so far; in order within each process."""
+        """Return everything so far; in order within each process."""
         ...
 
     def find(self, key: str) -> EpisodeResult | None:
-        """The finished episode of a key, or None."""
+        """Return the finished episode of a key, or None."""
         ...
 
 
@@ -49,11 +49,11 @@ class LocalRunRecord:
         self._events: list[Event] = []
 
     def events(self) -> list[Event]:
-        """Everything so far."""
+        """Return everything so far."""
         return self._events
 
     def find(self, key: str) -> EpisodeResult | None:
-        """The finished episode of a key, or None."""
+        """Return the finished episode of a key, or None."""
         return self.store.get(key)
 
     def __call__(self, event: Event) -> None:
@@ -129,14 +129,14 @@ class RunOutputs:
             return True
 
     def sections(self, *, colour: bool) -> list[tuple[str, str]]:
-        """(title, text) of what comes after the table."""
+        """Return (title, text) of what comes after the table."""
         try:
             return self._checks.sections(colour=colour)
         except Exception as error:
             return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
 
     def text(self, *, colour: bool) -> str:
-        """The table and what is wrong with the run; empty when there is nothing to say."""
+        """Return the table and what is wrong with the run; empty when there is nothing to say."""
         parts = []
         if self._run is not None:
             try:

@@ -41,7 +41,7 @@ class WaivingPlugin:
 
 
 def _last_judged(item: pytest.Item) -> dict[str, str]:
-    """What `drive.check` noted last about this test: the requirement that broke it."""
+    """Return what `drive.check` noted last about this test: the requirement that broke it."""
     found: dict[str, str] = {}
     properties: Sequence[tuple[str, object]] = item.user_properties
     for name, value in properties:

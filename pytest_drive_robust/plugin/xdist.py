@@ -86,19 +86,19 @@ class SharedRunRecord:
         self._lock = threading.Lock()
 
     def events(self) -> list[Event]:
-        """Everything so far, in order within each worker."""
+        """Return everything so far, in order within each worker."""
         self.fresh()
         return self._events
 
     def fresh(self) -> list[Event]:
-        """What was written since the last call. The display's thread asks too, hence the lock."""
+        """Return what was written since the last call. The display's thread asks too, hence the lock."""
         with self._lock:
             events = self._reader.read()
             self._events += events
         return events
 
     def find(self, key: str) -> EpisodeResult | None:
-        """The finished episode of a key, or None."""
+        """Return the finished episode of a key, or None."""
         return self._store.get(key)
 
 

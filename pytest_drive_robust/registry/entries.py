@@ -38,7 +38,7 @@ class Entry:
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def bound_to(self, argument: str) -> Entry:
-        """The entry `name:argument`, which loads what this one's object makes of the argument."""
+        """Return the entry `name:argument`, which loads what this one's object makes of the argument."""
 
         def load() -> object:
             target = self.loader()
@@ -50,7 +50,7 @@ class Entry:
         return replace(self, name=f"{self.name}:{argument}", loader=load, argument="")
 
     def load(self) -> object:
-        """What is registered under the name. Raises `PluginError` with the origin when importing it fails."""
+        """Return what is registered under the name. Raises `PluginError` with the origin when importing it fails."""
         try:
             return self.loader()
         except (DriveRobustError, KeyboardInterrupt):
@@ -63,7 +63,7 @@ class Entry:
 
 
 def from_entry_points(kind: str) -> Iterator[Entry]:
-    """The entries that installed distributions declare in the group `pytest_drive_robust.<kind>`, none imported."""
+    """Return the entries that installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
     found = metadata.entry_points(group=f"pytest_drive_robust.{kind}")
     for point in sorted(found, key=lambda point: (point.name, point.value)):
         distribution = point.dist
@@ -78,7 +78,7 @@ def is_reference(name: str) -> bool:
 
 
 def from_reference(kind: str, reference: str) -> Entry:
-    """The entry behind `"module.path:Factory"`; the module may lie in the current folder."""
+    """Return the entry behind `"module.path:Factory"`; the module may lie in the current folder."""
     module, _, attribute = reference.partition(":")
     if module.endswith(".py") or "/" in module or os.sep in module:
         proper = module.removesuffix(".py").replace(os.sep, ".").replace("/", ".").strip(".")
@@ -105,7 +105,7 @@ def from_reference(kind: str, reference: str) -> Entry:
 
 
 def definition_of(target: object) -> str:
-    """Where a registered class or function is written: `"conftest.py:MyAgent"`; equal for the same definition."""
+    """Return where a registered class or function stands: `"conftest.py:MyAgent"`; equal for the same definition."""
     if isinstance(target, functools.partial):
         return definition_of(target.func)
     name = getattr(target, "__qualname__", type(target).__qualname__)

@@ -25,12 +25,12 @@ _CONFTEST = "conftest.py"
 
 
 def naming_plugins(manager: PluginManager) -> list[object]:
-    """Those that register names, in the order of their registration."""
+    """Return those that register names, in the order of their registration."""
     return [plugin for _, plugin in manager.list_name_plugin() if plugin is not None and hasattr(plugin, _HOOK)]
 
 
 def plugin_source(plugin: object) -> tuple[str, str]:
-    """The module and the file of a plugin that registers names.
+    """Return the module and the file of a plugin that registers names.
 
     Raises `UsageError` for a plugin that no other process could import.
     """
@@ -44,7 +44,7 @@ def plugin_source(plugin: object) -> tuple[str, str]:
 
 
 def plugin_words(manager: PluginManager) -> tuple[str, ...]:
-    """What `drive-robust -p` takes for those that register names: a module, or the path of a `conftest.py`.
+    """Return what `drive-robust -p` takes for those that register names: a module, or the path of a `conftest.py`.
 
     The path starts from the current folder where the file lies below it. What is no module in a file is left out.
     """
@@ -81,7 +81,8 @@ def register_names_of(word: str, registry: Registry) -> None:
 
 
 def imported_from(module: str, file: str) -> ModuleType:
-    """The module of that name from exactly that file. Two conftest.py files may share a name: the later one gets it."""
+    """Return the module of that name from exactly that file. Two conftest.py files may share a name: the later one gets
+    it."""
     known = sys.modules.get(module)
     if known is not None and _is_file(known.__file__, file):
         return known
@@ -112,7 +113,7 @@ def _word(module: str, file: Path) -> str:
 
 
 def _folder_and_name(file: Path) -> tuple[Path, str]:
-    """Where to import a file from, and as what: `a/b/conftest.py` with `b/__init__.py` is `b.conftest` in `a`."""
+    """Return where and as what to import a file: `a/b/conftest.py` with `b/__init__.py` is `b.conftest` in `a`."""
     folder, parts = file.parent, [file.stem]
     while (folder / "__init__.py").is_file():
         parts.insert(0, folder.name)

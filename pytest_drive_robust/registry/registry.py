@@ -94,7 +94,7 @@ class Registry:
         self._register("metrics", name, function)
 
     def agent(self, name: str) -> Agent:
-        """A new agent. `name` is a registered name or `module.path:Factory`.
+        """Return a new agent. `name` is a registered name or `module.path:Factory`.
 
         Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
         """
@@ -102,7 +102,7 @@ class Registry:
         return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
-        """A new world. `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or
+        """Return a new world. `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or
         `module.path:Factory`. Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
         """
         entry = self._find("simulators", name)
@@ -111,12 +111,12 @@ class Registry:
         return cast("Simulator", _made(entry, entry.load(), arguments, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
-        """The class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
+        """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
         entry = self._find("perturbations", name)
         return _check_perturbation(entry.load(), entry.origin)
 
     def perturbations(self) -> dict[str, type[Perturbation]]:
-        """Every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
+        """Return every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
         classes: dict[str, type[Perturbation]] = {}
         for name, _ in self.names("perturbations"):
             try:
@@ -126,7 +126,7 @@ class Registry:
         return classes
 
     def metric(self, name: str) -> MetricFunction:
-        """The function of that name. Raises `UnknownNameError` or `PluginError`."""
+        """Return the function of that name. Raises `UnknownNameError` or `PluginError`."""
         entry = self._find("metrics", name)
         function = entry.load()
         if not callable(function):
@@ -134,13 +134,14 @@ class Registry:
         return cast("MetricFunction", function)
 
     def names(self, kind: str) -> list[tuple[str, str]]:
-        """(name, origin) of every entry of a kind, sorted, nothing loaded. One with an argument is `gymnasium:ID`."""
+        """Return (name, origin) of every entry of a kind, sorted, nothing loaded. One with an argument is
+        `gymnasium:ID`."""
         return sorted(
             (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
         )
 
     def entry(self, kind: str, name: str) -> Entry:
-        """The entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
+        """Return the entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
         return self._find(kind, name)
 
     def require(self, kind: str, name: str) -> None:
@@ -148,7 +149,7 @@ class Registry:
         self._find(kind, name).load()
 
     def problems(self) -> tuple[DriveRobustError, ...]:
-        """What did not load when `perturbations` loaded them all, for the report."""
+        """Return what did not load when `perturbations` loaded them all, for the report."""
         return tuple(self._problems[key] for key in sorted(self._problems))
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
@@ -205,7 +206,7 @@ class Registry:
 
 @functools.cache
 def default_registry() -> Registry:
-    """The registry of this process: built-ins, entry points, and what hooks registered."""
+    """Return the registry of this process: built-ins, entry points, and what hooks registered."""
     return Registry()
 
 
@@ -230,7 +231,7 @@ def _builtins(kind: str) -> list[Entry]:
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
-    """Whether a name before a colon looks like one of ours that takes an argument, and like no module."""
+    """Return whether a name before a colon looks like one of ours that takes an argument, and like no module."""
     import importlib.util
 
     close = nearest(bare, [name for name in known if known[name][0].argument])
@@ -239,7 +240,7 @@ def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
 
 
 def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
-    """What the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
     what = f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
     if not callable(factory):
         raise PluginError(f"{what} is {factory!r}, expected a class or a function that makes one.")

@@ -71,7 +71,7 @@ class _Trial:
         self.seed = seed
 
     def checks(self) -> Iterator[Check]:
-        """Every check in order; those that need a contract already broken are left out."""
+        """Return every check in order; those that need a contract already broken are left out."""
         for first in (self.methods, self.declarations):
             yield (check := first())
             if not check.ok:
@@ -98,7 +98,7 @@ class _Trial:
                 yield Check(promise.__name__, False, f"{error}.")
 
     def drive(self, agent: Agent, seed: int) -> tuple[RecordingAgent, EpisodeResult]:
-        """One whole episode on the route of the trial."""
+        """Return one whole episode on the route of the trial."""
         return drive(agent, self.simulator, route=self.route, seed=seed)
 
     def methods(self) -> Check:
@@ -242,7 +242,7 @@ class _Trial:
         return Check("lockstep", True, "act_batch drives like act, and no control depends on who shares the batch.")
 
     def feed(self, change: Callable[[Observation], Observation]) -> list[Control]:
-        """A new agent's controls for the recorded observations."""
+        """Return a new agent's controls for the recorded observations."""
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.factory()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)

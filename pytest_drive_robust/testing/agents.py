@@ -36,7 +36,7 @@ class ScriptedAgent:
         self.privileged = privileged
 
     def sensors(self) -> tuple[CameraSpec, ...]:
-        """The cameras given at construction."""
+        """Return the cameras given at construction."""
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -44,7 +44,7 @@ class ScriptedAgent:
         self._calls = 0
 
     def act(self, observation: Observation) -> Control:
-        """The next line of the script."""
+        """Return the next line of the script."""
         if callable(self._script):
             return self._script(observation)
         control = self._script[min(self._calls, len(self._script) - 1)]
@@ -69,7 +69,7 @@ class RecordingAgent:
         self.controls: list[Control] = []
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """The cameras of the recorded agent."""
+        """Return the cameras of the recorded agent."""
         return self.agent.sensors()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:

@@ -22,7 +22,7 @@ __all__ = ["drive", "feed", "first_difference", "observation_digest"]
 def drive(
     agent: Agent, simulator: Simulator, *, route: Route, seed: int, setting: Setting | None = None
 ) -> tuple[RecordingAgent, EpisodeResult]:
-    """One whole episode, recorded."""
+    """Return one whole episode, recorded."""
     recorder = RecordingAgent(agent)
     result = drive_episode(
         simulator, recorder, route=route, setting=setting or Setting.CLEAN, seed=seed, agent_name="under test"
@@ -38,13 +38,14 @@ def feed(
     seed: int,
     change: Callable[[Observation], Observation] = lambda observation: observation,
 ) -> list[Control]:
-    """The controls of `agent` for observations of another episode, each changed by `change`. Raises `AgentError`."""
+    """Return the controls of `agent` for observations of another episode, each changed by `change`. Raises
+    `AgentError`."""
     agent_reset(agent, plan, seed)
     return [agent_act(agent, change(observation.private())) for observation in observations]
 
 
 def first_difference(one: Sequence[object], other: Sequence[object]) -> int | None:
-    """The first index at which two sequences differ, or None when they are equal."""
+    """Return the first index at which two sequences differ, or None when they are equal."""
     for index, (left, right) in enumerate(zip(one, other, strict=False)):
         if left != right:
             return index
@@ -52,7 +53,7 @@ def first_difference(one: Sequence[object], other: Sequence[object]) -> int | No
 
 
 def observation_digest(observation: Observation) -> str:
-    """Hex digest of everything in an observation but its truth: equal digests, equal observations."""
+    """Return a hex digest of everything in an observation but its truth: equal digests, equal observations."""
     digest = hashlib.blake2b(digest_size=16)
     signals = (observation.tick, observation.gps, observation.compass, observation.imu, observation.speed)
     digest.update(repr(signals).encode())

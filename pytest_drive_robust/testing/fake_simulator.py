@@ -38,7 +38,7 @@ _START = EgoState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, length_m=4.5, width_m=1.9)
 
 
 def fake_route(route_id: str = "1", *, length_m: float = 60.0) -> Route:
-    """A route for `FakeSimulator`: `length_m` metres straight ahead."""
+    """Return a route for `FakeSimulator`: `length_m` metres straight ahead."""
     scenario = ScenarioSpec("Straight_1", "Straight", TriggerPoint(length_m / 2.0, 0.0, 0.0, 0.0))
     return Route(route_id, "Straight", (Waypoint(0.0, 0.0), Waypoint(length_m, 0.0)), scenario)
 
@@ -88,7 +88,8 @@ class FakeSimulator:
         return GlobalPlan(tuple(PlanPoint(x_m, 0.0, RoadOption.LANE_FOLLOW) for x_m in stops_m))
 
     def observe(self) -> Observation:
-        """Noise-free sensors. Red of each image is the ego's x, green the distance to the parked car, blue the row."""
+        """Return noise-free sensors. Red of each image is the ego's x, green the distance to the parked car, blue the
+        row."""
         self._maybe_raise("observe")
         ego, tick = self._ego, self._tick
         for camera in self._cameras:
@@ -104,7 +105,7 @@ class FakeSimulator:
         )
 
     def truth(self) -> GroundTruth:
-        """The frame, the one lane, and the route with one row for each metre."""
+        """Return the state, the one lane, and the route with one row for each metre."""
         x_m = np.arange(0.0, self._length_m + 1.0)
         zeros = np.zeros_like(x_m)
         rows = np.column_stack([x_m, zeros, zeros, np.full_like(x_m, _SPEED_LIMIT_MPS)])
@@ -151,7 +152,7 @@ class FakeSimulator:
         return min(max(self._ego.x_m, 0.0), self._length_m)
 
     def score(self) -> EpisodeScore:
-        """Share of the road, and the infractions as told."""
+        """Return the share of the road, and the infractions as told."""
         self._maybe_raise("score")
         end = self.done or End.TICK_CAP
         return EpisodeScore(

@@ -67,7 +67,7 @@ def _sentence(perturbation: Perturbation) -> Check:
 
 
 def _clean_drive(seed: int) -> list[Observation]:
-    """What the sensors of a slowly weaving ego give, in arrays of its own."""
+    """Return what the sensors of a slowly weaving ego give, in arrays of its own."""
     simulator = FakeSimulator()
     simulator.reset(fake_route(), seed=seed, cameras=_CAMERAS)
     observations = []
@@ -78,14 +78,14 @@ def _clean_drive(seed: int) -> list[Observation]:
 
 
 def _wanted(tick: int) -> Control:
-    """A control that is different in every tick, so that delays and mix-ups show."""
+    """Return a control that is different in every tick, so that delays and mix-ups show."""
     return Control(throttle=0.3 + 0.5 * tick / _TICKS, steer=0.1 - 0.2 * tick / _TICKS)
 
 
 def _episode(
     perturbation: Perturbation, clean: list[Observation], seed: int
 ) -> tuple[list[Observation], list[Control]]:
-    """What comes out of both seams for a recorded drive."""
+    """Return what comes out of both seams for a recorded drive."""
     stack = Setting.of(perturbation).start(route_id="1", seed=seed, dt_s=0.05, cameras=_CAMERAS)
     seen, applied = [], []
     for tick, observation in enumerate(clean):

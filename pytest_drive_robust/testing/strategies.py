@@ -39,7 +39,7 @@ _TICK_S = 0.05
 
 
 def perturbations(kind: Kind, *, dt_s: float = _TICK_S) -> SearchStrategy[Perturbation]:
-    """One failure at any step of its ladder, shrinking to the mildest.
+    """Return one failure at any step of its ladder, shrinking to the mildest.
 
     Give an object to keep its other severities. `dt_s` is the length of a tick in seconds, for failures that last whole
     ticks. Raises `PerturbationError` for a class without a ladder.

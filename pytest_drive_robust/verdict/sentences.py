@@ -145,7 +145,7 @@ def _ladder(words: str, known: Known) -> Ladder:
 
 
 def _left_side(text: str) -> tuple[str, str, str]:
-    """Metric, the word "under" (or nothing) and setting of what stands before the comparison."""
+    """Return the metric, the word "under" (or nothing) and setting of what stands before the comparison."""
     words = text.split(" ", 2)
     if len(words) < 2 or words[1] != "under":
         return words[0], "", ""

@@ -239,10 +239,24 @@ def test_nothing_outlives_a_parent_that_is_killed(note: Path) -> None:
     assert [pid for pid in pids if not gone_within(pid, max(0.0, deadline - time.monotonic()))] == []
 
 
+@pytest.fixture
+def threads(tmp_path: Path) -> tuple[tuple[str, str], ...]:
+    """A plugin that starts threads, so that forking is not safe."""
+    path = tmp_path / "threads.py"
+    path.write_text(
+        "import threading, time\n"
+        "for _ in range(3):\n"
+        "    threading.Thread(target=time.sleep, args=(600,), daemon=True).start()\n"
+    )
+    return (("threads", str(path)),)
+
+
 @pytest.mark.parametrize("agent", ["Steady", "Segfaults", "HangsInC"])
-def test_where_forking_is_not_safe_each_worker_is_a_new_python(make_supervisor: Make, agent: str) -> None:
+def test_where_forking_is_not_safe_each_worker_is_a_new_python(
+    make_supervisor: Make, threads: tuple[tuple[str, str], ...], agent: str
+) -> None:
     forked = make_supervisor().drive(request(agent))
-    fork_server = ForkServer(worker_setup(), fork=False)
+    fork_server = ForkServer(worker_setup(plugins=threads))
     supervisor = Supervisor(fork_server, LIMITS)
     try:
         supervisor.drive(request("Steady"))
@@ -258,14 +272,15 @@ def test_where_forking_is_not_safe_each_worker_is_a_new_python(make_supervisor: 
 
 @pytest.mark.parametrize("fork", [True, False])
 def test_setups_side_by_side_have_each_their_own_environment(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fork: bool
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, threads: tuple[tuple[str, str], ...], fork: bool
 ) -> None:
     told = []
     for number in range(2):
         folder = tmp_path / str(number)
         folder.mkdir()
         monkeypatch.setenv("DRIVE_ROBUST_TEST_NOTE", f"note {number}")
-        fork_server = ForkServer(worker_setup(folder=str(folder), threads=number + 1), fork=fork)
+        plugins = () if fork else threads
+        fork_server = ForkServer(worker_setup(folder=str(folder), threads=number + 1, plugins=plugins))
         told.append((fork_server, Supervisor(fork_server, LIMITS)))
     for number, (_, supervisor) in enumerate(told):
         monkeypatch.setenv("DRIVE_ROBUST_TEST_NOTE", f"note {number}")

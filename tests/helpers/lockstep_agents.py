@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,8 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.lockstep.lockstep import WIDTH, Lockstep
+from pytest_drive_robust.runner.lockstep.batch import WIDTH
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.record import encode_episode
@@ -88,6 +89,12 @@ def bits(result: EpisodeResult) -> bytes:
     return encode_episode(replace(result, wall_s=0.0, versions={}))
 
 
+def taking(requests: Iterable[EpisodeRequest]) -> Callable[[], EpisodeRequest | None]:
+    """One after the other, then None."""
+    iterator = iter(requests)
+    return lambda: next(iterator, None)
+
+
 def drive_together(
     make_world: Callable[[], Simulator],
     make_agent: Callable[[], Agent],
@@ -96,9 +103,11 @@ def drive_together(
     width: int = WIDTH,
 ) -> list[EpisodeResult]:
     """Drive `requests`, `width` at a time, and give their results in the order of `requests`."""
-    lockstep = Lockstep(make_world, make_agent, width=width)
+    lockstep = Lockstep(make_world, lambda name: make_agent(), width=width)
     try:
-        results = {id(request): result for request, result in lockstep.drive(requests)}
+        results = {
+            id(request): result for request, result in lockstep.drive_batch(requests[0].episode.agent, taking(requests))
+        }
     finally:
         lockstep.close()
     return [results[id(request)] for request in requests]

@@ -96,7 +96,8 @@ class OfficialAgent:
 
 
 def _config(given: str, route: str) -> str:
-    """What `setup` is given; with Bench2Drive's switch on, a name to save under follows, as its evaluator does it."""
+    """Return what `setup` is given; with Bench2Drive's switch on, a name to save under follows, as its evaluator does
+    it."""
     if not os.environ.get("IS_BENCH2DRIVE"):
         return given
     return f"{given}+drive_robust_{route}_{os.getpid()}_{next(_EPISODES)}"

@@ -168,7 +168,8 @@ class SeenWorld:
         return ActorList([self.hero, *others])
 
     def get_map(self) -> Any:
-        """A real `carla.Map` of the roads here. Raises `RuntimeError` without the carla package or the ground truth."""
+        """Return a real `carla.Map` of the roads here. Raises `RuntimeError` without the carla package or the ground
+        truth."""
         if self._truth is None:
             raise RuntimeError("the map of the world is given only to agents whose file imports CarlaDataProvider")
         if is_stand_in(_carla()):

@@ -56,7 +56,8 @@ def opendrive_of(lane_map: LaneMap) -> str:
 
 
 def _with_ends(lanes: Sequence[Lane]) -> list[Lane]:
-    """The same with the last stretch of each lane without a successor cut off; its number is `_FIRST_END` higher."""
+    """Return the same with the last stretch of each lane without a successor cut off; its number is `_FIRST_END`
+    higher."""
     cut = {lane.index for lane in lanes if not lane.successors and len(lane.centre) > 2 * _END_ROWS}
     found: list[Lane] = []
     for lane in lanes:
@@ -77,7 +78,7 @@ def _links(roads: Sequence[Road]) -> _Links:
 
 
 def _junctions(roads: Sequence[Road], links: _Links) -> dict[int, list[int]]:
-    """The roads inside each junction: those flagged so, and all that follow a road which leads to more than one."""
+    """Return the roads inside each junction: those flagged so, and all behind a road which leads to more than one."""
     home: dict[int, int] = {}
 
     def find(road: int) -> int:

@@ -112,7 +112,7 @@ class Payloads:
         return np.array([*to_geodetic(x_m, y_m), sensor.z_m]) + noise
 
     def _motion(self, sensor: Sensor, seen: Observation) -> NDArray[np.float64]:
-        """The sensor turns with its mount: accelerations are along its own axes, and its compass shows its own way."""
+        """Return what an IMU that turns with its mount measures: accelerations along its own axes, its own heading."""
         turn = math.radians(sensor.yaw_deg)
         forward, right = seen.imu.forward_mps2, seen.imu.right_mps2
         ahead = forward * math.cos(turn) + right * math.sin(turn)

@@ -71,7 +71,7 @@ def first_hits(
 
 
 def _crossings(pose: tuple[float, float, float], azimuths: Floats, boxes: Floats) -> tuple[Floats, Floats]:
-    """(azimuths, boxes): metres from the sensor to where a line enters and leaves each box; entered never: inf."""
+    """Return (azimuths, boxes): metres from the sensor to where a line enters and leaves each box; inf if never."""
     x, y, yaw = pose
     dx, dy = np.cos(yaw + azimuths)[:, None], np.sin(yaw + azimuths)[:, None]
     cos, sin = np.cos(boxes[:, 2]), np.sin(boxes[:, 2])

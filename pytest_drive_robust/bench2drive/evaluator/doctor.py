@@ -62,7 +62,7 @@ class DoctorCheck:
 def examine(
     root: Path, *, carla_root: Path | None = None, python: str = "", port: int = 2000
 ) -> tuple[DoctorCheck, ...]:
-    """Everything, in the order in which one would put it right."""
+    """Return everything, in the order in which one would put it right."""
     given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
     checks = [*_checkout(root), *_server(given)]
     try:

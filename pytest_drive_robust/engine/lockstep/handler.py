@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.lockstep.watched_agent import BatchedAgent
 from pytest_drive_robust.engine.messages import REFUSED, RESULT, Message, receive, refusal_bytes
@@ -17,8 +16,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import bare_result
-from pytest_drive_robust.runner.lockstep.admission import Admission
-from pytest_drive_robust.runner.lockstep.local import LocalBatches
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import encode_episode
 
@@ -28,10 +26,9 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.truth import WorldState
-    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.messages import PickledRequest
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.lockstep.local import Ended
     from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["LockstepHandler"]
@@ -49,32 +46,29 @@ class LockstepHandler:
         self._registry = registry
         self._state = state
         self._descriptor = descriptor
-        self._batches: LocalBatches | None = None
+        self._lockstep: Lockstep | None = None
         self._process_states: dict[str, Mapping[str, Any]] = {}
         self._asked: Control | None = None
         self._alone = False
 
     def check(self, order: PickledRequest, width: int) -> EpisodeResult:
-        """May the agent be driven in lockstep? Not driven: completed when it may, an agent error when it must not.
+        """May the agent be driven in lockstep? Not driven, and completed when it may.
 
-        An `infra_error` says that there was nothing to ask about, because the episode broke at once.
+        An `infra_error` says that there was nothing to ask about, because the episode broke at once. Raises
+        `UsageError` when it must not.
         """
-        admission = Admission(recorded=True, problem="it has no act_batch.")
-        request = self.read(order)
-        if offers_lockstep(self._make(order.episode.agent)):
-            admission = self._ready(width).check(request)
+        may_share = self._ready(order, width).check(self._read(order))
         outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
-        if admission.recorded:
-            passed = admission.problem is None
-            outcome, end = (Outcome.COMPLETED, End.COMPLETED) if passed else (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
-        return bare_result(order.route, order.episode, outcome=outcome, end=end, detail=admission.problem or "")
+        if may_share:
+            outcome, end = Outcome.COMPLETED, End.COMPLETED
+        return bare_result(order.route, order.episode, outcome=outcome, end=end, detail="")
 
     def drive_alone(self, order: PickledRequest, width: int) -> EpisodeResult:
         """Drive one episode in a batch of its own, and share what scoring it without its agent would take."""
-        request = self.read(order)
+        request = self._read(order)
         self._alone = True
         try:
-            ((_, result),) = self._drive(request.episode.agent, iter([request]), width)
+            result = self._ready(order, width).drive_one(request)
         except UsageError:
             raise
         except BaseException as error:  # sys.exit() in a simulator, a perturbation that interrupts
@@ -96,12 +90,27 @@ class LockstepHandler:
         own.
         """
         self._state.clear()
+        unread = [first]
+        under_way: dict[int, tuple[bytes, EpisodeRequest]] = {}
+
+        def take() -> EpisodeRequest | None:
+            while unread or connection.poll():
+                message = unread.pop() if unread else receive(connection)
+                order, _ = pickle.loads(message.payload)
+                try:
+                    request = self._read(order)
+                except UsageError as error:
+                    reply(message.token, REFUSED, refusal_bytes(error), over=not under_way)
+                else:
+                    under_way[id(request)] = message.token, request
+                    return request
+            return None
+
         order, width = pickle.loads(first.payload)
-        arriving = _Arriving(self, first, connection, reply)
-        driving = self._drive(order.episode.agent, arriving, width)
+        driving = self._ready(order, width).drive_batch(order.episode.agent, take)
         for request, result in driving:
-            token = arriving.tokens.pop(id(request))[0]
-            over = not arriving.tokens
+            token, _ = under_way.pop(id(request))
+            over = not under_way
             if over:
                 driving.close()  # before the state of the process is put back
                 self._state.enter(Phase.IDLE, result.ticks)
@@ -111,23 +120,20 @@ class LockstepHandler:
 
     def close(self) -> None:
         """Close the worlds and drop the agents. Calling it twice does no harm."""
-        if self._batches is not None:
-            self._batches.close()
+        if self._lockstep is not None:
+            self._lockstep.close()
 
-    def read(self, order: PickledRequest) -> EpisodeRequest:
+    def _read(self, order: PickledRequest) -> EpisodeRequest:
         """Raises `UsageError` for a setting that cannot be had here."""
         return EpisodeRequest(order.episode, order.route, order.read_setting(self._registry))
 
-    def _drive(self, agent: str, requests: Iterator[EpisodeRequest], width: int) -> Ended:
-        """See `LocalBatches.drive_batch`, in the state of the process in which the agent was made."""
-        if agent in self._process_states:
-            restore_process_state(self._process_states[agent])
+    def _ready(self, order: PickledRequest, width: int) -> Lockstep:
+        """Return what drives, with the process as it was when the agent was made."""
+        if order.episode.agent in self._process_states:
+            restore_process_state(self._process_states[order.episode.agent])
         self._state.enter(Phase.SIM, 0)
-        return self._ready(width).drive_batch(agent, requests)
-
-    def _ready(self, width: int) -> LocalBatches:
-        if self._batches is None:
-            self._batches = LocalBatches(
+        if self._lockstep is None:
+            self._lockstep = Lockstep(
                 self._make_world,
                 self._make,
                 width=width,
@@ -135,7 +141,7 @@ class LockstepHandler:
                 watch=self._state,
                 on_tick=self._ticked,
             )
-        return self._batches
+        return self._lockstep
 
     def _answered(self, answers: object) -> None:
         """Keep what the first row of a batch was told: the control of an episode that is driven alone."""
@@ -157,35 +163,3 @@ class LockstepHandler:
         self._process_states.setdefault(name, read_process_state())
         self._state.enter(Phase.SIM, 0)
         return agent
-
-
-class _Arriving:
-    """The requests that have arrived. There may be none now and another one later."""
-
-    def __init__(self, handler: LockstepHandler, first: Message, connection: Connection, reply: _Reply) -> None:
-        self._handler = handler
-        self._reply = reply
-        self._connection = connection
-        self._first: Message | None = first
-        self.tokens: dict[int, tuple[bytes, EpisodeRequest]] = {}
-
-    def __iter__(self) -> Iterator[EpisodeRequest]:
-        return self
-
-    def __next__(self) -> EpisodeRequest:
-        while (message := self._next_message()) is not None:
-            order, _ = pickle.loads(message.payload)
-            try:
-                request = self._handler.read(order)
-            except UsageError as error:
-                self._reply(message.token, REFUSED, refusal_bytes(error), over=not self.tokens)
-                continue
-            self.tokens[id(request)] = message.token, request
-            return request
-        raise StopIteration
-
-    def _next_message(self) -> Message | None:
-        if self._first is not None:
-            message, self._first = self._first, None
-            return message
-        return receive(self._connection) if self._connection.poll() else None

@@ -5,18 +5,16 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.exchange import Exchange, Interrupted
+from pytest_drive_robust.engine.exchange import Exchange
 from pytest_drive_robust.engine.fork_server import NoWorkerError
-from pytest_drive_robust.engine.messages import ALONE, CHECK, TOGETHER, TOKEN_BYTES, Answer, Message, refusal
-from pytest_drive_robust.engine.pickled_request import PickledRequest
-from pytest_drive_robust.engine.supervisor import FailedAttempt, Stopped, Supervisor
+from pytest_drive_robust.engine.messages import ALONE, CHECK, TOGETHER, TOKEN_BYTES, Message, PickledRequest
+from pytest_drive_robust.engine.supervisor import FailedAttempt, Supervisor
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.lockstep.admission import Admission
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -45,20 +43,18 @@ class LockstepSupervisor(Supervisor):
         self._news_r, self._news_w = os.pipe()
         os.set_blocking(self._news_w, False)
 
-    def check(self, request: EpisodeRequest) -> Admission:
-        """May the agent of `request` be driven in lockstep? Raises `UsageError` and `Stopped` as `drive` does."""
+    def check(self, request: EpisodeRequest) -> bool:
+        """See `BatchDriver.check`. False also when the process broke. Raises `UsageError`, `Stopped`."""
         ended = self._attempt(CHECK, self._payload(PickledRequest.of(request)), self._limits)
-        if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR:
-            return Admission(recorded=False)
-        return Admission(recorded=True, problem=ended.end_detail or None)
+        return not isinstance(ended, FailedAttempt) and ended.outcome is Outcome.COMPLETED
 
     def wake(self) -> None:
-        """Have `drive_batch` look at its requests again. From any thread."""
+        """Have `drive_batch` take again. From any thread."""
         with contextlib.suppress(BlockingIOError):  # it is full of news
             os.write(self._news_w, b"n")
 
-    def drive_batch(self, agent: str, requests: Iterator[EpisodeRequest]) -> Ended:
-        """Drive what `requests` gives, up to `width` at a time, until none is under way.
+    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None]) -> Ended:
+        """Drive what `take` gives, up to `width` at a time, until none is under way.
 
         Those without a result, whose process broke, come last. Raises `Stopped`.
         """
@@ -66,7 +62,7 @@ class LockstepSupervisor(Supervisor):
         leaving = False
 
         def next_message() -> Message | None:
-            request = None if leaving or len(under_way) >= self._width else next(requests, None)
+            request = None if leaving or len(under_way) >= self._width else take()
             if request is None:
                 return None
             token = os.urandom(TOKEN_BYTES)
@@ -76,26 +72,19 @@ class LockstepSupervisor(Supervisor):
         try:
             worker = self._ready_worker()
         except NoWorkerError:
-            yield from ((request, None) for request in requests)
+            yield from ((request, None) for request in iter(take, None))
             return
-        exchange = Exchange(worker, self._limits, self._wake_r, self._news_r)
-        try:
-            for token, answer in exchange.run(next_message):
-                self.output = exchange.printed
-                result = refusal(answer.refused) if answer.result is None else self._judged(answer.result)
-                leaving = leaving or self._is_spent(answer)
-                yield under_way.pop(token), result
-        except Interrupted:
-            self._discard()
-            raise Stopped from None
+        exchange = Exchange(worker, self._limits, self._news_r)
+        for token, answer in exchange.run(next_message):
+            self._check_stopped()
+            self.output = exchange.printed
+            leaving = leaving or self._is_spent(answer)
+            result = answer.result
+            yield under_way.pop(token), result if isinstance(result, UsageError) else self._judged(result)
         self.output = exchange.printed
-        if self._stopped.is_set():  # what ended while we were stopping is no result
-            self._discard()
-            raise Stopped
-        if exchange.death is not None:
-            self._discard()
-        elif leaving:
-            self._retire()
+        self._check_stopped()
+        if exchange.death is not None or leaving:
+            self._end_worker()
         yield from ((request, None) for request in under_way.values())
 
     def close(self) -> None:
@@ -106,13 +95,6 @@ class LockstepSupervisor(Supervisor):
 
     def _payload(self, order: PickledRequest) -> bytes:
         return pickle.dumps((order, self._width))
-
-    def _is_spent(self, answer: Answer) -> bool:
-        """Whether the process should end with this batch: it is not as it was before, or its world broke."""
-        self._first_rss = self._first_rss or answer.rss
-        grew = answer.rss - self._first_rss > self._limits.growth_bytes
-        broke = answer.result is not None and answer.result.outcome is Outcome.INFRA_ERROR
-        return grew or broke or bool(answer.leftovers)
 
     def _salvaged(self, failure: FailedAttempt, order: PickledRequest) -> EpisodeResult | None:
         result = super()._salvaged(failure, order)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import signal
 import subprocess
@@ -15,7 +14,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.fork_server import Stopped
@@ -114,24 +113,24 @@ class ClusterConnection:
         for request, future in pending.values():
             self._give_up(request, future)
 
-    def _read(self, kind: str, number: int, content: object) -> None:
+    def _read(self, kind: str, number: int, content: Any) -> None:
         """Take a message of the driver (see `ray.driver`)."""
         if kind == "nodes":
-            self.nodes = content  # type: ignore[assignment]
+            self.nodes = content
             return
         if kind == "no cluster":
-            self._refused = _no_cluster(str(self._address), str(content))
+            self._refused = _no_cluster(str(self._address), content)
             return
         with self._changed:
             request, future = self._pending.pop(number)
             self._changed.notify_all()
         if kind == "refused":
-            future.set_exception(refusal(json.loads(content)))  # type: ignore[arg-type]
+            future.set_exception(refusal(content))
         elif kind == "lost":
-            future.set_result(_lost(request, str(content)))
+            future.set_result(_lost(request, content))
         else:
             try:
-                future.set_result(decode_episode(content))  # type: ignore[arg-type]
+                future.set_result(decode_episode(content))
             except CorruptRecordError as error:
                 future.set_result(_lost(request, str(error)))
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.pickled_request import PickledRequest
+from pytest_drive_robust.engine.messages import PickledRequest
 from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
 from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
 from pytest_drive_robust.engine.ray.worker import ClusterRequest

@@ -20,7 +20,7 @@ from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.messages import PickledRequest
     from pytest_drive_robust.engine.ray.packages import NodePackages
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
 

@@ -17,14 +17,13 @@ import sys
 import time
 from contextlib import suppress
 from multiprocessing.connection import wait
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.worker.serve import serve
-from pytest_drive_robust.engine.worker.system import adopt_orphans, die_with_parent, no_core_files
+from pytest_drive_robust.engine.worker.system import adopt_orphans, child_processes, die_with_parent, no_core_files
 from pytest_drive_robust.engine.worker_process import Descriptors
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.routes import resolve_routes
@@ -45,9 +44,9 @@ _ENDING_S = 2.0
 def serve_forks(control: int, parent: int) -> NoReturn:
     """Serve the socket with this descriptor until its other end is closed or the process `parent` is gone.
 
-    Standard input has the `WorkerSetup`, and whether forking is wanted.
+    Standard input has the `WorkerSetup`.
     """
-    setup, wanted = _from_stdin()
+    setup: WorkerSetup = pickle.load(sys.stdin.buffer)
     with socket.socket(fileno=control) as channel:
         try:
             registry = _loaded(setup)
@@ -58,7 +57,7 @@ def serve_forks(control: int, parent: int) -> NoReturn:
         adopt_orphans()
         gc.collect()
         gc.freeze()  # what is shared with the workers is not touched by their collectors
-        forks = wanted and sys.platform == "linux" and _threads() <= setup.threads
+        forks = sys.platform == "linux" and len(os.listdir("/proc/self/task")) <= setup.threads
         channel.sendall(json.dumps({"forks": forks}).encode() + b"\n")
         _Server(channel, setup, registry, forks=forks).run(parent)
     os._exit(0)
@@ -66,9 +65,8 @@ def serve_forks(control: int, parent: int) -> NoReturn:
 
 def serve_in_new_python(messages: int, output: int, faults: int, state: int, parent: int) -> NoReturn:
     """Serve as a worker that was not forked. Standard input has the `WorkerSetup` and the `Limits`."""
-    setup, limits = _from_stdin()
+    setup, limits = pickle.load(sys.stdin.buffer)
     _be_worker_of(parent)
-    no_core_files()
     registry = setup.registry()
     setup.limit_threads()
     serve(Descriptors(messages, output, faults, state), setup, limits, registry)
@@ -158,7 +156,7 @@ class _Server:
 
     def _kill_orphans(self) -> None:
         """Kill what a worker started outside its group: it belongs to us when the worker is dead."""
-        for pid in _children():
+        for pid in child_processes():
             if pid not in self._exits:
                 _kill(os.kill, pid)
 
@@ -166,16 +164,10 @@ class _Server:
         for pid in self._exits:
             _kill(os.killpg, pid)
         deadline = time.monotonic() + _ENDING_S
-        while (self._exits or _children()) and time.monotonic() < deadline:
+        while (self._exits or child_processes()) and time.monotonic() < deadline:
             self._reap()
             self._kill_orphans()
             time.sleep(0.005)
-
-
-def _from_stdin() -> tuple[WorkerSetup, Any]:
-    with open(0, "rb", closefd=False) as stdin:
-        content: tuple[WorkerSetup, Any] = pickle.load(stdin)
-    return content
 
 
 def _be_worker_of(server: int) -> None:
@@ -200,7 +192,6 @@ def _loaded(setup: WorkerSetup) -> Registry:
 
 def _warm_up(registry: Registry, setup: WorkerSetup) -> None:
     """Load the compiled kernels once for all workers."""
-
     simulator = registry.simulator(setup.simulator, setup.options)
     simulator.reset(resolve_routes("dev10")[0], seed=0, cameras=(CameraSpec("front", width_px=64, height_px=32),))
     for _ in range(2):
@@ -219,16 +210,3 @@ def _tell(exit_w: int, number: int) -> None:
 def _kill(send: Any, pid: int) -> None:
     with suppress(OSError):
         send(pid, signal.SIGKILL)
-
-
-def _children() -> list[int]:
-    with suppress(OSError):
-        return [int(pid) for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
-    return []
-
-
-def _threads() -> int:
-    try:
-        return len(os.listdir("/proc/self/task"))
-    except OSError:
-        return 1

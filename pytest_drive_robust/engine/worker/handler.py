@@ -25,8 +25,7 @@ from pytest_drive_robust.store.record import encode_episode
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.messages import Message
-    from pytest_drive_robust.engine.pickled_request import PickledRequest
+    from pytest_drive_robust.engine.messages import Message, PickledRequest
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator

@@ -5,6 +5,7 @@ An episode must not depend on which ones its process drove before.
 
 from __future__ import annotations
 
+import _thread
 import builtins
 import gc
 import locale
@@ -14,11 +15,14 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-__all__ = ["read_process_state", "restore_process_state"]
+from pytest_drive_robust.engine.worker.system import child_processes
 
+__all__ = ["Leftovers", "read_process_state", "restore_process_state"]
+
+_MOST_FILES = 100
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
 _SIGNALS = sorted(signal.valid_signals() - {getattr(signal, name, None) for name in ("SIGKILL", "SIGSTOP")})
@@ -54,6 +58,48 @@ def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
         except Exception:  # the folder is gone, a handler cannot be installed, ...: another process can
             stuck.append(item.name)
     return tuple(stuck)
+
+
+class Leftovers:
+    """What is not as it was when this was made and cannot be put back: then the process is replaced.
+
+    `descriptors` are ours and must stay what they are.
+    """
+
+    def __init__(self, descriptors: Sequence[int]) -> None:
+        self._threads = _thread._count()
+        self._descriptors = {number: _identity(number) for number in descriptors}
+        self._files = _open_files()
+
+    def found(self) -> tuple[str, ...]:
+        """Return what is not as it was, in words; empty when the next episode may be driven here."""
+        problems = []
+        threads = max(_thread._count() - self._threads, threading.active_count() - 1 - self._threads)
+        if threads > 0:
+            problems.append(f"{threads} threads that still run")
+        children = child_processes()  # with those of children that ended: a worker is a subreaper
+        if children:
+            problems.append(f"{len(children)} child processes")
+        if any(_identity(number) != known for number, known in self._descriptors.items()):
+            problems.append("descriptors that were closed")
+        if _open_files() - self._files > _MOST_FILES:
+            problems.append(f"more than {_MOST_FILES} open files")
+        return tuple(problems)
+
+
+def _identity(number: int) -> tuple[int, int] | None:
+    try:
+        status = os.fstat(number)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _open_files() -> int:
+    try:
+        return len(os.listdir("/proc/self/fd"))
+    except OSError:
+        return 0
 
 
 def _attributes(name: str, owner: Any, *attributes: str) -> _Item:
@@ -93,9 +139,7 @@ def _list(name: str, owner: Any, attribute: str) -> _Item:
 def _set_environment(wanted: dict[str, str]) -> None:
     for name in set(os.environ) - set(wanted):
         del os.environ[name]
-    for name, value in wanted.items():
-        if os.environ.get(name) != value:
-            os.environ[name] = value
+    os.environ.update(wanted)
 
 
 def _handlers() -> dict[int, Any]:
@@ -106,14 +150,6 @@ def _set_handlers(wanted: dict[int, Any]) -> None:
     for number, handler in wanted.items():
         if handler is not None and signal.getsignal(number) != handler:
             signal.signal(number, handler)
-
-
-def _mask() -> set[int]:
-    return set(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
-
-
-def _set_mask(wanted: set[int]) -> None:
-    signal.pthread_sigmask(signal.SIG_SETMASK, wanted)
 
 
 def _has_timer() -> bool:
@@ -178,7 +214,11 @@ _ITEMS = (
     _attributes("warnings.showwarning", warnings, "showwarning"),
     _Item("timers", _has_timer, _stop_timers),
     _Item("signal handlers", _handlers, _set_handlers),
-    _Item("the signal mask", _mask, _set_mask),
+    _Item(
+        "the signal mask",
+        lambda: signal.pthread_sigmask(signal.SIG_BLOCK, ()),
+        lambda wanted: signal.pthread_sigmask(signal.SIG_SETMASK, wanted),
+    ),
     _Item("logging", _logging, _set_logging),
     _attributes("standard streams", sys, *_STREAMS),
     _attributes("hooks of sys", sys, *_HOOKS),

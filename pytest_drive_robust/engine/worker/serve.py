@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.engine.messages import TOGETHER, Message, answer_bytes, receive, send
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
-from pytest_drive_robust.engine.worker.leftovers import Leftovers, resident_bytes
-from pytest_drive_robust.engine.worker.system import limit_memory
+from pytest_drive_robust.engine.worker.process_state import Leftovers
+from pytest_drive_robust.engine.worker.system import limit_memory, resident_bytes
 from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 from pytest_drive_robust.runner.episode.machine import machine_facts
 

@@ -8,8 +8,10 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
-__all__ = ["adopt_orphans", "die_with_parent", "limit_memory", "no_core_files"]
+__all__ = ["adopt_orphans", "child_processes", "die_with_parent", "limit_memory", "no_core_files", "resident_bytes"]
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
@@ -29,6 +31,24 @@ def die_with_parent(parent: int) -> None:
 def adopt_orphans() -> None:
     """Become the parent of every process below us whose own parent ends."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def child_processes() -> list[int]:
+    """Return the child processes of all threads. Linux only."""
+    with suppress(OSError):
+        lists = [path.read_text() for path in Path("/proc/self/task").glob("*/children")]
+        return [int(pid) for pids in lists for pid in pids.split()]
+    return []
+
+
+def resident_bytes() -> int:
+    """Return the memory that this process occupies."""
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE")
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def limit_memory(size_bytes: int | None) -> None:

@@ -20,7 +20,7 @@ from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, 
 from pytest_drive_robust.runner.cache_key.object_code import code_of
 from pytest_drive_robust.runner.cache_key.source_files import code_digest, file_of, hex_of, module_digest, source_digest
 from pytest_drive_robust.runner.episode import contract, generators, loop, make_agent, recorder, witness
-from pytest_drive_robust.runner.lockstep import batch, episode, lockstep
+from pytest_drive_robust.runner.lockstep import batch, lockstep
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
@@ -35,7 +35,7 @@ __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulat
 
 _DECIDING = (domain, perturbations, loop, contract, recorder, witness, generators, make_agent, base)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
-_LOCKSTEP = (lockstep, episode, batch)
+_LOCKSTEP = (lockstep, batch)
 
 _BLOCK_BYTES = 1 << 20
 

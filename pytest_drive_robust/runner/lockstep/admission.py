@@ -1,32 +1,18 @@
-"""Which agents of a run are driven in lockstep, and the question to each of them whether it may be."""
+"""Which agents of a run are driven in lockstep: those that say that they can, and pass when they are asked."""
 
 from __future__ import annotations
 
 import threading
 import typing
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.lockstep.batch import ROWS
-from pytest_drive_robust.runner.lockstep.batch_check import check_lockstep, record
-from pytest_drive_robust.runner.lockstep.lockstep import WIDTH
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.episode.loop import Watch
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Admission", "Admissions", "admission_of", "factory_offers_lockstep"]
-
-
-class Admission(NamedTuple):
-    """`recorded`: something was seen to ask about. `problem`: why the agent must not be driven in lockstep."""
-
-    recorded: bool
-    problem: str | None = None
+__all__ = ["Admissions", "factory_offers_lockstep"]
 
 
 class Admissions:
@@ -34,23 +20,25 @@ class Admissions:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._known: dict[str, Admission] = {}
+        self._known: dict[str, UsageError | None] = {}
 
-    def may_share(self, agent: str, ask: Callable[[], Admission]) -> bool:
-        """Return whether the agent may be driven in lockstep; `ask` where that is not known yet. False: still unknown.
+    def may_share(self, agent: str, check: Callable[[], bool]) -> bool:
+        """Return whether the agent may be driven in lockstep, False when that is still unknown.
 
-        Raises `UsageError` for an agent that is refused, and what `ask` does.
+        `check` finds out what is not known yet (see `BatchDriver.check`). Raises `UsageError` for one that it refused.
         """
         with self._lock:
-            admission = self._known.get(agent) or ask()
-            if admission.recorded:
-                self._known[agent] = admission
-        if admission.problem is not None:
-            raise UsageError(
-                f"the agent {agent!r} cannot be driven in lockstep: {admission.problem} Leave out --drive-lockstep "
-                "(drive_lockstep) and its episodes are driven one by one."
-            )
-        return admission.recorded
+            if agent not in self._known:
+                try:
+                    if not check():
+                        return False
+                    self._known[agent] = None
+                except UsageError as error:
+                    self._known[agent] = error
+            refused = self._known[agent]
+        if refused is not None:
+            raise refused
+        return True
 
 
 def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
@@ -66,19 +54,3 @@ def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
     except Exception:  # an annotation that names something imported for type checkers only, or no function at all
         return False
     return callable(getattr(made, "act_batch", None))
-
-
-def admission_of(
-    world: Simulator,
-    make_agent: Callable[[], Agent],
-    request: EpisodeRequest,
-    *,
-    width: int,
-    watch: Watch | None = None,
-) -> Admission:
-    """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths."""
-    recording = record(world, make_agent(), request, watch=watch)
-    if recording is None:
-        return Admission(recorded=False)
-    widths = sorted({ROWS, WIDTH, 2 * WIDTH, width})
-    return Admission(recorded=True, problem=check_lockstep(make_agent, [recording], widths, watch=watch))

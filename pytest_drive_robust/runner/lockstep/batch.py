@@ -4,23 +4,58 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
-from pytest_drive_robust.runner.episode.loop import private_truth, tell_phase
+from pytest_drive_robust.runner.episode.loop import RunningEpisode, private_truth, tell_phase
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.domain.control import Control
     from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+    from pytest_drive_robust.runner.episode.loop import Watch
+    from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["ROWS", "Batch", "own_copy"]
+__all__ = ["ROWS", "WIDTH", "Batch", "LockstepEpisode", "own_copy"]
 
 ROWS = 4
 """Widths are multiples of this: with one thread they agree to the bit where smaller and uneven batches do not."""
+WIDTH = 8
+"""Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
+
+
+@dataclass(eq=False, slots=True)
+class LockstepEpisode:
+    """A request under way, and the seconds of wall time that it took so far."""
+
+    request: EpisodeRequest
+    running: RunningEpisode
+    share_s: float
+
+    @property
+    def measures_inference(self) -> bool:
+        """Whether the setting needs the seconds that one call of `act` took, which no row of a batch has."""
+        return any(getattr(item, "measures_inference", False) for item in self.request.setting.perturbations)
+
+    def sense(self) -> Observation | None:
+        """Return what the agent is to act on; None when it is not asked, in which case the tick is over."""
+        running = self.running
+        if running.over:
+            return None
+        given = running.attempt(running.sense)
+        if given is None and not running.over:
+            running.attempt(lambda: running.advance(None, 0.0))
+        return given
+
+    def answer(self, answer: Control | AgentError, inference_s: float) -> None:
+        """Drive the rest of the tick with what the agent answered or did wrong."""
+        running = self.running
+        if isinstance(answer, AgentError):
+            running.crash = answer
+        else:
+            running.attempt(lambda: running.advance(answer, inference_s))
 
 
 class Batch:

@@ -8,10 +8,10 @@ from itertools import cycle, islice
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.agent import offers_lockstep
-from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
 from pytest_drive_robust.runner.episode.loop import RunningEpisode, tell_phase
-from pytest_drive_robust.runner.lockstep.batch import ROWS, own_copy
+from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, own_copy
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Recording", "check_lockstep", "record"]
+__all__ = ["Recording", "admit", "check_lockstep", "record"]
 
 _ADVICE = (
     "Usual causes: batch normalisation or dropout in training mode, attention or statistics across rows, state that "
@@ -43,6 +43,25 @@ class Recording:
     def backwards(self) -> Recording:
         """The same observations in the other order: another episode for whoever remembers the last one."""
         return Recording(self.plan, self.seed, self.observations[::-1])
+
+
+def admit(
+    world: Simulator, make_agent: Callable[[], Agent], request: EpisodeRequest, *, width: int, watch: Watch | None
+) -> bool:
+    """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths.
+
+    False when nothing was seen to ask about. Raises `UsageError` for an agent that must not be driven in lockstep.
+    """
+    recording = record(world, make_agent(), request, watch=watch)
+    if recording is None:
+        return False
+    problem = check_lockstep(make_agent, [recording], sorted({ROWS, WIDTH, 2 * WIDTH, width}), watch=watch)
+    if problem is None:
+        return True
+    raise UsageError(
+        f"the agent {request.episode.agent!r} cannot be driven in lockstep: {problem} Leave out --drive-lockstep "
+        "(drive_lockstep) and its episodes are driven one by one."
+    )
 
 
 def record(

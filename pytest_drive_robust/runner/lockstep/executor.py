@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.lockstep.admission import Admission, Admissions
+from pytest_drive_robust.runner.lockstep.admission import Admissions
 
 if TYPE_CHECKING:
     from pytest_drive_robust.runner.executors import Executor
@@ -21,21 +21,24 @@ __all__ = ["BatchDriver", "LockstepExecutor"]
 
 
 class BatchDriver(Protocol):
-    """Drives one batch at a time, here (`runner.lockstep.local`) or in a process (`engine.lockstep.supervisor`)."""
+    """Drives one batch at a time, here (`runner.lockstep.lockstep`) or in a process (`engine.lockstep.supervisor`)."""
 
     output: str
     """What was printed by the time of the latest result."""
 
-    def check(self, request: EpisodeRequest) -> Admission:
-        """May the agent of `request` be driven in lockstep? Raises `UsageError`."""
+    def check(self, request: EpisodeRequest) -> bool:
+        """May the agent of `request` be driven in lockstep? False: it broke before it could be asked.
+
+        Raises `UsageError` when it must not, or cannot be made.
+        """
         ...
 
     def drive_batch(
-        self, agent: str, requests: Iterator[EpisodeRequest]
+        self, agent: str, take: Callable[[], EpisodeRequest | None]
     ) -> Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]:
-        """Drive what `requests` gives, each with its result as soon as it ends, until none is under way.
+        """Drive what `take` gives, each with its result as soon as it ends, until none is under way.
 
-        `requests` may give nothing now and another one later. No result (None): it wants to be driven alone.
+        `take` may give none now and another one later. No result (None): it wants to be driven alone.
         """
         ...
 
@@ -44,7 +47,7 @@ class BatchDriver(Protocol):
         ...
 
     def wake(self) -> None:
-        """Look at `requests` again: there may be another one. From any thread."""
+        """Take again: there may be another request. From any thread."""
         ...
 
     def stop(self) -> None:
@@ -202,8 +205,8 @@ class _Queue:
     def _drive_batch(self, agent: str) -> Generator[None, None, None]:
         first = self._waiting[0]
         if not self._admissions.may_share(agent, lambda: self.driver.check(first)):
-            self._alone += filter(None, [self.take(agent)])  # it breaks at once: the next one tells more of its agent
-        for request, result in self.driver.drive_batch(agent, _Requests(self, agent)) if not self._alone else ():
+            self._alone += filter(None, [self._take(agent)])  # it breaks at once: the next one tells more of its agent
+        for request, result in self.driver.drive_batch(agent, lambda: self._take(agent)) if not self._alone else ():
             if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
                 self._alone.append(request)
             else:
@@ -217,7 +220,7 @@ class _Queue:
                 self._end(request, error)
             yield
 
-    def take(self, agent: str) -> EpisodeRequest | None:
+    def _take(self, agent: str) -> EpisodeRequest | None:
         """The first that waits and is of this agent; None while others are to be driven alone."""
         with self._lock:
             for number, request in enumerate(() if self._alone else self._waiting):
@@ -248,20 +251,3 @@ class _Queue:
             lost = [self._futures.pop(key) for key in tuple(self._futures) if key not in others]
         for future in lost:
             future.set_exception(error)
-
-
-class _Requests:
-    """The requests of one agent, taken from a queue that grows: there may be none now and another one later."""
-
-    def __init__(self, queue: _Queue, agent: str) -> None:
-        self._queue = queue
-        self._agent = agent
-
-    def __iter__(self) -> Iterator[EpisodeRequest]:
-        return self
-
-    def __next__(self) -> EpisodeRequest:
-        request = self._queue.take(self._agent)
-        if request is None:
-            raise StopIteration
-        return request

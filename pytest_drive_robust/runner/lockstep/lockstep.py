@@ -9,52 +9,53 @@ the batch with it, in whichever order, and however early the others end.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, drive_episode
-from pytest_drive_robust.runner.lockstep.batch import ROWS, Batch
-from pytest_drive_robust.runner.lockstep.episode import LockstepEpisode, measures_inference
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
+from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
+from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch, LockstepEpisode
+from pytest_drive_robust.runner.lockstep.batch_check import admit
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.observation import Observation
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.truth import WorldState
     from pytest_drive_robust.runner.episode.loop import OnTick, Watch
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["WIDTH", "Lockstep"]
 
-WIDTH = 8
-"""Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
+__all__ = ["Lockstep"]
 
 
 class Lockstep:
-    """Drives `width` episodes of one agent side by side, tick by tick.
+    """Drives `width` episodes of one agent side by side, tick by tick (see `runner.lockstep.executor.BatchDriver`).
 
-    `make_world` and `make_agent` make as many as are needed, which are kept for the next episodes. `ticked` is called
-    after every tick of all, `on_tick` after every tick of each as in `drive_episode`; `watch` is told whose code runs,
-    the tick of `"act"` being that of the first row.
+    `make_world` and `make_agent`, which is given a name, make as many as are needed; they are kept for the next
+    episodes of that agent. What drives is `wrap` of the agent that was made. `on_tick` is called after every tick of
+    each episode as in `drive_episode`; `watch` is told whose code runs, the tick of `"act"` being that of the first
+    row.
 
     A result says `lockstep=8` in `versions`, and its `wall_s` is the episode's share of the time that all took.
     A setting that measures the time of inference is driven alone by the agent's own `act`, as a batch has no time per
-    row. Raises `ValueError` for a width that is no positive multiple of four, and for requests of two agents.
+    row. Raises `ValueError` for a width that is no positive multiple of four, and for two agents in a batch.
     """
+
+    output = ""
 
     def __init__(
         self,
         make_world: Callable[[], Simulator],
-        make_agent: Callable[[], Agent],
+        make_agent: Callable[[str], Agent],
         *,
         width: int = WIDTH,
+        wrap: Callable[[Agent], Agent] = lambda agent: agent,
         watch: Watch | None = None,
-        ticked: Callable[[], object] | None = None,
         on_tick: OnTick | None = None,
     ) -> None:
         if width < ROWS or width % ROWS:
@@ -62,30 +63,92 @@ class Lockstep:
         self.width = width
         self._make_world = make_world
         self._make_agent = make_agent
+        self._wrap = wrap
         self._watch = watch
-        self._ticked = ticked
         self._on_tick = on_tick
-        self.agent_name: str | None = None
+        self._agent_name = ""
+        self._latest: Agent | None = None
         self._worlds: list[Simulator] = []
         self._free_worlds: list[Simulator] = []
         self._free_agents: list[Agent] = []
 
-    def drive(self, requests: Iterable[EpisodeRequest]) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
-        """Yield every request with its result as soon as it ends. `requests` is read when a place is free, not before.
+    def check(self, request: EpisodeRequest) -> bool:
+        """May the agent of `request` be driven in lockstep? False: it broke before it could be asked.
 
-        Never raises for what agent, world or perturbations do: see `drive_episode` for how that ends. When a whole
-        batch breaks, its episodes begin again one by one, so that only the guilty one ends in `agent_error`.
+        Raises `UsageError` when it must not, or cannot be made.
         """
-        waiting = iter(requests)
+        name = request.episode.agent
+        world = self._make_world()
+        try:
+            with borrowed_generators(f"driving {name}"):
+                return admit(world, lambda: self._made(name), request, width=self.width, watch=self._watch)
+        finally:
+            world.close()
+
+    def drive_batch(
+        self, agent: str, take: Callable[[], EpisodeRequest | None]
+    ) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
+        """Yield every request with its result as soon as it ends. One is taken when a place is free, not before.
+
+        Raises `UsageError` when the agent cannot be made, and never for what agent, world or perturbations do: see
+        `drive_episode` for how that ends. When a whole batch breaks, its episodes begin again one by one, so that only
+        the guilty one ends in `agent_error`.
+        """
+        if agent != self._agent_name:
+            self.close()
+            self._agent_name = agent
+        driving = self._drive(take)
+        try:
+            while True:
+                with borrowed_generators(f"driving {agent}"):
+                    ended = next(driving, None)
+                if ended is None:
+                    return
+                yield ended
+        finally:
+            driving.close()
+
+    def drive_one(self, request: EpisodeRequest) -> EpisodeResult:
+        """Drive one in a batch of its own."""
+        requests = [request]
+        ((_, result),) = self.drive_batch(request.episode.agent, lambda: requests.pop() if requests else None)
+        return result
+
+    def drive(self, request: EpisodeRequest) -> EpisodeResult:
+        """Drive one in a batch of its own, again where the world broke."""
+        for _ in range(1 + DRIVEN_AGAIN):
+            result = self.drive_one(request)
+            if result.outcome is not Outcome.INFRA_ERROR:
+                break
+        return result
+
+    def wake(self) -> None:
+        """Do nothing: requests are looked for in every tick."""
+
+    def stop(self) -> None:
+        """Do nothing: between two calls nothing is under way."""
+
+    def close(self) -> None:
+        """Close the worlds and drop the agents. Calling it twice does no harm."""
+        for world in self._worlds:
+            world.close()
+        for kept in (self._worlds, self._free_worlds, self._free_agents):
+            kept.clear()
+        self._latest = None
+
+    def _drive(
+        self, take: Callable[[], EpisodeRequest | None]
+    ) -> Generator[tuple[EpisodeRequest, EpisodeResult], None, None]:
         live: list[LockstepEpisode] = []
         batch = self._batch()
         try:
             while True:
-                while len(live) < self.width and (request := next(waiting, None)) is not None:
-                    if measures_inference(request.setting):
-                        yield request, self._drive_measured(request)
+                while len(live) < self.width and (request := take()) is not None:
+                    episode = self._begin(request)
+                    if episode.measures_inference:
+                        yield self._drive_alone(episode)
                     else:
-                        live.append(self._begin(request))
+                        live.append(episode)
                 if not live:
                     return
                 broken = self._round(live, batch)
@@ -94,20 +157,14 @@ class Lockstep:
                 self._free_worlds += [episode.running.simulator for episode in broken]
                 yield from [self._end(episode) for episode in ended]
                 for episode in broken:
-                    yield self._drive_alone(episode.request)
+                    yield self._drive_alone(self._begin(episode.request))
         finally:  # also when the caller wants no more of them
             self._free_agents += batch.give_back()
             self._free_worlds += [episode.running.simulator for episode in live]
 
-    def close(self) -> None:
-        """Close the worlds and drop the agents. Calling it twice does no harm."""
-        for world in self._worlds:
-            world.close()
-        for kept in (self._worlds, self._free_worlds, self._free_agents):
-            kept.clear()
-
     def _begin(self, request: EpisodeRequest) -> LockstepEpisode:
-        self._check_agent(request)
+        if request.episode.agent != self._agent_name:
+            raise ValueError(f"{request.episode} cannot share a batch with episodes of {self._agent_name}")
         started_s = time.perf_counter()
         world, agent = self._take_world(), self._take_agent()
         running = RunningEpisode(world, agent, request.route, request.setting, request.episode.seed, watch=self._watch)
@@ -136,60 +193,40 @@ class Lockstep:
         return broken
 
     def _tell_ticks(self, live: Sequence[LockstepEpisode]) -> None:
-        if self._ticked is not None:
-            self._ticked()
         if self._on_tick is not None:
             for last_tick in [episode.running.last_tick for episode in live]:
                 if last_tick is not None:
                     self._on_tick(*last_tick)
 
-    def _end(self, episode: LockstepEpisode) -> tuple[EpisodeRequest, EpisodeResult]:
-        result = episode.running.result(episode.request.episode)
-        self._give_back(episode.running.simulator, episode.running.agent, result.outcome)
-        versions = {**result.versions, "lockstep": str(self.width)}
-        return episode.request, replace(result, wall_s=episode.share_s, versions=versions)
-
-    def _drive_alone(self, request: EpisodeRequest) -> tuple[EpisodeRequest, EpisodeResult]:
-        """Drive from start to end in a batch whose other rows follow the same episode."""
-        batch, episode = self._batch(), self._begin(request)
-        while not episode.running.over:
-            self._round([episode], batch, alone=True)
+    def _drive_alone(self, episode: LockstepEpisode) -> tuple[EpisodeRequest, EpisodeResult]:
+        """Drive from start to end: by the agent's own `act`, or in a batch whose other rows follow the same episode."""
+        batch, running = self._batch(), episode.running
+        while not running.over:
+            if episode.measures_inference:
+                running.attempt(running.tick)
+                self._tell_ticks([episode])
+            else:
+                self._round([episode], batch, alone=True)
         self._free_agents += batch.give_back()
         return self._end(episode)
 
-    def _drive_measured(self, request: EpisodeRequest) -> EpisodeResult:
-        self._check_agent(request)
-        world, agent, episode = self._take_world(), self._take_agent(), request.episode
-
-        def on_tick(tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
-            if self._ticked is not None:
-                self._ticked()
-            if self._on_tick is not None:
-                self._on_tick(tick, state, observation, applied)
-
-        result = drive_episode(
-            world,
-            agent,
-            route=request.route,
-            setting=request.setting,
-            seed=episode.seed,
-            agent_name=episode.agent,
-            on_tick=on_tick,
-            watch=self._watch,
-        )
-        self._give_back(world, agent, result.outcome)
-        return result
+    def _end(self, episode: LockstepEpisode) -> tuple[EpisodeRequest, EpisodeResult]:
+        result = episode.running.result(episode.request.episode)
+        self._give_back(episode.running.simulator, episode.running.agent, result.outcome)
+        if not episode.measures_inference:
+            versions = {**result.versions, "lockstep": str(self.width)}
+            result = replace(result, wall_s=episode.share_s, versions=versions)
+        return episode.request, with_machine(result, self._latest)
 
     def _batch(self) -> Batch:
         return Batch(self.width, self._take_agent, self._watch)
 
-    def _check_agent(self, request: EpisodeRequest) -> None:
-        if self.agent_name not in (None, request.episode.agent):
-            raise ValueError(f"{request.episode} cannot share a batch with episodes of {self.agent_name}")
-        self.agent_name = request.episode.agent
-
     def _take_agent(self) -> Agent:
-        return self._free_agents.pop() if self._free_agents else self._make_agent()
+        return self._free_agents.pop() if self._free_agents else self._made(self._agent_name)
+
+    def _made(self, name: str) -> Agent:
+        self._latest = agent = self._make_agent(name)
+        return self._wrap(agent)
 
     def _take_world(self) -> Simulator:
         if self._free_worlds:

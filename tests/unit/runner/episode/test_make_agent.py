@@ -18,7 +18,7 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
-from pytest_drive_robust.runner.lockstep.local import lockstep_inline
+from pytest_drive_robust.runner.lockstep.inline import lockstep_inline
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import record_episode
 from pytest_drive_robust.runner.search.repeatability import drive_twice

@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lockstep_agents import Net, bits, drive_together, task
+from lockstep_agents import Net, bits, drive_together, taking, task
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
@@ -19,6 +19,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.machine import machine_facts
 from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -83,7 +84,7 @@ def drive_single(agent: Net, one: EpisodeRequest) -> EpisodeResult:
 
 def test_the_width_is_recorded_beside_the_versions_of_the_world() -> None:
     (result,) = drive_together(world, Net, [task()], width=12)
-    assert result.versions == {"fake": "1", "lockstep": "12"}
+    assert result.versions == {"fake": "1", "lockstep": "12", **machine_facts()}
 
 
 @pytest.mark.parametrize(
@@ -212,8 +213,8 @@ def test_a_world_that_breaks_takes_no_other_episode_with_it_and_is_not_used_agai
         return worlds[-1]
 
     together = [task(metres=metres, seed=seed) for metres in (8.0, 20.0) for seed in range(3)]
-    lockstep = Lockstep(make, Net, width=4)
-    results = {id(one): result for one, result in lockstep.drive(together)}
+    lockstep = Lockstep(make, lambda name: Net(), width=4)
+    results = {id(one): result for one, result in lockstep.drive_batch("net", taking(together))}
     assert [results[id(one)].outcome is Outcome.INFRA_ERROR for one in together] == [number == 1 for number in range(6)]
     innocent = [one for number, one in enumerate(together) if number != 1]
     assert [bits(results[id(one)]) for one in innocent] == [alone(one) for one in innocent]
@@ -232,8 +233,8 @@ def test_tasks_are_read_when_there_is_room_for_them() -> None:
             read.append(task(metres=3.0 if number == 2 else 20.0, seed=number % 3))
             yield read[-1]
 
-    lockstep = Lockstep(world, Net, width=4)
-    driving = lockstep.drive(reading())
+    lockstep = Lockstep(world, lambda name: Net(), width=4)
+    driving = lockstep.drive_batch("net", taking(reading()))
     ended, _ = next(driving)
     assert ended is read[2]
     assert len(read) == 4
@@ -247,12 +248,12 @@ def test_after_a_caller_that_went_away_the_same_worlds_drive_on() -> None:
         made.append(world())
         return made[-1]
 
-    lockstep = Lockstep(make, Net, width=4)
+    lockstep = Lockstep(make, lambda name: Net(), width=4)
     together = [task(metres=metres, seed=seed) for metres in (3.0, 20.0) for seed in range(3)]
-    driving = lockstep.drive(together)
+    driving = lockstep.drive_batch("net", taking(together))
     next(driving)
     driving.close()
-    assert {id(one): bits(result) for one, result in lockstep.drive(together)} == {
+    assert {id(one): bits(result) for one, result in lockstep.drive_batch("net", taking(together))} == {
         id(one): alone(one) for one in together
     }
     assert len(made) == 4
@@ -268,7 +269,7 @@ def test_a_setting_that_measures_inference_is_driven_alone_by_act() -> None:
     )
     assert measured.inference_s
     assert measured.trace.column("throttle").max() == 1.0
-    assert (measured.versions, clean.versions["lockstep"]) == ({"fake": "1"}, "8")
+    assert (measured.versions, clean.versions["lockstep"]) == ({"fake": "1", **machine_facts()}, "8")
 
 
 def test_the_wall_time_of_an_episode_is_its_share() -> None:
@@ -357,15 +358,17 @@ def test_a_watch_knows_whose_code_runs() -> None:
     asked = [tick for name, tick in watch.seen if name == "act"]
     assert asked == list(range(single.ticks))
     watch.seen.clear()
-    lockstep = Lockstep(World, Agent, watch=watch)
-    ((_, result),) = lockstep.drive([one])
+    lockstep = Lockstep(World, lambda name: Agent(), watch=watch)
+    ((_, result),) = lockstep.drive_batch("net", taking([one]))
     assert result.outcome is Outcome.COMPLETED, result.end_detail
     assert [tick for name, tick in watch.seen if name == "act"] == asked
     assert watch.seen[-1][0] == "sim"
 
 
-def test_every_round_is_told() -> None:
-    rounds: list[int] = []
-    lockstep = Lockstep(world, Net, ticked=lambda: rounds.append(1))
-    results = [result for _, result in lockstep.drive([task(metres=3.0, seed=seed) for seed in range(3)])]
-    assert len(rounds) == max(result.ticks for result in results)
+def test_every_tick_of_every_episode_is_told() -> None:
+    told: list[int] = []
+    lockstep = Lockstep(world, lambda name: Net(), on_tick=lambda tick, *_: told.append(tick))
+    measured = task(metres=3.0, setting=str(Setting.of(InferenceLatency(mode="measured"))))
+    together = [*(task(metres=3.0, seed=seed) for seed in range(3)), measured]
+    results = [result for _, result in lockstep.drive_batch("net", taking(together))]
+    assert sorted(told) == sorted(tick for result in results for tick in range(result.ticks))
