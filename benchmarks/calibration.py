@@ -26,7 +26,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
 from pytest_drive_robust.engine.worker_setup import WorkerSetup
@@ -42,6 +41,7 @@ from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
+from pytest_drive_robust.store.events import Event, Finished, Reused
 from pytest_drive_robust.store.folder import FolderStore
 
 AGENTS = "expert,reactive,constant"
@@ -102,19 +102,15 @@ class Report:
 
 
 class Watch:
-    """Shows what the scheduler does (see `runner.scheduler.Listener`)."""
+    """Shows what the scheduler does (see `runner.scheduler.Observer`)."""
 
     def __init__(self, progress: Progress, total: int) -> None:
         self._progress = progress
         self._bar = progress.add_task("episodes", total=total)
 
-    def started(self, request: EpisodeRequest) -> None: ...
-
-    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
-        self._progress.advance(self._bar)
-
-    def reused(self, request: EpisodeRequest) -> None:
-        self._progress.advance(self._bar)
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, (Finished, Reused)):
+            self._progress.advance(self._bar)
 
     def ticked(self) -> None: ...
 

@@ -6,6 +6,7 @@ yaw grows clockwise seen from above.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     Pixels = NDArray[np.uint8]
 
 __all__ = ["CameraSpec", "Compass", "Gps", "Image", "Imu", "Observation", "Speed"]
+
+_LARGEST_SIDE_PX = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,27 @@ class CameraSpec:
     width_px: int = 256
     height_px: int = 144
     rate_hz: float = 20.0
+
+    def problem(self, dt_s: float) -> str | None:
+        """What is wrong with this camera where a tick lasts `dt_s` (`"fov_deg is 0, expected 1..179"`), or None."""
+        if not isinstance(self.name, str) or not self.name:
+            return f"its name is {self.name!r}, expected text"
+        for field_name in ("width_px", "height_px"):
+            side = getattr(self, field_name)
+            if not isinstance(side, int) or not 1 <= side <= _LARGEST_SIDE_PX:
+                return f"{field_name} is {side!r}, expected a whole number in 1..{_LARGEST_SIDE_PX}"
+        for field_name in ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "rate_hz"):
+            number = getattr(self, field_name)
+            if not isinstance(number, (int, float)) or not math.isfinite(number):
+                return f"{field_name} is {number!r}, expected a finite number"
+        if not 1.0 <= self.fov_deg <= 179.0:
+            return f"fov_deg is {self.fov_deg:g}, expected 1..179"
+        period = 1.0 / (dt_s * self.rate_hz) if self.rate_hz > 0.0 else 0.0  # in ticks
+        if period <= 0.5 or abs(period - round(period)) >= 1e-6:
+            tick_rate_hz = round(1.0 / dt_s)
+            rates = ", ".join(f"{tick_rate_hz / n:g}" for n in range(1, tick_rate_hz + 1) if tick_rate_hz % n == 0)
+            return f"rate_hz is {self.rate_hz:g}, expected a rate that divides {tick_rate_hz} Hz, such as {rates}"
+        return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import select
 import socket
 import subprocess
@@ -41,7 +40,6 @@ __all__ = ["ForkServer", "NoWorkerError", "Stopped"]
 
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
-_FORK_S = 30.0
 _POLL_S = 0.1
 _TRIES = 3
 
@@ -92,7 +90,8 @@ class ForkServer:
                     raise Stopped
                 try:
                     self._start(unwanted)
-                    return self._forked(limits)
+                    assert self._control is not None
+                    return WorkerProcess(self._control, limits, tick_cap=self._setup.options.tick_cap)
                 except (OSError, NoWorkerError) as error:
                     problem = f"{error} {self._last_line()}"
                     self._stop()
@@ -150,16 +149,6 @@ class ForkServer:
         with suppress(OSError), self._control.makefile("rb") as file:
             return file.readline()
         return b""
-
-    def _forked(self, limits: Limits) -> WorkerProcess:
-        assert self._control is not None
-        worker = WorkerProcess(self._setup.options.tick_cap)
-        try:
-            worker.fork(self._control, pickle.dumps(limits), timeout_s=_FORK_S)
-        except BaseException:
-            worker.close()
-            raise
-        return worker
 
     def _last_line(self) -> str:
         """Return what the server printed last, as a sentence."""

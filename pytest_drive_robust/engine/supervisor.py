@@ -15,18 +15,14 @@ from pytest_drive_robust.engine.exchange import Exchange
 from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, PickledRequest
+from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.shared_state import SharedState
     from pytest_drive_robust.engine.worker_process import WorkerProcess
-    from pytest_drive_robust.runner.episode.rescore import AgentRig
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["FailedAttempt", "Stopped", "Supervisor"]
@@ -35,12 +31,10 @@ _SALVAGE_S = 600.0
 
 
 class FailedAttempt(NamedTuple):
-    """An attempt whose worker died, with what the shared state still told."""
+    """An attempt whose worker died, with what the shared state still told of its episode."""
 
     explanation: Explanation
-    rig: AgentRig | None
-    rows: NDArray[np.float64] | None
-    call: str
+    recorded: RecordedControls | None = None
 
 
 class Supervisor:
@@ -123,12 +117,11 @@ class Supervisor:
 
     def _salvaged(self, failure: FailedAttempt, request: PickledRequest) -> EpisodeResult | None:
         """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
-        if failure.rows is None or failure.call == "its constructor":
+        if failure.recorded is None:
             return None
-        recorded = RecordedControls(failure.rig, failure.rows, failure.call if failure.rig is not None else "sensors")
         limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
         try:
-            ended = self._attempt(SALVAGE, pickle.dumps((request, recorded)), limits)
+            ended = self._attempt(SALVAGE, pickle.dumps((request, failure.recorded)), limits)
         except UsageError:
             return None
         return None if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR else ended
@@ -146,7 +139,7 @@ class Supervisor:
         try:
             worker = self._ready_worker()
         except NoWorkerError as error:
-            return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)), None, None, "")
+            return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)))
         exchange = Exchange(worker, limits)
         ended = exchange.ask(Message(kind, os.urandom(TOKEN_BYTES), payload))
         if kind != SALVAGE:
@@ -195,8 +188,11 @@ class Supervisor:
 
 def _failure(death: Death, state: SharedState) -> FailedAttempt:
     """Join a death with what the shared state still tells, unless the worker wrote all over it."""
-    found, call = explain(death), death.reading.phase.call
+    found, phase = explain(death), death.reading.phase
     try:
-        return FailedAttempt(found, state.rig(), state.rows(), call)
+        rig, rows = state.rig(), state.rows()
     except (ValueError, KeyError, TypeError):
-        return FailedAttempt(found, None, None, call)
+        return FailedAttempt(found)
+    if phase is Phase.MAKE:
+        return FailedAttempt(found)
+    return FailedAttempt(found, RecordedControls(rig, rows, phase.call if rig is not None else "sensors"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import select
 import signal
 import socket
@@ -12,13 +13,17 @@ import threading
 import time
 from contextlib import ExitStack
 from multiprocessing.connection import Connection
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.engine.shared_state import SharedState, shared_file, state_bytes
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.engine.limits import Limits
 
 __all__ = ["Descriptors", "WorkerProcess"]
 
 _EXIT_S = 0.5
+_FORK_S = 30.0
 _STALLED_S = 10
 """The rest of a message comes within this time: a worker writes it in one go, and anybody else does not."""
 
@@ -33,44 +38,42 @@ class Descriptors(NamedTuple):
 
 
 class WorkerProcess:
-    """One worker process. Made before the process is, with both ends of every connection; see `ForkServer`.
+    """One worker process, started by the fork server behind `control`. Raises `OSError` when that does not work.
 
     `connection` carries the messages, `output` is the descriptor with what is printed, `faults` that of what
     faulthandler wrote, `sentinel` becomes readable when the process ends.
     """
 
-    pid = 0
-
-    def __init__(self, tick_cap: int) -> None:
+    def __init__(self, control: socket.socket, limits: Limits, *, tick_cap: int) -> None:
         self._lock = threading.Lock()
         self._status: int | None = None
         self._closed = False
-        with ExitStack() as ours, ExitStack() as theirs:
-            our_socket, their_socket = socket.socketpair()
-            theirs.callback(their_socket.close)
-            our_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", _STALLED_S, 0))
-            self.connection = ours.enter_context(Connection(our_socket.detach()))
-            self.output, output = _pipe(ours, theirs)
-            self.sentinel, self._exit = _pipe(ours, theirs)
-            self.faults, state = shared_file("faults", 0), shared_file("state", state_bytes(tick_cap))
-            ours.callback(os.close, self.faults)
-            theirs.callback(os.close, state)
-            self.state = SharedState(state)
-            ours.callback(self.state.close)
-            os.set_blocking(self.output, False)
-            self._descriptors = Descriptors(their_socket.fileno(), output, self.faults, state)
-            self._ours, self._theirs = ours.pop_all(), theirs.pop_all()
+        with ExitStack() as ours:
+            with ExitStack() as theirs:  # our copies of what it inherits, until it has them
+                our_socket, their_socket = socket.socketpair()
+                theirs.callback(their_socket.close)
+                our_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", _STALLED_S, 0))
+                self.connection = ours.enter_context(Connection(our_socket.detach()))
+                self.output, output = _pipe(ours, theirs)
+                os.set_blocking(self.output, False)
+                self.sentinel, exit_w = _pipe(ours, theirs)
+                self.faults, state = shared_file("faults", 0), shared_file("state", state_bytes(tick_cap))
+                ours.callback(os.close, self.faults)
+                theirs.callback(os.close, state)
+                self.state = SharedState(state)
+                ours.callback(self.state.close)
+                descriptors = Descriptors(their_socket.fileno(), output, self.faults, state)
+                socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *descriptors])
+            self.pid = self._read_pid()
+            self._ours = ours.pop_all()
 
-    def fork(self, control: socket.socket, request: bytes, *, timeout_s: float) -> None:
-        """Have the fork server behind `control` start the process. Raises `OSError`."""
-        with self._theirs:
-            socket.send_fds(control, [request], [self._exit, *self._descriptors])
-        if not select.select([self.sentinel], [], [], timeout_s)[0]:
-            raise TimeoutError(f"it did not fork within {timeout_s:g} s")
+    def _read_pid(self) -> int:
+        if not select.select([self.sentinel], [], [], _FORK_S)[0]:
+            raise TimeoutError(f"it did not fork within {_FORK_S:g} s")
         told = os.read(self.sentinel, 4)
         if len(told) < 4:
             raise ConnectionError("it died instead of forking")
-        self.pid = int.from_bytes(told, "little", signed=True)
+        return int.from_bytes(told, "little", signed=True)
 
     def wait(self, timeout_s: float) -> int | None:
         """Return how it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
@@ -101,7 +104,6 @@ class WorkerProcess:
         """Free what belongs to it here. Calling it twice does no harm."""
         with self._lock:
             self._closed = True
-            self._theirs.close()
             self._ours.close()
 
     def _read_status(self) -> int | None:

@@ -34,7 +34,7 @@ from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.store.opening import new_run_name, open_store
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.runner.campaign import Observer
+    from pytest_drive_robust.runner.campaign import CampaignObserver
     from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["activate"]
@@ -93,7 +93,7 @@ def _drive_here(
     execution: ExecutionOptions,
     regression: RegressionOptions,
     store: EpisodeStore,
-    observer: Observer,
+    observer: CampaignObserver,
     *,
     shared: bool,
 ) -> None:

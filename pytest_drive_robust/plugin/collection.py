@@ -46,12 +46,16 @@ class CollectionPlugin:
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
             context.campaign.tell(Advised(tuple(self._advice)))  # the controller shows it
-        scopes = self._scopes.values()
-        note_problem(config, "", lambda: context.campaign.identified(map(context.scopes.identify, scopes)))
+        note_problem(config, "", lambda: self._identify(context))
 
     def pytest_report_collectionfinish(self) -> list[str]:
         """Return what so many routes cannot show, each sentence once."""
         return [f"drive-robust: {text}" for text in self._advice]
+
+    def _identify(self, context: DriveContext) -> None:
+        """Tell the record what agents and routes are made of."""
+        for scope in self._scopes.values():
+            context.campaign.tell(context.scopes.identify(scope))
 
     def _add(self, context: DriveContext, item: pytest.Item) -> None:
         """Add the episodes of one test. Raises `UsageError` where its routes can show next to nothing."""

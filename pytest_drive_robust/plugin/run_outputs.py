@@ -57,7 +57,7 @@ class LocalRunRecord:
         return self.store.get(key)
 
     def __call__(self, event: Event) -> None:
-        """Something happened (see `runner.campaign.Observer`)."""
+        """Something happened (see `runner.scheduler.Observer`)."""
         self._events.append(event)
         self._progress.see(event)
 

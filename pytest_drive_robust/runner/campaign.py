@@ -11,19 +11,9 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.runner.plan import RouteRequests, routes_in_order
 from pytest_drive_robust.runner.record import asked, judged, not_judged
-from pytest_drive_robust.runner.scheduler import Scheduler
+from pytest_drive_robust.runner.scheduler import Observer, Scheduler
 from pytest_drive_robust.stats.judges import VerdictKind, read_until_decided
-from pytest_drive_robust.store.events import (
-    Event,
-    Finished,
-    Identified,
-    Planned,
-    Reused,
-    Spared,
-    Started,
-    Troubled,
-    Used,
-)
+from pytest_drive_robust.store.events import Event, Planned, Spared, Troubled, Used
 from pytest_drive_robust.verdict.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -35,21 +25,13 @@ if TYPE_CHECKING:
     from pytest_drive_robust.verdict.evaluate import Verdict
     from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Campaign", "Judgement", "Observer"]
+__all__ = ["Campaign", "CampaignObserver", "Judgement"]
 
 Results = tuple[EpisodeResult, ...]
 
 
-class Observer(Protocol):
-    """Who follows the run: a progress display, or the journal that another process reads."""
-
-    def __call__(self, event: Event) -> None:
-        """Something happened."""
-        ...
-
-    def ticked(self) -> None:
-        """An episode is still under way. Called every tick."""
-        ...
+class CampaignObserver(Observer, Protocol):
+    """Who follows the run, and is told when it waits for nothing."""
 
     def idle(self) -> None:
         """No episode is under way any more, be it that all are done or that driving was interrupted."""
@@ -80,7 +62,7 @@ class Campaign:
         self,
         store: EpisodeStore,
         executor: Executor,
-        observer: Observer,
+        observer: CampaignObserver,
         *,
         metrics: str,
         whole: bool = False,
@@ -91,8 +73,7 @@ class Campaign:
         self._observer = observer
         self._metrics = metrics
         self._whole = whole
-        self._longest_s: dict[tuple[str, str], float] = {}
-        self._scheduler = Scheduler(store, executor, self, budget_s=budget_s)
+        self._scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
 
     def planned(self, requests: Mapping[str, EpisodeRequest], *, ahead: bool = True) -> None:
         """What the selected tests are known to need, so that the observer can say how much is left.
@@ -102,11 +83,6 @@ class Campaign:
         self._observer(Planned(tuple(requests)))
         if ahead:
             self._scheduler.plan(requests.values())
-
-    def identified(self, facts: Iterable[Identified]) -> None:
-        """Tell the record what agents and routes are made of."""
-        for fact in facts:
-            self._observer(fact)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Return every episode of `scope` under `setting`, routes within seeds."""
@@ -135,7 +111,7 @@ class Campaign:
         self._tell_asked(scope, need)
         routes = routes_in_order(scope, need)
         begun: list[EpisodeRequest] = []
-        with self._driving(), self._kept_in_view(begun):
+        with self._driving(begun):
             decision, count = read_until_decided(
                 cast("VerdictKind", verdict_rule.kind),
                 requirement.linear_forms(verdict_rule),
@@ -177,17 +153,11 @@ class Campaign:
     def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
         """Return the clean and the perturbed results, driven where missing."""
         self._tell_asked(scope, need)
-        with self._driving(), self._kept_in_view(need.requests):
-            self._ensure(sorted(need.requests, key=self._expected_s, reverse=True))  # all are needed: no long one last
+        with self._driving(need.requests):
+            self._ensure(
+                sorted(need.requests, key=self._scheduler.expected_s, reverse=True)
+            )  # all are needed: no long one last
         return self._use(need.clean), self._use(need.perturbed)
-
-    def _expected_s(self, request: EpisodeRequest) -> float:
-        """Wall seconds of the longest drive so far of the same agent on the same route, be it in an earlier run."""
-        return self._longest_s.get((request.episode.agent, request.route.id), 0.0)
-
-    def _saw(self, request: EpisodeRequest, wall_s: float) -> None:
-        place = request.episode.agent, request.route.id
-        self._longest_s[place] = max(wall_s, self._longest_s.get(place, 0.0))
 
     def _judgement(
         self,
@@ -216,18 +186,6 @@ class Campaign:
     def _tell_asked(self, scope: Scope, need: Need) -> None:
         for event in asked(scope, need):
             self._observer(event)
-
-    @contextmanager
-    def _kept_in_view(self, requests: Sequence[EpisodeRequest]) -> Iterator[None]:
-        """When no verdict comes of it, those of `requests` that are finished belong to the run all the same: an
-        error or an interrupt is to be read beside what led to it."""
-        try:
-            yield
-        except BaseException:
-            self._observer(
-                Used(tuple(dict.fromkeys(request.key for request in requests if self._store.get(request.key))))
-            )
-            raise
 
     def _scores(
         self, requirement: Requirement, routes: Sequence[RouteRequests], begun: list[EpisodeRequest]
@@ -272,33 +230,22 @@ class Campaign:
         return tuple(result for request in requests if (result := results[request.key]) is not None)
 
     @contextmanager
-    def _driving(self) -> Iterator[None]:
-        """Around everything that waits for episodes: afterwards the display is gone, whatever happened."""
+    def _driving(self, requests: Sequence[EpisodeRequest]) -> Iterator[None]:
+        """Around everything that waits for episodes: afterwards the display is gone, whatever happened.
+
+        When no verdict comes of it, those of `requests` that are finished belong to the run all the same: an error or
+        an interrupt is to be read beside what led to it.
+        """
         try:
             yield
+        except BaseException:
+            self._observer(
+                Used(tuple(dict.fromkeys(request.key for request in requests if self._store.get(request.key))))
+            )
+            raise
         finally:
             self._observer.idle()
             for problem in self._store.problems():
                 if problem not in self._told:
                     self._told.add(problem)
                     self._observer(Troubled(problem))
-
-    def started(self, request: EpisodeRequest) -> None:
-        """An episode begins (see `runner.scheduler.Listener`)."""
-        self._observer(Started(request.key, request.episode.agent, request.episode.setting, request.route.label))
-
-    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
-        """An episode is in the store (see `runner.scheduler.Listener`)."""
-        self._saw(request, result.wall_s)
-        self._observer(Finished(request.key, result.wall_s))
-
-    def reused(self, request: EpisodeRequest) -> None:
-        """An episode was in the store already (see `runner.scheduler.Listener`)."""
-        stored = self._store.get(request.key)
-        if stored is not None:
-            self._saw(request, stored.wall_s)
-        self._observer(Reused(request.key))
-
-    def ticked(self) -> None:
-        """An episode is still under way (see `runner.scheduler.Listener`)."""
-        self._observer.ticked()

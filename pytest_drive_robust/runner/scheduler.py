@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.errors import BudgetSpentError
+from pytest_drive_robust.store.events import Event, Finished, Reused, Started
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -17,38 +17,22 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import EpisodeRequest
     from pytest_drive_robust.store.base import Claim, EpisodeStore
 
-__all__ = ["Listener", "Scheduler"]
+__all__ = ["Observer", "Scheduler"]
 
 _POLL_S = 0.05
 """How long to sleep at most: another process may have finished what we wait for, and the display wants to move."""
 
 
-class Listener(Protocol):
-    """Who wants to know what is being driven."""
+class Observer(Protocol):
+    """Who follows the run: a progress display, or the journal that another process reads."""
 
-    def started(self, request: EpisodeRequest) -> None:
-        """An episode begins."""
-        ...
-
-    def finished(self, request: EpisodeRequest, result: EpisodeResult) -> None:
-        """An episode ended and is in the store."""
-        ...
-
-    def reused(self, request: EpisodeRequest) -> None:
-        """An episode was needed that this process need not drive: it is in the store already."""
+    def __call__(self, event: Event) -> None:
+        """Something happened."""
         ...
 
     def ticked(self) -> None:
-        """Something is still under way. Called often: return at once."""
+        """An episode is still under way. Called often: return at once."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class _Drive:
-    """An episode under way, and our claim on it."""
-
-    request: EpisodeRequest
-    claim: Claim
 
 
 class Scheduler:
@@ -64,24 +48,25 @@ class Scheduler:
         self,
         store: EpisodeStore,
         executor: Executor,
-        listener: Listener,
+        observer: Observer,
         *,
         budget_s: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._store = store
         self._executor = executor
-        self._listener = listener
+        self._observer = observer
         self._work: Callable[[], object] | None = getattr(executor, "work", None)
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
         self._later: dict[str, EpisodeRequest] = {}
-        self._drives: dict[Future[EpisodeResult], _Drive] = {}
+        self._drives: dict[Future[EpisodeResult], tuple[EpisodeRequest, Claim]] = {}
         self._under_way: set[str] = set()
         self._seen: set[str] = set()
         self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
+        self._longest_s: dict[tuple[str, str], float] = {}
 
     def plan(self, requests: Iterable[EpisodeRequest]) -> None:
         """What will be asked for one day, in this order. Driven when nothing nearer is left for a slot."""
@@ -136,14 +121,21 @@ class Scheduler:
                 self._begin(request)
         self._wait()
 
+    def expected_s(self, request: EpisodeRequest) -> float:
+        """Return the wall seconds of the longest known drive of the same agent on the same route, 0 for none."""
+        return self._longest_s.get((request.episode.agent, request.route.id), 0.0)
+
     def close(self) -> None:
         """Cut off what is under way, give back what was claimed, free the executor."""
         self._collect()
         self._executor.close(cancel=True)
-        for drive in self._drives.values():
-            drive.claim.release()
+        for _, claim in self._drives.values():
+            claim.release()
         self._drives.clear()
         self._under_way.clear()
+
+    def _note_duration(self, request: EpisodeRequest, wall_s: float) -> None:
+        self._longest_s[request.episode.agent, request.route.id] = max(wall_s, self.expected_s(request))
 
     def _begin_budget(self) -> None:
         if self._ends_s is None and self._budget_s is not None:
@@ -160,11 +152,13 @@ class Scheduler:
     def _is_finished(self, request: EpisodeRequest) -> bool:
         if request.key in self._seen:
             return True
-        if request.key in self._under_way or self._store.get(request.key) is None:
+        stored = None if request.key in self._under_way else self._store.get(request.key)
+        if stored is None:
             return False
         self._seen.add(request.key)
         self._later.pop(request.key, None)
-        self._listener.reused(request)
+        self._note_duration(request, stored.wall_s)
+        self._observer(Reused(request.key))
         return True
 
     def _came_from_elsewhere(self, request: EpisodeRequest) -> bool:
@@ -203,21 +197,21 @@ class Scheduler:
             return True
         self._later.pop(key, None)
         self._under_way.add(key)
-        self._listener.started(request)
+        self._observer(Started(key, request.episode.agent, request.episode.setting, request.route.label))
         try:
             future = self._executor.submit(request)
         except BaseException:
             self._under_way.discard(key)
             claim.release()
             raise
-        self._drives[future] = _Drive(request, claim)
+        self._drives[future] = request, claim
         return True
 
     def _collect(self) -> None:
         """Store what has come to an end."""
         for future in [future for future in self._drives if future.done()]:
-            drive = self._drives.pop(future)
-            key = drive.request.key
+            request, claim = self._drives.pop(future)
+            key = request.key
             self._under_way.discard(key)
             try:
                 error = None if future.cancelled() else future.exception()
@@ -227,9 +221,10 @@ class Scheduler:
                     self._store.put(key, future.result())
                     self._seen.add(key)
             finally:
-                drive.claim.release()
+                claim.release()
             if key in self._seen:
-                self._listener.finished(drive.request, future.result())
+                self._note_duration(request, future.result().wall_s)
+                self._observer(Finished(key, future.result().wall_s))
 
     def _wait(self) -> None:
         """Until something ended, but not long."""
@@ -239,4 +234,4 @@ class Scheduler:
             wait(self._drives, timeout=_POLL_S, return_when=FIRST_COMPLETED)
         else:
             time.sleep(_POLL_S)
-        self._listener.ticked()
+        self._observer.ticked()

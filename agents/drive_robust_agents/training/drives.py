@@ -30,6 +30,7 @@ from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
+from pytest_drive_robust.store.events import Event, Finished, Reused
 from pytest_drive_robust.store.folder import FolderStore
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResul
 
 
 class _ProgressBar:
-    """A progress bar that listens to the scheduler (see `runner.scheduler.Listener`)."""
+    """A progress bar that listens to the scheduler (see `runner.scheduler.Observer`)."""
 
     def __init__(self, total: int) -> None:
         columns = (TextColumn("drive"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -136,16 +137,10 @@ class _ProgressBar:
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
 
-    def started(self, task: EpisodeRequest) -> None:
-        """Show nothing yet."""
-
-    def finished(self, task: EpisodeRequest, result: EpisodeResult) -> None:
-        """Count one more."""
-        self._progress.advance(self._bar)
-
-    def reused(self, task: EpisodeRequest) -> None:
-        """Count one that was driven before."""
-        self._progress.advance(self._bar)
+    def __call__(self, event: Event) -> None:
+        """Count an episode that is there."""
+        if isinstance(event, (Finished, Reused)):
+            self._progress.advance(self._bar)
 
     def ticked(self) -> None:
         """Do nothing: the bar redraws itself."""

@@ -58,9 +58,9 @@ class LockstepHandler:
         `UsageError` when it must not.
         """
         may_share = self._ready(order, width).check(self._read(order))
-        outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
-        if may_share:
-            outcome, end = Outcome.COMPLETED, End.COMPLETED
+        outcome, end = (
+            (Outcome.COMPLETED, End.COMPLETED) if may_share else (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED)
+        )
         return bare_result(order.route, order.episode, outcome=outcome, end=end, detail="")
 
     def drive_alone(self, order: PickledRequest, width: int) -> EpisodeResult:

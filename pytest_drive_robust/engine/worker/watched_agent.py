@@ -55,14 +55,7 @@ class WatchedAgent:
 
     def act(self, observation: Observation) -> Control:
         """Return the agent's control and keep it."""
-        try:  # spelled out, not `call_contained`: this is called in every tick
-            self._asked = control = self._agent.act(observation)
-        except (Exception, SystemExit) as error:
-            _print(error)
-            raise
-        except BaseException as error:
-            _print(error)
-            raise _as_exception(error).with_traceback(error.__traceback__) from None
+        self._asked = control = call_contained(self._agent.act, observation)
         self._check_connection()
         return control
 
@@ -82,25 +75,17 @@ class WatchedAgent:
 
 
 def call_contained(function: Callable[..., T], *arguments: object) -> T:
-    """Return what the function returns; whatever it raises is an `Exception` or a `SystemExit`."""
+    """Return what the function returns; whatever it raises is an `Exception` or a `SystemExit`.
+
+    The whole traceback is printed, among what the agent printed: a result holds one line of it.
+    """
     try:
         return function(*arguments)
-    except (Exception, SystemExit) as error:
-        _print(error)
-        raise
     except BaseException as error:
-        _print(error)
-        raise _as_exception(error).with_traceback(error.__traceback__) from None
-
-
-def _print(error: BaseException) -> None:
-    """Print the whole traceback, among what the agent printed: a result holds one line of it."""
-    with contextlib.suppress(Exception):  # the agent may have closed what it goes to
-        traceback.print_exception(error)
-
-
-def _as_exception(error: BaseException) -> Exception:
-    """Return an `Exception` that looks like `error` in a message."""
-    kind = type(error)
-    twin: type[Exception] = type(kind.__name__, (Exception,), {"__module__": kind.__module__})
-    return twin(str(error))
+        with contextlib.suppress(Exception):  # the agent may have closed what it goes to
+            traceback.print_exception(error)
+        if isinstance(error, (Exception, SystemExit)):
+            raise
+        kind = type(error)
+        twin: type[Exception] = type(kind.__name__, (Exception,), {"__module__": kind.__module__})
+        raise twin(str(error)).with_traceback(error.__traceback__) from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
 
-_LARGEST_SIDE_PX = 4096
 _MOST_CHARACTERS = 20_000
 """An exception may hold megabytes."""
 _CALLERS = (
@@ -45,7 +43,11 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
     if not isinstance(cameras, Sequence) or isinstance(cameras, str):
         raise AgentError(f"sensors returned {_shown(cameras)}, expected a list of CameraSpec")
     for camera in cameras:
-        problem = _camera_problem(camera, dt_s)
+        if not isinstance(camera, CameraSpec):
+            raise AgentError(
+                f"sensors returned {_shown(camera)}: it is a {type(camera).__name__}, expected a CameraSpec"
+            )
+        problem = camera.problem(dt_s)
         if problem is not None:
             raise AgentError(f"sensors returned {_shown(camera)}: {problem}")
     names = [camera.name for camera in cameras]
@@ -158,29 +160,3 @@ def _is_ours(frame: FrameType) -> bool:
 
 def _package(frame: FrameType) -> str:
     return str(frame.f_globals.get("__name__", "")).partition(".")[0]
-
-
-def _camera_problem(camera: object, dt_s: float) -> str | None:
-    if not isinstance(camera, CameraSpec):
-        return f"it is a {type(camera).__name__}, expected a CameraSpec"
-    if not isinstance(camera.name, str) or not camera.name:
-        return f"its name is {camera.name!r}, expected text"
-    for field in ("width_px", "height_px"):
-        side = getattr(camera, field)
-        if not isinstance(side, int) or not 1 <= side <= _LARGEST_SIDE_PX:
-            return f"{field} is {side!r}, expected a whole number in 1..{_LARGEST_SIDE_PX}"
-    for field in ("x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "fov_deg", "rate_hz"):
-        number = getattr(camera, field)
-        if not isinstance(number, (int, float)) or not math.isfinite(number):
-            return f"{field} is {number!r}, expected a finite number"
-    if not 1.0 <= camera.fov_deg <= 179.0:
-        return f"fov_deg is {camera.fov_deg:g}, expected 1..179"
-    if camera.rate_hz <= 0.0 or not _is_whole(1.0 / (dt_s * camera.rate_hz)):
-        tick_rate_hz = round(1.0 / dt_s)
-        rates = ", ".join(f"{tick_rate_hz / n:g}" for n in range(1, tick_rate_hz + 1) if tick_rate_hz % n == 0)
-        return f"rate_hz is {camera.rate_hz:g}, expected a rate that divides {tick_rate_hz} Hz, such as {rates}"
-    return None
-
-
-def _is_whole(ratio: float) -> bool:
-    return ratio > 0.5 and abs(ratio - round(ratio)) < 1e-6

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -23,7 +23,7 @@ from pytest_drive_robust.runner.episode.witness import Witness
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
     from pytest_drive_robust.domain.result import Injection
     from pytest_drive_robust.domain.route import GlobalPlan, Route
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
@@ -91,6 +91,8 @@ class RunningEpisode:
 
     `start`, then as long as it is not `over`: `sense`, `ask` when there is something to see, `advance`; `tick` is these
     three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
+
+    `view` is a camera for people, mounted where the agent has none: its images are in `images`, and nowhere else.
     """
 
     def __init__(
@@ -102,6 +104,7 @@ class RunningEpisode:
         seed: int,
         *,
         watch: Watch | None = None,
+        view: CameraSpec | None = None,
     ) -> None:
         self.simulator = simulator
         self.agent = agent
@@ -109,6 +112,7 @@ class RunningEpisode:
         self.setting = setting
         self.seed = seed
         self.privileged = False
+        self.shows_view = False
         self.plan: GlobalPlan | None = None
         self.warmup_ticks = 0
         self.started_s = time.perf_counter()
@@ -117,8 +121,10 @@ class RunningEpisode:
         self.crash: AgentError | SimulationError | None = None
         self.last_tick: tuple[int, WorldState, Observation, Control] | None = None
         self.stack: RunningStack | None = None
+        self.state: WorldState | None = None
+        self.images: Mapping[str, Image] = {}
         self._watch = watch
-        self._state: WorldState | None = None
+        self._view = () if view is None else (view,)
         self._seen: Observation | None = None
         self._done = False
 
@@ -146,8 +152,9 @@ class RunningEpisode:
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
         self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
+        self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
-        self._state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras)
+        self.state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
         self.plan = self.simulator.plan()
         self._enter("reset")
         agent_reset(self.agent, self.plan, self.seed)
@@ -171,6 +178,9 @@ class RunningEpisode:
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self.simulator.observe()
+        self.images = captured.cameras
+        if self.shows_view:
+            captured = replace(captured, cameras={})
         self._seen = observation = stack.observe(captured)
         if not stack.wants_inference(self.recorder.ticks):
             return None
@@ -191,7 +201,7 @@ class RunningEpisode:
 
     def advance(self, control: Control | None, inference_s: float) -> None:
         """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
-        tick, state, stack, observation = self.recorder.ticks, self._state, self.stack, self._seen
+        tick, state, stack, observation = self.recorder.ticks, self.state, self.stack, self._seen
         assert state is not None  # start() and sense() came before
         assert stack is not None
         assert observation is not None
@@ -202,8 +212,8 @@ class RunningEpisode:
             applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
         else:
             self.witness.applied(tick, control, applied)
-        self._state = self.simulator.step(applied)
-        self.recorder.add(self._state.ego, applied, self.simulator.progress_m)
+        self.state = self.simulator.step(applied)
+        self.recorder.add(self.state.ego, applied, self.simulator.progress_m)
         self.last_tick = (tick, state, observation, applied)
         self._done = self.simulator.done is not None
 
@@ -214,7 +224,7 @@ class RunningEpisode:
         versions: dict[str, str] = {}
         try:
             self._enter("sim")
-            if self._state is not None and not isinstance(self.crash, SimulationError):
+            if self.state is not None and not isinstance(self.crash, SimulationError):
                 score = self.simulator.score()
             schedule = self.stack.schedule() if self.stack is not None else ()
             versions = dict(self.simulator.versions())

@@ -69,8 +69,7 @@ class Batch:
         self._width = width
         self._take_agent = take_agent
         self._watch = watch
-        self._stand_ins: list[Agent] = []
-        self._follows: list[RunningEpisode | None] = []
+        self._stand_ins: list[tuple[Agent, RunningEpisode | None]] = []  # and whom each follows
 
     def ask(self, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[list[Control | AgentError], float]:
         """Return an answer for each, and each one's share of the seconds. Raises `AgentError` for all of them."""
@@ -84,7 +83,7 @@ class Batch:
             answers = agent_act_batch(agents, observations)
             inference_s = time.perf_counter() - started_s
         except AgentError:
-            self._stand_ins, self._follows = [], []  # in any state: not to be used again
+            self._stand_ins = []  # in any state: not to be used again
             raise
         finally:
             self._enter("sim", asked[0][0])
@@ -92,19 +91,18 @@ class Batch:
 
     def give_back(self) -> list[Agent]:
         """Return the agent objects that stood in, for other uses."""
-        stand_ins, self._stand_ins, self._follows = self._stand_ins, [], []
-        return stand_ins
+        stand_ins, self._stand_ins = self._stand_ins, []
+        return [agent for agent, _ in stand_ins]
 
     def _stand_in(self, number: int, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[Agent, Observation]:
         if number == len(self._stand_ins):
-            self._stand_ins.append(self._take_agent())
-            self._follows.append(None)
-        agent, followed = self._stand_ins[number], self._follows[number]
+            self._stand_ins.append((self._take_agent(), None))
+        agent, followed = self._stand_ins[number]
         episode, given = next((pair for pair in asked if pair[0] is followed), asked[number % len(asked)])
         if episode is not followed:
             assert episode.plan is not None  # it has been started
             agent_reset(agent, episode.plan, episode.seed)
-            self._follows[number] = episode
+            self._stand_ins[number] = agent, episode
         return agent, own_copy(given)
 
     def _enter(self, phase: str, first: RunningEpisode) -> None:

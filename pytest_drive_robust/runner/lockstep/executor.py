@@ -130,8 +130,8 @@ class LockstepExecutor:
 
     def last_words(self) -> tuple[tuple[str, str], ...]:
         """(episode, what it printed at its end) of the first episodes that broke since this was asked last."""
-        told: Callable[[], tuple[tuple[str, str], ...]] | None = getattr(self._one_by_one, "last_words", None)
-        return () if told is None else told()
+        told: Callable[[], tuple[tuple[str, str], ...]] = getattr(self._one_by_one, "last_words", tuple)
+        return told()
 
     def _work(self) -> None:
         """Drive in the caller's thread until an episode has ended."""
@@ -171,18 +171,14 @@ class _Queue:
 
     def drive_on(self) -> None:
         """Drive until an episode has ended or none is left."""
-        if self._steps is None:
-            self._steps = self._drive()
-        try:
-            next(self._steps)
-        except BaseException as error:
-            self._steps = None
-            if not isinstance(error, StopIteration):
-                raise
+        steps, self._steps = self._steps or self._drive(), None
+        for _ in steps:
+            self._steps = steps
+            return
 
     def drive_all(self) -> None:
         """Drive until none is left."""
-        deque(self._drive() if self._steps is None else self._steps, maxlen=0)
+        deque(self._steps or self._drive(), maxlen=0)
 
     def close(self) -> None:
         """Forget what is under way, and free what drives it."""

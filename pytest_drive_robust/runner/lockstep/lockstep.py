@@ -73,10 +73,7 @@ class Lockstep:
         self._free_agents: list[Agent] = []
 
     def check(self, request: EpisodeRequest) -> bool:
-        """May the agent of `request` be driven in lockstep? False: it broke before it could be asked.
-
-        Raises `UsageError` when it must not, or cannot be made.
-        """
+        """See `BatchDriver.check`."""
         name = request.episode.agent
         world = self._make_world()
         try:

@@ -10,6 +10,7 @@ from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
+from pytest_drive_robust.store.events import Finished, Reused
 from pytest_drive_robust.testing import fake_route
 
 TASKS = (
@@ -17,6 +18,7 @@ TASKS = (
     .need(Setting.CLEAN, clean=False)
     .requests
 )
+ROUTE_OF = {task.key: task.route.id for task in TASKS}
 
 
 class Hands:
@@ -44,7 +46,7 @@ class Hands:
 
 
 class Diary:
-    """A listener that finishes episodes whenever the scheduler waits: the newest first, the worst order."""
+    """An observer that finishes episodes whenever the scheduler waits: the newest first, the worst order."""
 
     def __init__(self, hands: Hands, *, finishes: bool = True) -> None:
         self.hands = hands
@@ -53,14 +55,11 @@ class Diary:
         self.finished_routes: list[str] = []
         self.waits = 0
 
-    def started(self, task) -> None:
-        pass
-
-    def finished(self, task, result) -> None:
-        self.finished_routes.append(task.route.id)
-
-    def reused(self, task) -> None:
-        self.reused_routes.append(task.route.id)
+    def __call__(self, event) -> None:
+        if isinstance(event, Finished):
+            self.finished_routes.append(ROUTE_OF[event.key])
+        elif isinstance(event, Reused):
+            self.reused_routes.append(ROUTE_OF[event.key])
 
     def ticked(self) -> None:
         self.waits += 1
@@ -118,7 +117,7 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
             if self.waits == 3:
                 store.put(TASKS[0].key, make_result("0"))
 
-    scheduler._listener = diary = Other(hands)
+    scheduler._observer = diary = Other(hands)
     scheduler.ensure(TASKS[:1], ahead=TASKS[1:3])
     assert "0" not in hands.begun
     assert hands.begun[0] == "1"
