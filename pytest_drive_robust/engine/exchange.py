@@ -94,7 +94,7 @@ class Exchange:
             try:
                 send(self._worker.connection, request)
             except OSError:
-                self._lost(Cause.SILENT)
+                self._lost(Cause.SILENT, grace_s=_EXIT_S)
         return self.death is None and bool(self._begun_s)
 
     def _hear(self, ready: list[Any]) -> tuple[bytes, Answer] | None:
@@ -102,7 +102,7 @@ class Exchange:
         worker = self._worker
         if worker.connection not in ready:
             if worker.sentinel in ready and not worker.connection.poll():
-                self._lost(Cause.SILENT)  # without an answer that came in the last moment
+                self._lost(Cause.SILENT, grace_s=_EXIT_S)  # without an answer that came in the last moment
             return None
         try:
             message = receive(worker.connection)
@@ -110,11 +110,11 @@ class Exchange:
                 raise ValueError("an answer to another request")
             answer = Answer.of(message)
         except EOFError:
-            self._lost(Cause.SILENT)
+            self._lost(Cause.SILENT, grace_s=_EXIT_S)
         except OSError:
-            self._lost(Cause.GARBAGE)
+            self._lost(Cause.GARBAGE, grace_s=_EXIT_S)
         except ValueError:
-            self._kill(Cause.GARBAGE, worker.state.read())
+            self._lost(Cause.GARBAGE)
         else:
             del self._begun_s[message.token]
             self._listen()
@@ -152,40 +152,32 @@ class Exchange:
         reading = self._worker.state.read()
         act_s, episode_s = self._limits.act_s, self._limits.episode_s
         if act_s is not None and reading.phase.is_call and now - reading.since_s > act_s:
-            self._kill(Cause.ACT_DEADLINE, reading, act_s)
+            self._lost(Cause.ACT_DEADLINE, reading, limit_s=act_s)
         elif episode_s is not None and now - self._started_s > episode_s:
-            self._kill(Cause.EPISODE_DEADLINE, reading, episode_s)
+            self._lost(Cause.EPISODE_DEADLINE, reading, limit_s=episode_s)
 
-    def _lost(self, cause: Cause) -> None:
-        """Note how the worker ended; `cause` is why it can be of no use where it has not."""
-        status = self._worker.wait(_EXIT_S)
-        reading = self._worker.state.read()
-        if status is None:
-            self._kill(cause, reading)
-        else:
-            self._note_death(Cause.DIED, reading, status=status)
-
-    def _kill(self, cause: Cause, reading: StateReading, limit_s: float = 0.0) -> None:
-        """End the worker, with a chance for faulthandler to say where it is."""
-        if limit_s:
-            self._worker.kill(signal.SIGABRT)
-            self._worker.wait(_TRACEBACK_S)
-        self._worker.kill()
-        self._worker.wait(_EXIT_S)
-        self._note_death(cause, reading, limit_s=limit_s)
-
-    def _note_death(
-        self, cause: Cause, reading: StateReading, *, status: int | None = None, limit_s: float = 0.0
+    def _lost(
+        self, cause: Cause, reading: StateReading | None = None, *, grace_s: float = 0.0, limit_s: float = 0.0
     ) -> None:
+        """Note how the worker ended. One that has not within `grace_s` is killed, for `cause`."""
+        worker = self._worker
+        status = worker.wait(grace_s) if grace_s else None
+        reading = reading or worker.state.read()
+        if status is None:
+            if limit_s:  # faulthandler says where it is
+                worker.kill(signal.SIGABRT)
+                worker.wait(_TRACEBACK_S)
+            worker.kill()
+            worker.wait(_EXIT_S)
         self._listen()
         now = time.monotonic()
         self.death = Death(
-            cause=cause,
+            cause=cause if status is None else Cause.DIED,
             reading=reading,
             status=status,
             limit_s=limit_s,
             lasted_s=now - reading.since_s,
             elapsed_s=now - self._started_s,
-            faults=os.pread(self._worker.faults, _CHUNK_BYTES, 0).decode("utf-8", "replace"),
+            faults=os.pread(worker.faults, _CHUNK_BYTES, 0).decode("utf-8", "replace"),
             printed=self.printed,
         )

@@ -17,7 +17,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.store.record import decode_episode
+from pytest_drive_robust.store.record import decode_episode, encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
@@ -35,7 +35,7 @@ __all__ = [
     "Answer",
     "Message",
     "PickledRequest",
-    "answer_bytes",
+    "answer_message",
     "receive",
     "refusal",
     "refusal_bytes",
@@ -123,9 +123,14 @@ class Answer:
             raise ValueError(f"no answer: {error}") from error
 
 
-def answer_bytes(body: bytes, *, rss: int, leftovers: Sequence[str]) -> bytes:
-    """Return the payload of an answer; `Answer.of` reads it."""
-    return json.dumps({"rss": rss, "leftovers": list(leftovers)}).encode() + b"\n" + body
+def answer_message(
+    token: bytes, result: EpisodeResult | errors.UsageError, *, rss: int, leftovers: Sequence[str]
+) -> Message:
+    """Return an answer to the request with this token; `Answer.of` reads it."""
+    notes = json.dumps({"rss": rss, "leftovers": list(leftovers)}).encode() + b"\n"
+    if isinstance(result, errors.UsageError):
+        return Message(REFUSED, token, notes + refusal_bytes(result))
+    return Message(RESULT, token, notes + encode_episode(result))
 
 
 def send(connection: Connection, message: Message) -> None:

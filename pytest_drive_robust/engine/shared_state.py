@@ -63,9 +63,6 @@ class Phase(IntEnum):
         return "its constructor" if self is Phase.MAKE else self.name.lower()
 
 
-_BY_NAME = {"reset": Phase.RESET, "act": Phase.ACT, "sim": Phase.SIM}
-
-
 class StateReading(NamedTuple):
     """What the shared state says: `since_s` by the monotonic clock, `agent_s` with the current phase left out."""
 
@@ -95,7 +92,7 @@ class SharedState:
 
     def phase(self, name: str, tick: int) -> None:
         """Note a phase by its name: see `runner.episode.loop.Watch`."""
-        self.enter(_BY_NAME[name], tick)
+        self.enter(Phase[name.upper()], tick)
 
     def enter(self, phase: Phase, tick: int) -> None:
         """Note that the code of `phase` runs from now on."""

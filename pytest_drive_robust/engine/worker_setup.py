@@ -10,7 +10,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import call_hook, imported_from
@@ -98,9 +98,6 @@ class WorkerSetup:
 
     def limit_threads(self) -> None:
         """Tell the libraries that are loaded by now how many threads they may use."""
-        cv2: Any = sys.modules.get("cv2")
-        if cv2 is not None:
-            cv2.setNumThreads(self.threads)
-        torch: Any = sys.modules.get("torch")
-        if torch is not None:
-            torch.set_num_threads(self.threads)
+        for module, setter in (("cv2", "setNumThreads"), ("torch", "set_num_threads")):
+            if module in sys.modules:
+                getattr(sys.modules[module], setter)(self.threads)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.lockstep.watched_agent import BatchedAgent
-from pytest_drive_robust.engine.messages import REFUSED, RESULT, Message, receive, refusal_bytes
+from pytest_drive_robust.engine.messages import Message, receive
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.errors import UsageError
@@ -18,7 +18,6 @@ from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import bare_result
 from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -35,7 +34,7 @@ __all__ = ["LockstepHandler"]
 
 
 class _Reply(Protocol):
-    def __call__(self, token: bytes, kind: bytes, body: bytes, *, over: bool = True) -> None: ...
+    def __call__(self, token: bytes, result: EpisodeResult | UsageError, *, over: bool = True) -> None: ...
 
 
 class LockstepHandler:
@@ -100,7 +99,7 @@ class LockstepHandler:
                 try:
                     request = self._read(order)
                 except UsageError as error:
-                    reply(message.token, REFUSED, refusal_bytes(error), over=not under_way)
+                    reply(message.token, error, over=not under_way)
                 else:
                     under_way[id(request)] = message.token, request
                     return request
@@ -114,7 +113,7 @@ class LockstepHandler:
             if over:
                 driving.close()  # before the state of the process is put back
                 self._state.enter(Phase.IDLE, result.ticks)
-            reply(token, RESULT, encode_episode(result), over=over)
+            reply(token, result, over=over)
             if over:
                 return
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.lockstep.handler import LockstepHandler
-from pytest_drive_robust.engine.messages import ALONE, CHECK, DRIVE, REFUSED, RESULT, SALVAGE, refusal_bytes
+from pytest_drive_robust.engine.messages import ALONE, CHECK, DRIVE, SALVAGE
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
@@ -20,7 +20,6 @@ from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.episode.make_agent import make_agent
 from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result, drive_again
-from pytest_drive_robust.store.record import encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -43,7 +42,6 @@ class RequestHandler:
     descriptor: int
     _simulator: Simulator | None = None
     _agents: dict[str, tuple[Agent, Mapping[str, Any]]] = field(default_factory=dict)
-    _start: Mapping[str, Any] = field(default_factory=read_process_state)
     lockstep: LockstepHandler = field(init=False)
 
     def __post_init__(self) -> None:
@@ -55,21 +53,17 @@ class RequestHandler:
             ALONE: self.lockstep.drive_alone,
         }
 
-    def answer(self, message: Message) -> tuple[bytes, bytes]:
-        """Return the kind of answer and its bytes."""
+    def result_of(self, message: Message) -> EpisodeResult | UsageError:
+        """Do what is asked for."""
         self.state.clear()
         try:
             asked = pickle.loads(message.payload)
             result = self._does[message.kind](*asked)
         except UsageError as error:
             self.state.enter(Phase.IDLE, 0)
-            return REFUSED, refusal_bytes(error)
+            return error
         self.state.enter(Phase.IDLE, result.ticks)
-        return RESULT, encode_episode(result)
-
-    def put_back(self) -> tuple[str, ...]:
-        """Make the process as it was; return the names of what cannot be."""
-        return restore_process_state(self._start)
+        return result
 
     def close(self) -> None:
         """Free the world and the agents."""

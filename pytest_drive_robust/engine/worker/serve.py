@@ -9,18 +9,20 @@ import sys
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.messages import TOGETHER, Message, answer_bytes, receive, send
+from pytest_drive_robust.engine.messages import TOGETHER, answer_message, receive, send
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
-from pytest_drive_robust.engine.worker.process_state import Leftovers
+from pytest_drive_robust.engine.worker.process_state import Leftovers, read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.system import limit_memory, resident_bytes
 from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.worker_process import Descriptors
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
+    from pytest_drive_robust.errors import UsageError
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["serve"]
@@ -38,16 +40,17 @@ def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, r
     os.close(descriptors.state)
     limit_memory(limits.memory_bytes)
     handler = RequestHandler(worker_setup, registry, state, connection.fileno())
+    start = read_process_state()
     leftovers = Leftovers((0, 1, 2, connection.fileno(), faults))
     machine_facts()  # before an agent can change what numpy does
     own = os.getpid()
 
-    def answer(token: bytes, kind: bytes, body: bytes, *, over: bool = True) -> None:
+    def answer(token: bytes, result: EpisodeResult | UsageError, *, over: bool = True) -> None:
         if os.getpid() != own:  # the agent forked, and this is the copy: one answer is enough
             os._exit(0)
-        left = [*(handler.put_back() if over else ()), *leftovers.found()]
+        left = [*(restore_process_state(start) if over else ()), *leftovers.found()]
         try:
-            send(connection, Message(kind, token, answer_bytes(body, rss=resident_bytes(), leftovers=left)))
+            send(connection, answer_message(token, result, rss=resident_bytes(), leftovers=left))
         except OSError:
             os._exit(CUT_OFF)
 
@@ -63,7 +66,7 @@ def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, r
         if request.kind == TOGETHER:
             handler.lockstep.drive_together(request, connection, answer)
         else:
-            answer(request.token, *handler.answer(request))
+            answer(request.token, handler.result_of(request))
 
 
 def _tell_faults(fd: int) -> None:

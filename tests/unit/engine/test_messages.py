@@ -18,10 +18,9 @@ from pytest_drive_robust.engine.messages import (
     TOKEN_BYTES,
     Answer,
     Message,
-    answer_bytes,
+    answer_message,
     receive,
     refusal,
-    refusal_bytes,
     send,
 )
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -94,15 +93,13 @@ def test_a_message_without_content_is_refused(noise: bytes) -> None:
 
 
 def test_what_is_no_answer_is_refused() -> None:
-    for payload in (b"", b"1234", b"{}", b"{}\n", answer_bytes(b"no record", rss=1, leftovers=())):
+    for payload in (b"", b"1234", b"{}", b"{}\n", b'{"rss": 1, "leftovers": []}\nno record'):
         with pytest.raises(ValueError, match=r"."):
             Answer.of(Message(RESULT, TOKEN, payload))
 
 
 def test_a_usage_error_keeps_its_class_and_its_text() -> None:
-    answer = Answer.of(
-        Message(b"U", TOKEN, answer_bytes(refusal_bytes(UnknownNameError("no such")), rss=7, leftovers=["a"]))
-    )
+    answer = Answer.of(answer_message(TOKEN, UnknownNameError("no such"), rss=7, leftovers=["a"]))
     assert (answer.rss, answer.leftovers) == (7, ("a",))
     assert (type(answer.result), str(answer.result)) == (UnknownNameError, "no such")
     assert type(refusal(b'{"type": "OSError", "text": ""}')) is UsageError
