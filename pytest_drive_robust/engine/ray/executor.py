@@ -5,10 +5,10 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
-import pickle
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.engine.messages import PickledRequest
@@ -16,6 +16,7 @@ from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
 from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
 from pytest_drive_robust.engine.ray.worker import ClusterRequest
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.execution import available_cores
 from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["RayExecutor", "needs_of"]
+
+_OBJECT_STORE_BYTES = 100 << 20
 
 
 class RayExecutor:
@@ -54,13 +57,16 @@ class RayExecutor:
         self._limits = limits
         self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
         self._most = slots
-        self._registry = registry
-        self._setup: WorkerSetup | None = None
+        self._registry = default_registry() if registry is None else registry
         self._packages: NodePackages | None = None
         self._needs: dict[str, tuple[float, float]] = {}
         self._latest: tuple[float, float] = (1.0, 0.0)
         self._link: ClusterConnection | None = None
         self._closed = False
+
+    @cached_property
+    def _setup(self) -> WorkerSetup:
+        return self._make_setup()
 
     @property
     def slots(self) -> int:
@@ -81,11 +87,9 @@ class RayExecutor:
             self._link = None
         if self._link is None:
             self._link = self._connected()
-        assert self._setup is not None  # _needs_of_new made it
-        cluster_request = ClusterRequest(
-            self._setup, self._limits, PickledRequest.of(request), request.identity, self._packages
-        )
-        return self._link.send(request, self._latest, pickle.dumps(cluster_request))
+        pickled = PickledRequest.of(request)
+        cluster_request = ClusterRequest(self._setup, self._limits, pickled, request.identity, self._packages)
+        return self._link.send(request, self._latest, cluster_request)
 
     def close(self, *, cancel: bool = False) -> None:
         """Leave the cluster. With `cancel`, what is under way there is killed; without, it comes to its end first."""
@@ -97,10 +101,6 @@ class RayExecutor:
 
     def _needs_of_new(self, agent: str) -> tuple[float, float]:
         """Return what an episode of this agent takes, and have its code travel with every episode from now on."""
-        if self._registry is None:
-            self._registry = default_registry()
-        if self._setup is None:
-            self._setup = self._make_setup()
         factory = self._registry.entry("agents", agent).load()
         needs = needs_of(factory, agent)
         if self._address != LOCAL:
@@ -113,9 +113,10 @@ class RayExecutor:
         return needs
 
     def _connected(self) -> ClusterConnection:
-        cores = self._most or _cores()
-        runtime_env = self._packages.runtime_env() if self._packages is not None else {}
-        return ClusterConnection({"address": self._address, "cores": cores, "runtime_env": runtime_env})
+        if self._packages is not None:
+            return ClusterConnection({"address": self._address, "runtime_env": self._packages.runtime_env()})
+        own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
+        return ClusterConnection({"address": LOCAL, "include_dashboard": False, **own})
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:
@@ -126,11 +127,6 @@ def needs_of(factory: object, agent: str) -> tuple[float, float]:
         if not is_number or given < 0 or (given == 0 and least == "> 0"):
             raise UsageError(f"the agent {agent!r} has {name} = {given!r}, expected a number {least}.")
     return float(cores), float(gpus)
-
-
-def _cores() -> int:
-    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
 
 
 def _require_ray() -> None:

@@ -83,8 +83,8 @@ class NodePackages:
     def unpacked(self, worker_setup: WorkerSetup) -> WorkerSetup:
         """Return the setup with its paths as they are on this node, where Ray made the folder the current one."""
         here = os.getcwd()
-        moved = [self._moved(path, here) for path in worker_setup.python_path if _is_within(path, self.folder)]
-        plugins = ((module, self._plugin(module, file, here)) for module, file in worker_setup.plugins)
+        moved = [self._on_node(path) for path in worker_setup.python_path if _is_within(path, self.folder)]
+        plugins = ((module, self._on_node(file)) for module, file in worker_setup.plugins)
         return replace(
             worker_setup,
             python_path=(*moved, *(path for path in sys.path if path not in moved)),
@@ -127,18 +127,15 @@ class NodePackages:
                     "keep weights in the folder of the run or under the same path everywhere."
                 )
 
-    def _moved(self, path: str, here: str) -> str:
-        return os.path.normpath(os.path.join(here, os.path.relpath(path, self.folder)))
-
-    def _plugin(self, module: str, file: str, here: str) -> str:
-        if _is_within(file, self.folder):
-            return self._moved(file, here)
+    def _on_node(self, path: str) -> str:
+        if _is_within(path, self.folder):
+            return os.path.abspath(os.path.relpath(path, self.folder))
         for package in self.packages:
-            if _is_within(file, package):
-                inside = os.path.relpath(file, os.path.dirname(package))
+            if _is_within(path, package):
+                inside = os.path.relpath(path, os.path.dirname(package))
                 found = (os.path.join(folder, inside) for folder in sys.path)
-                return next(filter(os.path.exists, found), file)
-        return file  # installed here as there, or else its import says what is missing
+                return next(filter(os.path.exists, found), path)
+        return path  # installed here as there, or else its import says what is missing
 
 
 def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) -> dict[str, str]:
@@ -147,7 +144,6 @@ def contents_of(registry: Registry, agent: str, *, worker_setup: WorkerSetup) ->
     Together they are what `identity_of` makes the keys of the store of. Raises `UsageError` when the agent or the
     simulator does not load or weights do not read.
     """
-
     world = registry.simulator(worker_setup.simulator, worker_setup.options)
     try:
         simulator = simulator_identity(worker_setup.simulator, registry, world, worker_setup.options)

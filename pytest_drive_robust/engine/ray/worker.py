@@ -7,7 +7,6 @@ itself notices is the loss of a node or of its own worker, and worth another att
 from __future__ import annotations
 
 import os
-import pickle
 import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -25,10 +24,8 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.ray.packages import NodePackages
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
 
-__all__ = ["RECORD", "UNUSABLE", "ClusterRequest", "drive_on_node"]
+__all__ = ["ClusterRequest", "drive_on_node"]
 
-RECORD, UNUSABLE = b"r", b"u"
-"""The first byte of a reply: a record of the store follows, or a usage error as JSON."""
 _DEVICES = "CUDA_VISIBLE_DEVICES"
 
 
@@ -75,15 +72,14 @@ class _NodeSupervisor:
 _supervisors: dict[tuple[WorkerSetup, Limits, str | None], _NodeSupervisor] = {}
 
 
-def drive_on_node(content: bytes) -> bytes:
-    """Drive a pickled `ClusterRequest`; return `RECORD` with the record, or `UNUSABLE` and why. A task of Ray's."""
-    asked: ClusterRequest = pickle.loads(content)
+def drive_on_node(asked: ClusterRequest) -> tuple[str, bytes]:
+    """Return `"record"` with the record, or `"refused"` with a usage error as JSON. A task of Ray's."""
     place = asked.worker_setup, asked.limits, os.environ.get(_DEVICES)
     try:
         if place not in _supervisors:
             while _supervisors:  # Ray gave this process other devices: children that saw the old ones are of no use
                 _supervisors.popitem()[1].close()
             _supervisors[place] = _NodeSupervisor(asked)
-        return RECORD + _supervisors[place].drive(asked)
+        return "record", _supervisors[place].drive(asked)
     except UsageError as error:
-        return UNUSABLE + refusal_bytes(error)
+        return "refused", refusal_bytes(error)
