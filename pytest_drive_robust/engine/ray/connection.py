@@ -32,6 +32,8 @@ __all__ = ["LOCAL", "ClusterConnection"]
 
 LOCAL = "local"
 """The address of a cluster of our own on this machine, which ends with the run."""
+_SAID_BYTES = 2_000
+"""Of what the driver printed at its end."""
 _SHUTDOWN_S = 15.0
 
 
@@ -141,7 +143,7 @@ class ClusterConnection:
         elif self._refused is not None:
             future.set_exception(UsageError(self._refused))
         else:
-            self._log.seek(0)
+            self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - _SAID_BYTES))
             said = " ".join(self._log.read().decode(errors="replace").split()[-60:])
             future.set_result(_lost(request, f"the connection to the cluster ended. {said}"))
 
