@@ -140,14 +140,14 @@ def seen_by(agent: Agent, ticks: int) -> Recording:
     return recording
 
 
-def together(crew: Sequence[Any], recording: Recording) -> float:
+def together(several: Sequence[Any], recording: Recording) -> float:
     """ms a tick and agent, when all of them see the same."""
-    for agent in crew:
+    for agent in several:
         agent.reset(recording.plan, recording.seed)
     start = time.process_time()
     for seen in recording.observations:
-        type(crew[0]).act_batch(crew, [seen] * len(crew))
-    return 1e3 * (time.process_time() - start) / len(recording.observations) / len(crew)
+        type(several[0]).act_batch(several, [seen] * len(several))
+    return 1e3 * (time.process_time() - start) / len(recording.observations) / len(several)
 
 
 def memory(subject: Subject, ticks: int) -> tuple[float, float]:
@@ -191,8 +191,8 @@ def works(subject: Subject, ticks: int) -> list[Callable[[], Mapping[str, float]
         except UsageError as error:
             print(f"{subject.title}: {error}", file=sys.stderr)
     if offers_lockstep(first):
-        crew, recording = [subject.make() for _ in range(AT_ONCE)], seen_by(first, ticks)
-        found.append(lambda: {"together ms": together(crew, recording)})
+        several, recording = [subject.make() for _ in range(AT_ONCE)], seen_by(first, ticks)
+        found.append(lambda: {"together ms": together(several, recording)})
     return found
 
 

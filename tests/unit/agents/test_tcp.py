@@ -136,9 +136,9 @@ def test_the_plan_is_what_the_network_said_and_the_target() -> None:
 
 def test_agents_of_a_batch_answer_as_they_do_alone() -> None:
     network = Scripted()
-    crew = [driver(network) for _ in range(4)]
+    several = [driver(network) for _ in range(4)]
     given = [seen(x_m=5.0 * k, speed=2.0 * k) for k in range(4)]
-    together = TCP.act_batch(crew, given)
+    together = TCP.act_batch(several, given)
     assert together == [driver(network).act(observation) for observation in given]
     assert len(network.asked[4]["speed"]) == 4
 

@@ -203,13 +203,13 @@ def test_company_does_not_change_a_bit_of_a_control() -> None:
 
 def test_driven_alone_or_in_company_it_plans_the_same_way() -> None:
     policy = real()
-    crew, alone = [VAD(network=policy) for _ in range(3)], VAD(network=policy)
-    for agent in (*crew, alone):
+    several, alone = [VAD(network=policy) for _ in range(3)], VAD(network=policy)
+    for agent in (*several, alone):
         agent.reset(plan(*[RoadOption.STRAIGHT] * 3), 0)
     for tick in range(0, 24, 12):
-        VAD.act_batch(crew, [observed(tick, seed=seed) for seed in (1, 0, 2)])
+        VAD.act_batch(several, [observed(tick, seed=seed) for seed in (1, 0, 2)])
         alone.act(observed(tick, seed=0))
-    np.testing.assert_allclose(crew[1].plan().path, alone.plan().path, atol=1e-4)
+    np.testing.assert_allclose(several[1].plan().path, alone.plan().path, atol=1e-4)
 
 
 def test_the_memory_changes_the_plan() -> None:
