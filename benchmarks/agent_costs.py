@@ -7,7 +7,7 @@ does not depend on what it learnt.
     ms/tick     `act` alone, torch, one episode at a time; `of episode`: its share of the loop with world and cameras
     ONNX        the same with `engine="onnx"` (needs the extra `onnx`)
     8 at once   `act_batch` of eight agents, per agent
-    own MB      private memory of a guarded child after three episodes; `all MB`: with what it shares with the others
+    own MB      private memory of a worker process after three episodes; `all MB`: with what it shares with the others
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _learned(name: str, folder: Path) -> Subject:
 
 
 def alone(agent: Agent, ticks: int) -> tuple[float, float]:
-    """(ms a tick, share of the episode) of the agent over a few short episodes."""
+    """Return (ms a tick, share of the episode) of the agent over a few short episodes."""
     world, timed = EmbeddedSimulator(SimulatorOptions(tick_cap=ticks)), Timed(agent)
     start = time.process_time()
     for route in ROUTES:
@@ -141,7 +141,7 @@ def seen_by(agent: Agent, ticks: int) -> Recording:
 
 
 def together(several: Sequence[Any], recording: Recording) -> float:
-    """ms a tick and agent, when all of them see the same."""
+    """Return ms a tick and agent, when all of them see the same."""
     for agent in several:
         agent.reset(recording.plan, recording.seed)
     start = time.process_time()
@@ -151,7 +151,7 @@ def together(several: Sequence[Any], recording: Recording) -> float:
 
 
 def memory(subject: Subject, ticks: int) -> tuple[float, float]:
-    """(private, resident) MB of a guarded child after an episode on each route. Linux only."""
+    """Return (private, resident) MB of a worker process after an episode on each route. Linux only."""
     worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=str(Path.cwd()),
@@ -174,7 +174,7 @@ def memory(subject: Subject, ticks: int) -> tuple[float, float]:
 
 
 def works(subject: Subject, ticks: int) -> list[Callable[[], Mapping[str, float]]]:
-    """What is measured of a subject in every round."""
+    """Return what is measured of a subject in every round."""
 
     def driven(agent: Agent, prefix: str) -> Callable[[], Mapping[str, float]]:
         def work() -> Mapping[str, float]:

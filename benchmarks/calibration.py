@@ -36,10 +36,10 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.store.events import Event, Finished, Reused
 from pytest_drive_robust.store.folder import FolderStore
@@ -116,7 +116,7 @@ class Watch:
 
 
 def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequence[str]) -> list[Score]:
-    """Every episode's score. What the store has is not driven again, so a measurement that was cut off goes on."""
+    """Return every episode's score. What the store has is not driven again, so what was cut off goes on."""
     chosen = RunOptions(
         routes=given.routes, routes_given=True, seeds=tuple(range(given.seeds)), stuck_stop_s=given.stuck_stop
     )
@@ -160,7 +160,7 @@ def score_of(request: EpisodeRequest, store: FolderStore) -> Score:
 
 
 def by_route(scores: Iterable[Score]) -> tuple[list[float], list[float]]:
-    """(share of successes, driving score) of each route, means over its seeds, routes in the order of driving."""
+    """Return (share of successes, driving score) of each route, means over its seeds, in the order of driving."""
     routes: dict[str, list[Score]] = {}
     for score in scores:
         routes.setdefault(score.route, []).append(score)
@@ -171,7 +171,7 @@ def by_route(scores: Iterable[Score]) -> tuple[list[float], list[float]]:
 
 
 def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> Report:
-    """Successes and driving score of every agent on every scenario type, with totals and their intervals."""
+    """Report successes and driving score of every agent on every scenario type, with totals and their intervals."""
     columns = ["scenario"]
     for agent in agents:
         columns += [agent, "DS"]
@@ -193,7 +193,7 @@ def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> R
 
 
 def sensitivity(scores: Sequence[Score], agent: str, notes: str) -> Report:
-    """What every setting costs one agent: driving score, success rate, degradation with its paired interval."""
+    """Report what every setting costs one agent: driving score, success rate, degradation, its paired interval."""
     _, clean = by_route(score for score in scores if score.setting == "clean")
     rows = []
     for setting in ("clean", *PAPER):

@@ -51,7 +51,7 @@ WEATHERS: dict[str, Weather] = {
 
 
 def scene() -> tuple[LaneMap, np.ndarray, list[WorldState]]:
-    """A map, the route's points, and frames on the way to its junction with `ACTORS` actors within 70 m."""
+    """Return a map, the route's points, and frames on the way to its junction with `ACTORS` actors within 70 m."""
     route = next(route for route in named_routes(ALL_ROUTES) if route.scenario.type == "SignalizedJunctionLeftTurn")
     simulator = EmbeddedSimulator()
     first = simulator.reset(route, seed=0, cameras=())
@@ -66,7 +66,7 @@ def scene() -> tuple[LaneMap, np.ndarray, list[WorldState]]:
 
 
 def _crowd(centres: np.ndarray, route: np.ndarray) -> np.ndarray:
-    """Actors on the lanes around the middle of the way, at places drawn once."""
+    """Return actors on the lanes around the middle of the way, at places drawn once."""
     middle = route[FRAMES]
     near = centres[np.hypot(centres[:, 0] - middle[0], centres[:, 1] - middle[1]) < 60.0]
     draw = np.random.Generator(np.random.Philox(7))
@@ -79,7 +79,7 @@ def _crowd(centres: np.ndarray, route: np.ndarray) -> np.ndarray:
 
 
 def frame_ms(rig: CameraRig, frames: Sequence[WorldState]) -> float:
-    """Milliseconds of process time for one frame of the whole rig."""
+    """Return milliseconds of process time for one frame of the whole rig."""
     start = time.process_time()
     for frame in frames:
         rig.render(frame)

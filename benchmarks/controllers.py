@@ -30,9 +30,9 @@ from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 TUNINGS = {"tcp": (tuning.TCP, 4), "uniad": (tuning.UNIAD, 6), "vad": (tuning.VAD, 6)}
 AGENTS = ("expert", *TUNINGS, "simlingo")

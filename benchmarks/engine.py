@@ -1,8 +1,8 @@
 """What the engine costs beside what it drives, and what more cores gain: ratios within one run.
 
     overhead    everything around the agent per tick with 12 other vehicles, against `highway-v0`'s own step
-    framework   a loop of our driver against a bare loop over the same world and agent; children against this process
-    scaling     40 episodes of `classical`: two children against one, `-n 2` against one, Ray against children (wall)
+    framework   our episode loop against a bare one over the same world and agent; worker processes against this one
+    scaling     40 episodes of `classical`: two worker processes to one, `-n 2` against one, Ray against them (wall)
     cached      `suites/paper` when every episode is stored, against a pytest run of one empty test
     judging     a requirement on 10,000 stored episodes, and the table of them
     startup     what being installed costs a pytest run that does not use it
@@ -119,7 +119,7 @@ def framework(rounds: int) -> Rows:
 
 
 def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
-    """What a user would write: no perturbation, no trace, no checks."""
+    """Drive as a user would write it: no perturbation, no trace, no checks."""
     world.reset(route, seed=0, cameras=agent.sensors())
     agent.reset(world.plan(), 0)
     while world.done is None:
@@ -128,12 +128,12 @@ def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
 
 
 def marginal_cpu_of_children(requests: list[EpisodeRequest]) -> float:
-    """CPU seconds of these episodes in a guarded child that runs already."""
+    """Return CPU seconds of these episodes in a worker process that runs already."""
     return (cpu_of_children(requests * 3) - cpu_of_children(requests)) / 2
 
 
 def cpu_of_children(requests: list[EpisodeRequest]) -> float:
-    """CPU seconds of these episodes in one guarded child, with its start and with what this process does for it."""
+    """Return CPU seconds of these episodes in one worker process, with its start and what this process does for it."""
     start = used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF)
     drive_all(ProcessExecutor(worker_setup, Limits(), slots=1), requests)
     return used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF) - start
@@ -166,7 +166,7 @@ def scaling(rounds: int) -> Rows:
 def cached(rounds: int) -> Rows:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "test_nothing.py").write_text("def test_nothing(): pass\n")
-        paper = (str(SUITE), "--drive-robust", "--drive-store", f"{folder}/store")
+        paper = (str(SUITE), "--drive-robust", "--drive-verdict", "point", "--drive-store", f"{folder}/store")
         run_pytest(*paper)
         pairs = [(run_pytest(*paper)[1], run_pytest(f"{folder}/test_nothing.py")[1]) for _ in range(rounds)]
     whole, alone = (statistics.median(side) for side in zip(*pairs, strict=True))
@@ -200,7 +200,7 @@ def judging(rounds: int) -> Rows:
 
 
 def judged(folder: Path, scope: Scope) -> tuple[float, float]:
-    """CPU seconds of a verdict in a new campaign, and of what only the table shows."""
+    """Return CPU seconds of a verdict in a new campaign, and of what only the table shows."""
     executor = InlineExecutor(default_registry(), simulator="embedded", options=OPTIONS, ticked=lambda: None)
     campaign = Campaign(FolderStore(folder), executor, Silence(), metrics="bench2drive")
     start = time.process_time()
@@ -237,7 +237,7 @@ def startup(rounds: int) -> Rows:
 
 
 def run_pytest(*arguments: str) -> tuple[float, float]:
-    """(wall seconds, CPU seconds) of a pytest run of its own with byte code kept, whatever its verdicts."""
+    """Return (wall seconds, CPU seconds) of a pytest run of its own with byte code kept, whatever its verdicts."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
     start, before = time.perf_counter(), used(resource.RUSAGE_CHILDREN)
@@ -248,7 +248,7 @@ def run_pytest(*arguments: str) -> tuple[float, float]:
 
 
 def used(whose: int) -> float:
-    """CPU seconds."""
+    """Return CPU seconds."""
     usage = resource.getrusage(whose)
     return usage.ru_utime + usage.ru_stime
 
@@ -274,7 +274,7 @@ def _closing(executor: Executor) -> Iterator[Executor]:
 
 
 def drive_all(executor: Executor, requests: list[EpisodeRequest]) -> float:
-    """Wall seconds of these episodes by children that have started: two episodes in each slot come before."""
+    """Return wall seconds of these episodes by running worker processes: two episodes in each slot come before."""
     with _closing(executor):
         _drive(executor, requests[: 2 * executor.slots])
         start = time.perf_counter()

@@ -40,8 +40,8 @@ from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.verdict.explain import describe_outcome
 
 SETTINGS = "clean,100 ms latency,200 ms latency"
@@ -60,7 +60,7 @@ class EpisodeRequest:
 
 @cache
 def made(agent: str, late_ms: int) -> tuple[Simulator, Agent]:
-    """One world and one agent object per process and case."""
+    """Make one world and one agent object per process and case."""
     import cv2
 
     cv2.setNumThreads(1)
@@ -76,7 +76,7 @@ def drive(task: EpisodeRequest) -> EpisodeResult:
 
 
 def drive_all(tasks: Sequence[EpisodeRequest], workers: int) -> list[EpisodeResult]:
-    """Every task's result, in the order of `tasks`."""
+    """Return every episode's result, in the order of `tasks`."""
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     context = multiprocessing.get_context("spawn")
@@ -92,7 +92,7 @@ def mean_ds(snapshots: Sequence[Snapshot], agent: str, setting: str) -> float:
 def case_rows(
     name: str, agent: str, unchanged: Sequence[Snapshot], driven: Sequence[Snapshot], found: Sequence[Comparison]
 ) -> list[tuple[str, ...]]:
-    """One row a setting: what really happened to the driving score, and what the comparisons said of it."""
+    """Return one row a setting: what happened to the driving score, and what the comparisons said of it."""
     rows = []
     for place, cell in enumerate(found[0].cells):
         usual = mean_ds(unchanged, agent, cell.setting)
@@ -105,7 +105,7 @@ def case_rows(
 
 
 def witness(comparison: Comparison, given: argparse.Namespace, late_ms: int, routes: Sequence[Route]) -> str:
-    """The route that the message names, driven again: does it show what the message says?"""
+    """Drive the route that the message names again: does it show what the message says?"""
     regression = comparison.regressions[0]
     flip = next((flip for flip in regression.flips if flip.fails), None)
     if flip is None:

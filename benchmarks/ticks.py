@@ -50,7 +50,7 @@ class Idle:
 
 
 def timed(work: Callable[[], int]) -> float:
-    """Ticks per second of one round of process time."""
+    """Return ticks per second of one round of process time."""
     start = time.process_time()
     ticks = work()
     return ticks / (time.process_time() - start)
@@ -120,7 +120,7 @@ def highway(vehicles: int, ticks: int) -> Callable[[], int]:
 
 
 def vehicles_on(route: Route) -> float:
-    """The ego and the vehicles that are on the road, on average over ten seconds."""
+    """Count the ego and the vehicles that are on the road, on average over ten seconds."""
     simulator = EmbeddedSimulator()
     frame = simulator.reset(route, seed=0, cameras=())
     counts = []
@@ -131,7 +131,7 @@ def vehicles_on(route: Route) -> float:
 
 
 def busy_route() -> Route:
-    """The shipped route that has nearest to twenty vehicles."""
+    """Return the shipped route that has nearest to twenty vehicles."""
     return min(named_routes("full"), key=lambda route: abs(vehicles_on(route) - 20.0))
 
 

@@ -104,7 +104,7 @@ def __dir__() -> list[str]:
 
 
 def _version() -> str:
-    """The installed version, or `"0+unknown"` when the package runs from a folder that was never installed."""
+    """Return the installed version, `"0+unknown"` when the package runs from a folder that was never installed."""
     from importlib import metadata
 
     try:

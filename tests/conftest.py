@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from importlib import metadata
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from hypothesis import settings
@@ -26,6 +28,7 @@ for _part in ("engine", "metrics", "perturbations", "regression", "report", "run
 settings.register_profile("tests", deadline=None)  # a busy machine is no failure
 settings.load_profile("tests")
 
+T = TypeVar("T")
 REPOSITORY = Path(__file__).parent.parent
 PLUGIN = "pytest_drive_robust.plugin"
 
@@ -106,9 +109,48 @@ drive_agent = steady
 drive_routes = routes.xml
 drive_verdict = point
 drive_executor = inline
-addopts = {plugin}
+addopts = -p no:hypothesispytest {plugin}
 filterwarnings = ignore:Module already imported
 """
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--whole-studies", action="store_true", help="drive all of what some tests take a sample of")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the files first that take long: what is left for the end is short, and no worker waits for another."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.hookimpl(optionalhook=True, wrapper=True)
+def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
+    """Start one worker more than there are cores: many tests wait for processes of their own, or for a timeout."""
+    cores = yield
+    return cores if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else cores + 1
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Let a worker that is done take over what others have not begun, unless `--dist` says otherwise."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
+
+
+@pytest.fixture(scope="session")
+def sample(pytestconfig: pytest.Config) -> Callable[[Sequence[T], int], Sequence[T]]:
+    """`sample(things, every)`: each `every`-th of them, and all of them with `--whole-studies`."""
+    whole = pytestconfig.getoption("--whole-studies")
+    return lambda things, every: things if whole else things[::every]
+
+
+@pytest.fixture(scope="session")
+def whole_study(pytestconfig: pytest.Config) -> None:
+    """Skip a test of which another one shows a sample, but for `--whole-studies`."""
+    if not pytestconfig.getoption("--whole-studies"):
+        pytest.skip("only with --whole-studies")
 
 
 @pytest.fixture

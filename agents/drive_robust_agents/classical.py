@@ -23,6 +23,7 @@ from drive_robust_agents._classical.plan_path import Junction, PlanPath
 from drive_robust_agents._classical.vision import CAMERA, GroundModel
 from drive_robust_agents._planning.vehicle import STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
+from pytest_drive_robust.arithmetic.scalars import atan
 
 __all__ = ["Classical"]
 
@@ -42,6 +43,7 @@ _AHEAD_POINTS = 44
 class Classical:
     """Drives by GPS, compass, speed and one front camera; stops for what it sees, and steps aside a little."""
 
+    portable_bits = True
     consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
 
     def __init__(self) -> None:
@@ -117,7 +119,7 @@ class Classical:
     def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, travelled: float) -> bool:
         """Move the way to the left of what stands in the lane; true while it is moved."""
         matters = self._overtake.passing or speed < _SLOW_MPS or not self._entered
-        along, right = beside(bases if matters else bases[:0], self._way)
+        along, right = beside(bases if matters else bases[:0], self._way).T
         if not self._entered and not self._go:
             self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels)
         self._overtake.update(pixels, along, right, speed_mps=speed, travelled_m=travelled, allowed=self._may_pass)
@@ -136,7 +138,7 @@ class Classical:
             target = 0.0
         if junction is not None:
             turn = _TURN_MPS if junction.command is not RoadOption.STRAIGHT else _CAREFUL_MPS
-            target = min(target, math.sqrt(turn**2 + 2.0 * 1.8 * max(junction.entry_m - at, 0.0)))
+            target = min(target, math.sqrt(turn * turn + 2.0 * 1.8 * max(junction.entry_m - at, 0.0)))
         return target
 
     def _obstacle_speed(self) -> float:
@@ -147,11 +149,10 @@ class Classical:
     # --- control ---
 
     def _control(self, target: float, speed: float) -> Control:
-        look = min(max(0.5 * speed + 2.5, 3.5), 11.0)
-        aim = self._way[int(np.argmax(np.hypot(self._way[:, 0], self._way[:, 1]) > look))]
-        forward, right = max(float(aim[0]), 0.5), float(aim[1]) + self._corridor.aside_m
+        ahead, aside = self._aim(min(max(0.5 * speed + 2.5, 3.5), 11.0))
+        forward, right = max(ahead, 0.5), aside + self._corridor.aside_m
         curvature = 2.0 * right / (forward * forward + right * right)
-        steer = math.atan(WHEELBASE_M * curvature) / STEER_MAX_RAD
+        steer = atan(WHEELBASE_M * curvature) / STEER_MAX_RAD
         missing = target - speed
         self._integral = min(max(self._integral + 0.05 * missing * _DT_S, 0.0), 0.15) if missing < 2.0 else 0.0
         throttle = min(max(0.35 * missing + self._integral, 0.0), 0.8) if missing > -0.3 else 0.0
@@ -159,6 +160,13 @@ class Classical:
         if target < 0.3:
             throttle, brake = 0.0, max(brake, 0.5)
         return Control(throttle=throttle, steer=min(max(steer, -1.0), 1.0), brake=brake)
+
+    def _aim(self, look_m: float) -> tuple[float, float]:
+        """Return the first point of the way that is farther off than `look_m`, its first one when there is none."""
+        for ahead, aside in self._way.tolist():
+            if ahead * ahead + aside * aside > look_m * look_m:
+                return ahead, aside
+        return float(self._way[0, 0]), float(self._way[0, 1])
 
 
 def _line(course: Floats, most_m: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ __all__ = ["Constant"]
 class Constant:
     """Drives straight on with a fixed throttle and looks at nothing."""
 
+    portable_bits = True
     consumes: frozenset[str] = frozenset()
 
     def __init__(self, throttle: float = 0.3) -> None:

@@ -18,19 +18,19 @@ import copy
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from drive_robust_agents._planning.control import Floats, pedals, steer_along
 from drive_robust_agents._planning.intent import Intent
+from drive_robust_agents._planning.invader import invader_edge
 from drive_robust_agents._planning.lane_changes import LaneChanges, Siren
 from drive_robust_agents._planning.lateral import line_of
 from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
-from drive_robust_agents._planning.projection import project, project_all
+from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
 
 __all__ = ["Expert"]
@@ -42,8 +42,7 @@ _PASS_EARLY_M, _PASS_LOOK_M, _DOUBTS = 10.0, 90.0, 6
 _PARKED_FROM_M = 1.5
 _SLOWER = 0.9
 """While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
-_INVADER_LOOK_M, _INVADER_GAP_M, _INVADER_TICKS = 90, 0.5, 600
-_TURNING_M = 12.0
+_INVADER_GAP_M, _INVADER_TICKS = 0.5, 600
 _EDGE_M = 0.3
 """So far beyond the right edge of its lane the ego goes to keep clear of an invader."""
 
@@ -52,6 +51,7 @@ class Expert:
     """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past."""
 
     privileged = True
+    portable_bits = True
     consumes: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
@@ -74,13 +74,18 @@ class Expert:
         self._doubts = 0
         self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
-        self._path: tuple[tuple[float, float], ...] = ()
+        self._ego: EgoState | None = None
         self._held_back = False
         self._intent: Intent | None = None
 
     def plan(self) -> PlannedPath:
         """Return the next 30 m of the path that the last control followed."""
-        return PlannedPath(path=self._path)
+        if self._intent is None or self._ego is None:
+            return PlannedPath()
+        ego, row = self._ego, self._intent.scene.index(self._intent.row)
+        c, s = cos(ego.yaw_rad), sin(ego.yaw_rad)
+        ahead = (self._intent.line[row + 2 : row + 32 : 2, :2] - (ego.x_m, ego.y_m)).tolist()
+        return PlannedPath(path=tuple((x * c + y * s, y * c - x * s) for x, y in ahead))
 
     def intent(self) -> Intent:
         """Return what is behind the last control. Raises `ValueError` before the first one of an episode."""
@@ -131,8 +136,8 @@ class Expert:
         self._traffic.update(world, scene.graph)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
         stop = self._right_of_way.stop_row(scene, world, row)
-        k = int(np.clip(row, 0, scene.count - 1))
-        drift = math.tan(float(np.clip(math.remainder(ego.yaw_rad - scene.route[k, 2], math.tau), -1.2, 1.2)))
+        turned = math.remainder(ego.yaw_rad - float(scene.route[scene.index(row), 2]), math.tau)
+        drift = tan(min(max(turned, -1.2), 1.2))
         return Situation(scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop)
 
     # --- where ---
@@ -176,7 +181,8 @@ class Expert:
             return None
         if self._pass is not None and (not ahead.moving and self._pass.ends_row > ahead.last_row):
             return None
-        lane_m = float(np.interp(now.row, now.scene.rows, lanes.profile))
+        k = min(now.scene.index(now.row), now.scene.count - 2)
+        lane_m = float(lanes.profile[k] + (now.row - k) * (lanes.profile[k + 1] - lanes.profile[k]))
         for way in ways_around(now.scene, ahead, now.row, now.right_m - lane_m, speed_mps=now.speed_mps):
             until = min(way.ends_row, now.row + _PASS_LOOK_M)
             if self._pass is None and way.starts_row > now.row + _PASS_EARLY_M:
@@ -210,27 +216,19 @@ class Expert:
 
     def _keep_right(self, now: Situation) -> float:
         """Return metres to the right while somebody oncoming reaches into the lane, and a little longer."""
-        scene, boxes = now.scene, self._traffic.boxes
-        k = int(np.clip(now.row, 0, scene.count - 1))
-        at = project_all(scene.route, k - 5, k + _INVADER_LOOK_M, boxes)
-        rows = np.clip(at[:, 0], 0, scene.count - 1).astype(int)
-        along = (at[:, 0] > now.row - 3.0) & (at[:, 0] < min(k + _INVADER_LOOK_M, scene.given) - 2)
-        for first, last in scene.boxes:  # who turns there crosses lanes for good reasons
-            along &= (at[:, 0] < first - _TURNING_M) | (at[:, 0] > last + _TURNING_M)
-        coming = along & (np.cos(boxes[:, 2] - scene.route[rows, 2]) < -0.8) & (boxes[:, 3] > 1.0)
-        edge = at[:, 1] + 0.5 * boxes[:, 5]
+        scene = now.scene
         half_lane = 0.5 * scene.lane_at(now.row).width_m
-        invades = coming & (at[:, 1] < -0.5) & (edge > 0.05 - half_lane)
-        if invades.any():
-            need = float(edge[invades].max()) + scene.size[1] / 2.0 + _INVADER_GAP_M
-            self._aside_m = max(self._aside_m, min(need, half_lane - scene.size[1] / 2.0 + _EDGE_M))
+        edge = invader_edge(scene, self._traffic.boxes, now.row, half_lane)
+        if edge is not None:
+            need = edge + scene.half_width_m + _INVADER_GAP_M
+            self._aside_m = max(self._aside_m, min(need, half_lane - scene.half_width_m + _EDGE_M))
             self._aside_ticks = _INVADER_TICKS
         self._aside_ticks -= 1
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
     def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:
         """Return whether the ego is leaving a parking space, between two lanes, or in a lane that is not its own."""
-        k = int(np.clip(now.row, 0, now.scene.count - 1))
+        k = now.scene.index(now.row)
         passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
         return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
 
@@ -238,7 +236,7 @@ class Expert:
         """Return the row at which to wait for a way around."""
         if obstacle is None or obstacle.moving:
             return math.inf
-        front = now.row + now.scene.size[0] / 2.0
+        front = now.row + now.scene.half_length_m
         wait = obstacle.first_row - _WAIT_BEFORE_M
         if front < wait + 0.3:
             return wait
@@ -249,10 +247,8 @@ class Expert:
     def _control(self, ego: EgoState, profile: Floats, now: Situation, acceleration: float, stop_row: float) -> Control:
         if self._line is None or self._line[0] is not profile:
             self._line = (profile, line_of(now.scene, profile))
-        line, row = self._line[1], int(np.clip(now.row, 0, now.scene.count - 1))
-        ahead = line[row + 2 : row + 32 : 2, :2] - (ego.x_m, ego.y_m)
-        c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
-        self._path = tuple((float(x * c + y * s), float(-x * s + y * c)) for x, y in ahead)
+        line = self._line[1]
+        self._ego = ego
         passing = self._pass is not None or self._siren.active
         self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
-        return pedals(ego, acceleration, steer_along(ego, line, row))
+        return pedals(ego, acceleration, steer_along(ego, line, now.scene.index(now.row)))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 
 __all__ = ["RandomControls"]
 
@@ -14,11 +13,12 @@ __all__ = ["RandomControls"]
 class RandomControls:
     """A new random control every half second, the same ones for the same seed."""
 
+    portable_bits = True
     consumes: frozenset[str] = frozenset()
     hold_ticks = 10
 
     def __init__(self) -> None:
-        self._generator = np.random.default_rng(0)
+        self._numbers = RandomNumbers((0, 0))
         self._control = Control()
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -27,16 +27,16 @@ class RandomControls:
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Start the sequence of this seed."""
-        self._generator = np.random.default_rng(seed)
+        self._numbers = RandomNumbers((seed % 2**64, 0))
 
     def act(self, observation: Observation) -> Control:
         """Draw throttle 0..1 and steer -0.3..0.3, and a brake one time in five."""
         if observation.tick % self.hold_ticks == 0:
-            throttle, steer, brake = self._generator.random(3)
+            throttle, steer, brake = (self._numbers.random() for _ in range(3))
             braking = brake < 0.2
             self._control = Control(
-                throttle=0.0 if braking else float(throttle),
-                steer=float(0.6 * steer - 0.3),
-                brake=float(brake * 5.0) if braking else 0.0,
+                throttle=0.0 if braking else throttle,
+                steer=0.6 * steer - 0.3,
+                brake=5.0 * brake if braking else 0.0,
             )
         return self._control

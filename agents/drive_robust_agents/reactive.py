@@ -28,6 +28,7 @@ class Reactive:
     """The intelligent driver model on the nearest body in the ego's corridor along the route."""
 
     privileged = True
+    portable_bits = True
     consumes: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
@@ -69,9 +70,13 @@ def _leader(truth: GroundTruth) -> tuple[float, float]:
 
 def _idm(v: float, wanted: float, gap: float, leader: float) -> float:
     """Return the acceleration of the intelligent driver model [m/s2]."""
-    free = _ACCEL_MPS2 * (1.0 - (v / max(wanted, 0.1)) ** 4)
+    free = _ACCEL_MPS2 * (1.0 - _squared(_squared(v / max(wanted, 0.1))))
     if math.isfinite(gap):
         closing = v * (v - leader) / (2.0 * math.sqrt(_ACCEL_MPS2 * _COMFORT_MPS2))
         desired = _GAP_M + max(0.0, v * _HEADWAY_S + closing)
-        free = min(free, _ACCEL_MPS2 * (1.0 - (desired / max(gap, 0.1)) ** 2))
+        free = min(free, _ACCEL_MPS2 * (1.0 - _squared(desired / max(gap, 0.1))))
     return max(free, -_HARDEST_MPS2)
+
+
+def _squared(x: float) -> float:
+    return x * x

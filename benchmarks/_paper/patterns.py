@@ -59,7 +59,7 @@ class Pattern:
     interval: str = "95 % interval"
 
     def verdict_of(self, agent: str) -> Verdict | None:
-        """What the parts of one agent say together; None when the pattern is not about it."""
+        """Return what the parts of one agent say together; None when the pattern is not about it."""
         own = [part.verdict for part in self.parts if agent in part.agents]
         return all_of(own) if own else None
 

@@ -167,7 +167,7 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
 
 
 def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAgent:
-    """The later drive with the settings that only the earlier one has, if their clean episodes are the same ones."""
+    """Return the later drive with the settings that only the earlier has, if their clean episodes are the same."""
     lacking = [
         setting for setting in (CLEAN, *SETTINGS) if setting in earlier.settings and setting not in later.settings
     ]

@@ -84,7 +84,7 @@ def _json(value: object, indent: str = "") -> str:
 
 
 def results_of(document: Mapping[str, Any]) -> Results:
-    """The content of a compact file."""
+    """Return the content of a compact file."""
     agents = {
         name: DrivenAgent(
             driven["made_of"],

@@ -21,7 +21,7 @@ _SIGNS = {"appears": "yes", "does not appear": "no", "cannot be told": "?", "not
 
 
 def table_text(results: Results) -> str:
-    """Every agent and setting, ours beside the paper's, under an overview of the agents."""
+    """Write every agent and setting, ours beside the paper's, under an overview of the agents."""
     missing = [_missing(agent, results.agents.get(agent)) for agent in AGENTS]
     lines = [
         "# The paper's table",
@@ -46,7 +46,7 @@ def table_text(results: Results) -> str:
 
 
 def _missing(agent: str, driven: DrivenAgent | None) -> str:
-    """What of an agent was not driven, empty when all was."""
+    """Return what of an agent was not driven, empty when all was."""
     if driven is None:
         return agent
     lacking = sum(setting not in driven.settings for setting in SETTINGS)
@@ -73,7 +73,7 @@ def _overview(results: Results) -> list[str]:
 
 
 def _glance(results: Results) -> list[str]:
-    """RD of every agent and setting in one small table."""
+    """Return RD of every agent and setting in one small table."""
     rows = [
         (setting, *(_beside(degradation(results, agent, setting), PUBLISHED[agent][setting].rd) for agent in AGENTS))
         for setting in SETTINGS
@@ -111,7 +111,7 @@ def _agent_table(results: Results, agent: str) -> list[str]:
 
 
 def patterns_text(results: Results, patterns: Sequence[Pattern], explained: Mapping[str, str]) -> str:
-    """Which of the patterns appear: an overview by agent, then every comparison with its interval."""
+    """Write which of the patterns appear: an overview by agent, then every comparison with its interval."""
     rows = [
         (str(number), pattern.statement, f"**{pattern.verdict}**", *(_sign(pattern, agent) for agent in AGENTS))
         for number, pattern in enumerate(patterns, start=1)
@@ -160,7 +160,7 @@ def _pattern_lines(pattern: Pattern, explained: Mapping[str, str]) -> list[str]:
 
 
 def explanations(path: Path, patterns: Sequence[Pattern]) -> dict[str, str]:
-    """What somebody wrote about a pattern, by its key: the text under `## KEY` in a markdown file, which may lack.
+    """Read what somebody wrote about a pattern, by its key: the text under `## KEY` in a file, which may lack.
 
     Raises `UsageError` for a heading that is no key.
     """
@@ -177,7 +177,7 @@ def explanations(path: Path, patterns: Sequence[Pattern]) -> dict[str, str]:
 
 
 def _shown(estimate: IntervalEstimate | None, digits: str, factor: float = 1.0) -> str:
-    """A value with its interval."""
+    """Return a value with its interval."""
     if estimate is None:
         return _NONE
     return f"{_number(estimate, digits, factor)} ({_range(estimate, digits, factor)})"
@@ -188,7 +188,7 @@ def _range(estimate: IntervalEstimate, digits: str, factor: float = 1.0) -> str:
 
 
 def _number(value: IntervalEstimate | float | None, digits: str, factor: float = 1.0) -> str:
-    """The value times `factor`, a zero without its sign; a dash where there is none."""
+    """Return the value times `factor`, a zero without its sign; a dash where there is none."""
     if value is None:
         return _NONE
     text = format(factor * (value.value if isinstance(value, IntervalEstimate) else value), digits)

@@ -13,8 +13,14 @@ from pytest_drive_robust.regression.blessing import Signature, bless
 __all__ = ["add_arguments"]
 
 
+_DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
+the bit on any machine for agents that promise the same bits everywhere (classical, constant, expert, random, reactive).
+What other agents compute depends on the processor: bless them on the kind of machine on which they are compared."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `bless`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
     parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")

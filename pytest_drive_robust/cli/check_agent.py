@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.run import DEFAULT_ROUTES
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.testing import check_agent
 
 __all__ = ["add_arguments"]
@@ -29,7 +29,7 @@ def _check_agent(options: argparse.Namespace) -> int:
     registry = default_registry()
     registry.agent(options.agent)  # an unknown name is said at once, before a world is built
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
-    routes = routes_for(options.routes or default_spec(RunOptions(), simulator), simulator)
+    routes = routes_for(options.routes or default_spec(DEFAULT_ROUTES, simulator, given=False), simulator)
     kept = True
     try:
         for number, route in enumerate(routes if options.routes else routes[:1], start=1):

@@ -19,8 +19,14 @@ from pytest_drive_robust.report.comparison import comparison_text
 __all__ = ["add_arguments", "add_baselines", "references_of"]
 
 
+_DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines compare exactly in the embedded
+world, for agents that promise the same bits everywhere (classical, constant, expert, random, reactive). What other
+agents compute depends on the processor: the comparison says so where both machines compute differently."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `compare`."""
+    parser.description = _DESCRIPTION
     reference = "a stored run, latest, a JSON file of a run, baseline, or baseline:AGENT"
     parser.add_argument("before", metavar="A", help=reference)
     parser.add_argument("after", metavar="B", help="as A")

@@ -15,7 +15,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.runs import StoredRuns, home_of
-from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import read_episode
 
 __all__ = ["add_arguments"]
@@ -82,7 +82,7 @@ def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
 
 
 def _finder(folders: list[str]) -> Callable[[str], EpisodeResult | None]:
-    """Looks for `KEY.*` in the folders of stored episodes, or in the store of the project."""
+    """Return what finds `KEY.*` in the folders of stored episodes, or in the store of the project."""
     given = [Path(folder) for folder in folders]
     for folder in given:
         if not folder.is_dir():

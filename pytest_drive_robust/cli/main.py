@@ -26,6 +26,7 @@ COMMANDS = {
     "doctor": "what is missing for --drive-sim bench2drive?",
     "check-agent": "does an agent keep the contract?",
     "replay": "drive one route again and film it",
+    "warm": "compile everything now, for images and CI caches",
     "store": "the finished episodes that runs keep for later ones",
 }
 """Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from pytest_drive_robust.options.option import options_of
-from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.regression.options import RegressionOptions
+from pytest_drive_robust.options.table import OPTIONS
 
 __all__ = ["add_pytest_option", "default_of"]
-
-_OPTIONS = {option.flag: option for option in (*options_of(RunOptions), *options_of(RegressionOptions))}
 
 
 def add_pytest_option(parser: argparse.ArgumentParser, flag: str, *, help: str = "") -> None:
     """Add `--sim` with metavar, default and help of `--drive-sim`."""
-    option = _OPTIONS[flag.replace("--", "--drive-", 1)]
+    option = OPTIONS[flag.replace("--", "--drive-", 1)]
     default = f" (default: {option.default})" if option.default else ""
     text = f"{help or option.help}{default}".replace("%", "%%")  # argparse formats it
     parser.add_argument(flag, default=option.default, metavar=option.metavar, help=text)
@@ -23,4 +19,4 @@ def add_pytest_option(parser: argparse.ArgumentParser, flag: str, *, help: str =
 
 def default_of(flag: str) -> str:
     """Return the default of an option of pytest: `default_of("--drive-routes")`."""
-    return _OPTIONS[flag].default
+    return OPTIONS[flag].default

@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -25,12 +25,13 @@ from pytest_drive_robust.options.parsers import seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
-from pytest_drive_robust.runner.episode.make_agent import make_agent
+from pytest_drive_robust.runner.episode.driver import make_agent
 from pytest_drive_robust.runner.replay.recording import record_episode
+from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.tape import Tape
-from pytest_drive_robust.runner.routes import own_routes, routes_for
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
+from pytest_drive_robust.simulators.routes import own_routes, routes_for
 from pytest_drive_robust.verdict.explain import first_divergence_s
 
 __all__ = ["add_arguments"]
@@ -54,6 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
     parser.add_argument(
         "--run", metavar="RUN", help="a stored run or a folder of episodes: say whether both are the same"
+    )
+    parser.add_argument(
+        "--stored-controls",
+        action="store_true",
+        help="ask no agent: drive the controls of the .episode file again, the same bits on any machine",
     )
     parser.add_argument("--out", metavar="FILE", help="a .mp4, or a .png strip; default: replay-ROUTE-SETTING.mp4")
     parser.add_argument("--no-video", action="store_true", help="only tell what happened")
@@ -79,13 +85,17 @@ def _replay(options: argparse.Namespace) -> int:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
     before = before_of(options.run, wanted.stored)
     target = None if options.no_video else _target(options, wanted)
-    registry.require("agents", wanted.agent)
+    if options.stored_controls and wanted.stored is None:
+        raise UsageError("--stored-controls drives what a stored episode holds: give its .episode file as ROUTE.")
+    if not options.stored_controls:
+        registry.require("agents", wanted.agent)
     caps = {} if options.tick_cap is None else {"tick_cap": options.tick_cap}
     simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s, **caps))
     try:
         route = _route(options, wanted.route, simulator)
         running = wanted.setting.start(route_id=route.id, seed=0, dt_s=simulator.dt_s, cameras=())  # or say why not
-        tapes = _drive(registry, simulator, wanted, route)
+        again = options.stored_controls and wanted.stored is not None
+        tapes = [_drive_again(simulator, wanted, route)] if again else _drive(registry, simulator, wanted, route)
         same = _compare(tapes, wanted, route, before)
         if not same and running.measures_inference:
             print("a measured latency is never the same twice")
@@ -98,7 +108,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
-    """Options that are given win over what a stored episode says."""
+    """Return what to drive: options that are given win over what a stored episode says."""
     stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
@@ -144,7 +154,7 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
-    """Both episodes, one after the other, with the same simulator and agent."""
+    """Drive both episodes, one after the other, with the same simulator and agent."""
     agent = make_agent(registry, wanted.agent)
     tapes: list[Tape] = []
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
@@ -164,6 +174,25 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
         if tape.plan_problem:
             print(f"  no plan is shown: {tape.plan_problem}")
     return tapes
+
+
+def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
+    """Drive what the vehicle got in the stored episode. The setting is in its controls already: this one is clean."""
+    stored = wanted.stored
+    assert stored is not None
+    with _progress("driving the stored controls") as step:
+        tape = record_episode(
+            simulator,
+            StoredControls(stored),
+            route=route,
+            setting=Setting.CLEAN,
+            seed=stored.episode.seed,
+            agent_name=stored.episode.agent,
+            ticked=lambda _: step(),
+        )
+    tape = replace(tape, result=replace(tape.result, episode=stored.episode))
+    _print_result(tape.result)
+    return tape
 
 
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
@@ -210,7 +239,7 @@ def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], N
 
 
 def _print_result(result: EpisodeResult) -> None:
-    """One paragraph: outcome, score, end, and every infraction with its second."""
+    """Print one paragraph: outcome, score, end, and every infraction with its second."""
     scored = result.outcome is not Outcome.INFRA_ERROR
     score = f"DS {driving_score(result):.1f}" if scored else "not scored"
     print(f"{result.episode} ({result.scenario})")

@@ -62,7 +62,7 @@ class Before:
 
 
 def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | None:
-    """Where to look: the episode that was given, a run's name or file, a folder; else the newest stored run, if any.
+    """Find what to compare with: the given episode, a run's name or file, a folder, or the newest stored run.
 
     Raises `UsageError` for a reference that is none of these.
     """

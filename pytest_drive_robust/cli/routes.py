@@ -9,9 +9,9 @@ from math import hypot
 from pytest_drive_robust.cli.pytest_options import default_of
 from pytest_drive_robust.cli.tables import print_table
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names, set_summary
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 __all__ = ["add_arguments", "print_sets"]
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def print_sets() -> None:
-    """Every named set with the number of its routes and what it holds."""
+    """Print every named set with the number of its routes and what it holds."""
     rows = [(name, str(len(named_routes(name))), set_summary(name)) for name in set_names()]
     print_table({"set": "left", "routes": "right", "what it holds": "left"}, rows, title="routes")
     print("drive-robust routes list SET shows them, drive-robust routes draw SET draws them.")

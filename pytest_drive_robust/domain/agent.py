@@ -10,7 +10,9 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = ["SIGNALS", "Agent", "PlannedPath", "consumed_signals", "is_privileged", "offers_lockstep"]
+__all__ = [
+    "SIGNALS", "Agent", "PlannedPath", "consumed_signals", "has_portable_bits", "is_privileged", "offers_lockstep",
+]  # fmt: skip
 
 SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
 """Every signal that an agent can declare in `consumes`."""
@@ -25,6 +27,11 @@ class Agent(Protocol):
     * `plan() -> PlannedPath`: the waypoints behind the last control, for overlays;
     * `consumes: frozenset[str]`: which of `SIGNALS` reach the policy (all of them when not said);
     * `privileged: bool`: True asks for `Observation.truth`; the report says so;
+    * `portable_bits: bool`, of the class or factory: True promises that its controls depend on what it observes and on
+      its own code only, to the last bit, whatever the processor and the versions of libraries: no network, no matrix
+      product, no elementary function but those of `pytest_drive_robust.arithmetic`, no draws that a library makes.
+      Its episodes are the same bits everywhere; those of others are compared and kept as what they are (False when not
+      said);
     * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint;
     * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
       how it drives and are not in its source, such as what it read from the environment;
@@ -46,7 +53,7 @@ class Agent(Protocol):
         ...
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """A new episode begins. `seed` is the only allowed source of randomness."""
+        """Begin a new episode. `seed` is the only allowed source of randomness."""
         ...
 
     def act(self, observation: Observation) -> Control:
@@ -64,8 +71,13 @@ class PlannedPath:
 
 
 def is_privileged(agent: Agent) -> bool:
-    """True when the agent asks for ground truth."""
+    """Return True when the agent asks for ground truth."""
     return bool(getattr(agent, "privileged", False))
+
+
+def has_portable_bits(agent: object) -> bool:
+    """True when an agent or its factory promises the same controls, bit for bit, on every machine."""
+    return getattr(agent, "portable_bits", False) is True
 
 
 def consumed_signals(agent: Agent) -> frozenset[str]:
@@ -74,5 +86,5 @@ def consumed_signals(agent: Agent) -> frozenset[str]:
 
 
 def offers_lockstep(agent: Agent) -> bool:
-    """True when the agent has an `act_batch`. Whether it keeps its promise is another question."""
+    """Return True when the agent has an `act_batch`. Whether it keeps its promise is another question."""
     return callable(getattr(agent, "act_batch", None))

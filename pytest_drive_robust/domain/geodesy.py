@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+from pytest_drive_robust.arithmetic import scalars
+
 __all__ = ["EARTH_RADIUS_M", "to_geodetic", "to_metric"]
 
 EARTH_RADIUS_M = 6378137.0
@@ -14,11 +16,16 @@ EARTH_RADIUS_M = 6378137.0
 
 def to_geodetic(x_m: float, y_m: float) -> tuple[float, float]:
     """Return (latitude, longitude) in degrees of a point (x east, y south) in metres."""
-    latitude = 2.0 * math.atan(math.exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
+    latitude = 2.0 * scalars.atan(scalars.exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
     return math.degrees(latitude), math.degrees(x_m / EARTH_RADIUS_M)
 
 
 def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-    """Return (x east, y south) in metres of a latitude and longitude in degrees; the inverse of `to_geodetic`."""
-    y = -EARTH_RADIUS_M * math.log(math.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
+    """Return (x east, y south) in metres of a latitude and longitude in degrees; the inverse of `to_geodetic`.
+
+    Raises `ValueError` for a latitude that is not between the poles.
+    """
+    if not -90.0 < latitude_deg < 90.0:
+        raise ValueError(f"latitude {latitude_deg!r} degrees, expected more than -90 and less than 90")
+    y = -EARTH_RADIUS_M * scalars.log(scalars.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
     return EARTH_RADIUS_M * math.radians(longitude_deg), y

@@ -47,7 +47,7 @@ class CameraSpec:
     rate_hz: float = 20.0
 
     def problem(self, dt_s: float) -> str | None:
-        """What is wrong with this camera where a tick lasts `dt_s` (`"fov_deg is 0, expected 1..179"`), or None."""
+        """Return what is wrong with this camera where a tick lasts `dt_s` (`"fov_deg is 0, ..."`), or None."""
         if not isinstance(self.name, str) or not self.name:
             return f"its name is {self.name!r}, expected text"
         for field_name in ("width_px", "height_px"):

@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
+__all__ = ["ANY_MACHINE", "MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
 
 MACHINE_FACTS = ("machine", "machine torch")
 """Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`); not in keys."""
+ANY_MACHINE = "any"
+"""Stands for the first of them where the agent's bits do not depend on the machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Trace:
         return values
 
     def columns(self, *names: str) -> tuple[NDArray[np.float64], ...]:
-        """Some columns at once; a stored trace unpacks these only, and keeps nothing of them in memory."""
+        """Return some columns at once; a stored trace unpacks these only, and keeps nothing of them in memory."""
         return tuple(self.column(name) for name in names)
 
     @property
@@ -94,10 +96,10 @@ class EpisodeResult:
     """The record of one finished episode.
 
     `route_completion_pct` is 0..100; `speed_ratios_pct` are the ego's mean speed in percent of the traffic's, one per
-    twentieth of the route (`bench2drive.md` 1.5; empty when the ego never got that far). `end_detail` says in one
-    sentence why the episode ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall
-    times of `act`, one per call, kept only when the setting's latency is measured. `reception` tells what the setting
-    changed of what the agent got, `given` what it got, tick by tick; both are None when nobody looked.
+    twentieth of the route (empty when the ego never got that far). `end_detail` says in one sentence why the episode
+    ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall times of `act`, one per
+    call, kept only when the setting's latency is measured. `reception` tells what the setting changed of what the agent
+    got, `given` what it got, tick by tick; both are None when nobody looked.
     """
 
     episode: Episode

@@ -33,7 +33,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True)
 class TriggerPoint:
-    """Where the scenario wakes up: metres and degrees (clockwise from east) in the town's frame."""
+    """Where the scenario starts: metres and degrees (clockwise from east) in the town's frame."""
 
     x_m: float
     y_m: float

@@ -15,6 +15,7 @@ from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.shared_state import StateReading
+    from pytest_drive_robust.runner.episode.rescore import RecordedControls
 
 __all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
 
@@ -60,11 +61,15 @@ class Death:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Whose fault a death is, the end of its episode, and the sentence that people read."""
+    """Whose fault a death is, the end of its episode, and the sentence that people read.
+
+    `recorded` is what is still known of the episode, None when nothing is.
+    """
 
     blame: Blame
     end: End
     detail: str
+    recorded: RecordedControls | None = None
 
 
 def explain(death: Death) -> Explanation:

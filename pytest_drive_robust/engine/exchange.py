@@ -6,12 +6,12 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pytest_drive_robust.engine.death import Cause, Death
-from pytest_drive_robust.engine.messages import Answer, Message, receive, send
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, Answer, receive, send
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.limits import Limits
@@ -23,92 +23,85 @@ __all__ = ["Exchange"]
 _CHUNK_BYTES = 1 << 16
 _TRACEBACK_S = 0.1
 _EXIT_S = 0.25
-_FULL_S = 0.05
+T = TypeVar("T")
 
 
-class Exchange:
+class Exchange(Generic[T]):
     """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    `news_fd` becomes readable when there may be another request. `death` is how the worker ended, once it has: also
-    when somebody kills it who wants to stop.
+    `death` is how the worker ended, once it has: also when somebody kills it who wants to stop. One that `is_spent` is
+    given nothing more. `poll_s` is how often to ask whether there is another request, None when there is never one
+    while another is under way.
     """
 
-    def __init__(self, worker: WorkerProcess, limits: Limits, news_fd: int | None = None) -> None:
+    def __init__(self, worker: WorkerProcess, limits: Limits, *, poll_s: float | None = None) -> None:
         self._worker = worker
         self._limits = limits
-        self._news_fd = news_fd
+        self._poll_s = poll_s
         self.death: Death | None = None
+        self.is_spent = False
         self._printed = bytearray()
-        self._started_s = 0.0
-        self._begun_s: dict[bytes, float] = {}  # by token, of the requests under way
-        self._is_full = False
+        self._under_way: dict[bytes, tuple[float, T]] = {}  # by token: since when, and for whom
+
+    @property
+    def _started_s(self) -> float:
+        return min(since_s for since_s, _ in self._under_way.values())
 
     @property
     def printed(self) -> str:
         """The end of what was printed since the request."""
         return bytes(self._printed[-self._limits.output_bytes :]).decode("utf-8", "replace")
 
-    def ask(self, request: Message) -> Answer | Death:
-        """Send one request and wait. After a `Death` the worker is dead, too."""
-        requests = [request]
-        for _, answer in self.run(lambda: requests.pop() if requests else None):
-            return answer
-        assert self.death is not None
-        return self.death
+    def run(self, take: Callable[[], tuple[bytes, T] | None]) -> Iterator[tuple[T, Answer]]:
+        """Send what `take` gives, a payload and whom it is for, and yield each answer with whom it is for.
 
-    def run(self, take: Callable[[], Message | None]) -> Generator[tuple[bytes, Answer], None, None]:
-        """Send what `take` gives and yield each answer with its token, until nothing is under way or to be sent.
-
-        The limit of an episode counts from its own request. Ends with `death` set when the worker is dead.
+        `take` is asked again and again while something is under way. Ends when nothing is any more, and with `death`
+        set when the worker is dead. The limit of an episode counts from its own request.
         """
         worker = self._worker
         sources: list[Any] = [worker.output, worker.sentinel, worker.connection]
-        if self._news_fd is not None:
-            sources.append(self._news_fd)
         while self._send(take):
-            self._started_s = min(self._begun_s.values())
             ready = wait(sources, self._patience_s())
-            if self._news_fd in ready:
-                os.read(self._news_fd, _CHUNK_BYTES)
             if worker.output in ready and not self._listen():
                 sources.remove(worker.output)
             answer = self._hear(ready)
             if answer is not None:
                 yield answer
-            if self._begun_s and self.death is None:
+            if self._under_way and self.death is None:
                 self._check_limits()
 
-    def _send(self, take: Callable[[], Message | None]) -> bool:
+    def _send(self, take: Callable[[], tuple[bytes, T] | None]) -> bool:
         """Send as much as there is room for, since a worker that answers must never wait for us.
 
         False when there is nothing to wait for.
         """
         poller = select.poll()
         poller.register(self._worker.connection, select.POLLOUT)
-        while self.death is None:
-            self._is_full = bool(self._begun_s) and not poller.poll(0)
-            request = None if self._is_full else take()
-            if request is None:
+        while self.death is None and not self.is_spent:
+            taken = take() if not self._under_way or poller.poll(0) else None
+            if taken is None:
                 break
-            self._begun_s[request.token] = self._started_s = time.monotonic()
+            payload, whom = taken
+            token = os.urandom(TOKEN_BYTES)
+            self._under_way[token] = time.monotonic(), whom
             try:
-                send(self._worker.connection, request)
+                send(self._worker.connection, token, payload)
             except OSError:
                 self._lost(Cause.SILENT, grace_s=_EXIT_S)
-        return self.death is None and bool(self._begun_s)
+        return self.death is None and bool(self._under_way)
 
-    def _hear(self, ready: list[Any]) -> tuple[bytes, Answer] | None:
-        """Return the answer that has come, with its token."""
+    def _hear(self, ready: list[Any]) -> tuple[T, Answer] | None:
+        """Return the answer that has come."""
         worker = self._worker
         if worker.connection not in ready:
             if worker.sentinel in ready and not worker.connection.poll():
                 self._lost(Cause.SILENT, grace_s=_EXIT_S)  # without an answer that came in the last moment
             return None
         try:
-            message = receive(worker.connection)
-            if message.token not in self._begun_s:
+            token, payload = receive(worker.connection)
+            if token not in self._under_way:
                 raise ValueError("an answer to another request")
-            answer = Answer.of(message)
+            answer = Answer.from_bytes(payload)
         except EOFError:
             self._lost(Cause.SILENT, grace_s=_EXIT_S)
         except OSError:
@@ -116,9 +109,9 @@ class Exchange:
         except ValueError:
             self._lost(Cause.GARBAGE)
         else:
-            del self._begun_s[message.token]
             self._listen()
-            return message.token, answer
+            self.is_spent = self.is_spent or answer.is_spent
+            return self._under_way.pop(token)[1], answer
         return None
 
     def _listen(self) -> bool:
@@ -137,7 +130,7 @@ class Exchange:
     def _patience_s(self) -> float | None:
         """Return until when nothing can become late. A call that begins after this is late after the next one."""
         now = time.monotonic()
-        waits = [_FULL_S] if self._is_full else []
+        waits = [] if self._poll_s is None else [self._poll_s]
         if self._limits.episode_s is not None:
             waits.append(self._started_s + self._limits.episode_s - now)
         if self._limits.act_s is not None:

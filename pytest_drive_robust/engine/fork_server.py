@@ -71,6 +71,8 @@ class ForkServer:
         self._control: socket.socket | None = None
         self._log: IO[bytes] | None = None
         self._ready = False
+        self.compiling = (0, 0)
+        """How many functions are compiled, of how many that were not in the cache when the server was started."""
 
     @property
     def pid(self) -> int | None:
@@ -128,7 +130,7 @@ class ForkServer:
             self._process = self._setup.start_python(
                 "serve_forks", arguments, self._setup, pass_fds=arguments[:1], output=self._log.fileno()
             )
-        line = self._first_line(unwanted)
+        line = self._ready_line(unwanted)
         answer = json.loads(line or "{}")
         if "type" in answer:
             self._stop()
@@ -136,18 +138,25 @@ class ForkServer:
         forks: bool | None = answer.get("forks")
         return forks
 
-    def _first_line(self, unwanted: Callable[[], bool]) -> bytes:
-        """Return what the server said when it was ready, nothing when it died before. Raises `Stopped`."""
+    def _ready_line(self, unwanted: Callable[[], bool]) -> bytes:
+        """Return what the server said when it was ready, nothing when it died before. Raises `Stopped`.
+
+        Until then it says how far it has come with compiling: `compiling`.
+        """
         assert self._control is not None
         deadline = time.monotonic() + _READY_S
-        while not select.select([self._control], [], [], _POLL_S)[0]:
-            if unwanted():
-                self._stop()
-                raise Stopped
-            if time.monotonic() > deadline:
-                return b""
-        with suppress(OSError), self._control.makefile("rb") as file:
-            return file.readline()
+        with suppress(OSError), self._control.makefile("rb", buffering=0) as file:
+            while True:
+                while not select.select([self._control], [], [], _POLL_S)[0]:
+                    if unwanted():
+                        self._stop()
+                        raise Stopped
+                    if time.monotonic() > deadline:
+                        return b""
+                line = file.readline()
+                if not line.startswith(b'{"compiling"'):
+                    return line
+                self.compiling = tuple(json.loads(line)["compiling"])
         return b""
 
     def _last_line(self) -> str:
@@ -176,3 +185,4 @@ class ForkServer:
             self._log.close()
         self._control = self._process = self._log = None
         self._ready = False
+        self.compiling = (0, 0)

@@ -7,77 +7,73 @@ from __future__ import annotations
 
 import json
 import pickle
-from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust import errors
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.runner.episode.rescore import RecordedControls
 
 __all__ = [
-    "ALONE",
     "CHECK",
     "DRIVE",
-    "REFUSED",
-    "RESULT",
     "SALVAGE",
-    "TOGETHER",
     "TOKEN_BYTES",
     "Answer",
-    "Message",
-    "PickledRequest",
-    "answer_message",
+    "WorkerRequest",
     "receive",
     "refusal",
     "refusal_bytes",
     "send",
 ]
 
-DRIVE, SALVAGE, RESULT, REFUSED = b"D", b"S", b"R", b"U"
-CHECK, ALONE, TOGETHER = b"C", b"A", b"T"
-"""About lockstep: whether an agent may, an episode in a batch of its own, an episode that shares its batch."""
+DRIVE, CHECK, SALVAGE = "drive", "check", "salvage"
+"""What a worker is asked for: an episode, whether its agent may be driven in lockstep, the score of a recorded one."""
 TOKEN_BYTES = 16
-"""How long a token is."""
+"""How long a token is: an answer repeats that of its request."""
 _LARGEST_BYTES = 1 << 28
 """Four characters of text, read as a length, are more: text that somebody else wrote is refused at once."""
 
 
-class Message(NamedTuple):
-    """One message. `kind` is a letter; an answer repeats the token of its request."""
-
-    kind: bytes
-    token: bytes
-    payload: bytes
-
-
 @dataclass(frozen=True, slots=True)
-class PickledRequest:
-    """An episode with its route. `setting` is pickled; None where it does not pickle, and its sentence must do."""
+class WorkerRequest:
+    """What a worker is asked for, pickled as the payload of a message: an `EpisodeRequest` that any process can read.
+
+    `setting` is pickled; None where it does not pickle, and its sentence must do. `width` is that of the batch, None
+    for an episode that is driven by `act`; `recorded` is what `SALVAGE` is about.
+    """
 
     episode: Episode
     route: Route
     setting: bytes | None
+    identity: str
+    kind: str = DRIVE
+    width: int | None = None
+    recorded: RecordedControls | None = None
 
     @classmethod
-    def of(cls, request: EpisodeRequest) -> PickledRequest:
+    def of(cls, request: EpisodeRequest) -> WorkerRequest:
         """Pickle what a worker needs of a request."""
         try:
             setting: bytes | None = pickle.dumps(request.setting)
         except Exception:  # a class of a conftest.py that another one pushed out of sys.modules, a lambda, a lock ...
             setting = None
-        return cls(request.episode, request.route, setting)
+        return cls(request.episode, request.route, setting, request.identity)
 
-    def read_setting(self, registry: Registry) -> Setting:
-        """Return the setting, in the worker. Raises `UsageError` when its classes are not to be had there."""
+    def read(self, registry: Registry) -> EpisodeRequest:
+        """Return the episode request. Raises `UsageError` when the classes of its setting are not to be had here."""
+        return EpisodeRequest(self.episode, self.route, self._read_setting(registry), self.identity)
+
+    def _read_setting(self, registry: Registry) -> Setting:
         problem = "its perturbations do not pickle"
         if self.setting is not None:
             try:
@@ -104,42 +100,38 @@ class PickledRequest:
 class Answer:
     """What a worker replied: a result, or why it cannot drive that at all.
 
-    `rss` is its memory in bytes, `leftovers` is what the episode left in the process (see `worker.process_state`).
+    `is_spent`: its process is not as it was before the episode (see `worker.process_state`), or its world broke.
     """
 
     result: EpisodeResult | errors.UsageError
-    rss: int
-    leftovers: tuple[str, ...]
+    is_spent: bool
+
+    def to_bytes(self) -> bytes:
+        """Return the answer as the payload of a message; `from_bytes` reads it."""
+        refused = isinstance(self.result, errors.UsageError)
+        notes = json.dumps({"is_spent": self.is_spent, "refused": refused}).encode()
+        body = refusal_bytes(self.result) if isinstance(self.result, errors.UsageError) else encode_episode(self.result)
+        return notes + b"\n" + body
 
     @classmethod
-    def of(cls, message: Message) -> Answer:
+    def from_bytes(cls, payload: bytes) -> Answer:
         """Read an answer. Raises `ValueError` when it is none."""
-        line, _, body = message.payload.partition(b"\n")
+        line, _, body = payload.partition(b"\n")
         try:
             notes = json.loads(line)
-            result = decode_episode(body) if message.kind == RESULT else refusal(body)
-            return cls(result, int(notes["rss"]), tuple(map(str, notes["leftovers"])))
+            result = refusal(body) if notes["refused"] else decode_episode(body)
+            return cls(result, bool(notes["is_spent"]))
         except (KeyError, TypeError) as error:
             raise ValueError(f"no answer: {error}") from error
 
 
-def answer_message(
-    token: bytes, result: EpisodeResult | errors.UsageError, *, rss: int, leftovers: Sequence[str]
-) -> Message:
-    """Return an answer to the request with this token; `Answer.of` reads it."""
-    notes = json.dumps({"rss": rss, "leftovers": list(leftovers)}).encode() + b"\n"
-    if isinstance(result, errors.UsageError):
-        return Message(REFUSED, token, notes + refusal_bytes(result))
-    return Message(RESULT, token, notes + encode_episode(result))
-
-
-def send(connection: Connection, message: Message) -> None:
+def send(connection: Connection, token: bytes, payload: bytes) -> None:
     """Send a whole message. Raises `OSError` when the other side is gone."""
-    connection.send_bytes(message.kind + message.token + message.payload)
+    connection.send_bytes(token + payload)
 
 
-def receive(connection: Connection) -> Message:
-    """Wait for a message.
+def receive(connection: Connection) -> tuple[bytes, bytes]:
+    """Wait for a message; return its token and its payload.
 
     Raises `EOFError` when the other side closed the connection, `OSError` or `ValueError` for what is no message.
     """
@@ -147,9 +139,9 @@ def receive(connection: Connection) -> Message:
         data = connection.recv_bytes(_LARGEST_BYTES)
     except ConnectionError as error:
         raise EOFError from error
-    if len(data) <= TOKEN_BYTES:
+    if len(data) < TOKEN_BYTES:
         raise ValueError(f"a message of {len(data)} bytes")
-    return Message(data[:1], data[1 : 1 + TOKEN_BYTES], data[1 + TOKEN_BYTES :])
+    return data[:TOKEN_BYTES], data[TOKEN_BYTES:]
 
 
 def refusal_bytes(error: errors.UsageError) -> bytes:

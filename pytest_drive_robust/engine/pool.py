@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.runner.lockstep.executor import LockstepExecutor
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["ProcessExecutor"]
+__all__ = ["ProcessExecutor", "lockstep_in_processes"]
 
 _WORDS = 2000
 """Characters of what a broken episode printed that are kept for people."""
@@ -53,6 +54,11 @@ class ProcessExecutor:
         if self._fork_server is None:
             self._fork_server = ForkServer(self._setup())
         return self._fork_server
+
+    @property
+    def compiling(self) -> tuple[int, int]:
+        """How many functions are compiled, of how many that the workers wait for."""
+        return self._fork_server.compiling if self._fork_server is not None else (0, 0)
 
     def close(self, *, cancel: bool = False) -> None:
         """End the workers. With `cancel`, those that drive are killed; without, they come to their end first."""
@@ -99,3 +105,25 @@ class ProcessExecutor:
         result = supervisor.drive(request)
         self.heard(result, supervisor.output)
         return result
+
+
+def lockstep_in_processes(
+    worker_setup: Callable[[], WorkerSetup],
+    limits: Limits,
+    *,
+    workers: int,
+    width: int,
+    shares: Callable[[str], bool],
+) -> LockstepExecutor:
+    """Return an executor that drives `workers` batches of up to `width` episodes, each in a process of its own.
+
+    No process is started, and `worker_setup` not called, before the first episode.
+    """
+    one_by_one = ProcessExecutor(worker_setup, limits, slots=workers)
+
+    def make_drivers() -> list[Supervisor]:
+        return [Supervisor(one_by_one.fork_server(), limits, width=width) for _ in range(workers)]
+
+    return LockstepExecutor(
+        one_by_one, make_drivers, width=width, shares=shares, threads=workers, heard=one_by_one.heard
+    )

@@ -16,6 +16,7 @@ from dataclasses import asdict
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS, AgentRig
 
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.truth import EgoState
+    from pytest_drive_robust.domain.observation import Observation
+    from pytest_drive_robust.domain.truth import WorldState
 
 __all__ = ["Phase", "SharedState", "StateReading", "shared_file", "state_bytes"]
 
@@ -73,7 +74,10 @@ class StateReading(NamedTuple):
 
 
 class SharedState:
-    """The memory behind a file descriptor, which may be closed afterwards."""
+    """The memory behind a file descriptor, which may be closed afterwards.
+
+    `asked` is what the agent answered in this tick, on the worker's side.
+    """
 
     def __init__(self, fd: int) -> None:
         size = os.fstat(fd).st_size
@@ -82,25 +86,23 @@ class SharedState:
         self._phase = Phase.IDLE
         self._since_s = 0.0
         self._agent_s = 0.0
+        self.asked: object = None
 
     def clear(self) -> None:
         """Begin a new episode: nothing was driven yet."""
         self._agent_s = 0.0
+        self.asked = None
         _COUNT.pack_into(self._memory, _COUNT_AT, 0)
         _COUNT.pack_into(self._memory, _RIG_AT, 0)
-        self.enter(Phase.IDLE, 0)
+        self.phase("idle", 0)
 
     def phase(self, name: str, tick: int) -> None:
-        """Note a phase by its name: see `runner.episode.loop.Watch`."""
-        self.enter(Phase[name.upper()], tick)
-
-    def enter(self, phase: Phase, tick: int) -> None:
-        """Note that the code of `phase` runs from now on."""
+        """Note that the code of the phase of that name runs from now on: see `runner.episode.loop.Watch`."""
         now = time.monotonic()
-        if self._phase <= Phase.ACT:
+        if self._phase.is_agent:
             self._agent_s += now - self._since_s
-        self._phase, self._since_s = phase, now
-        _READING.pack_into(self._memory, 0, phase, tick, now, self._agent_s)
+        self._phase, self._since_s = Phase[name.upper()], now
+        _READING.pack_into(self._memory, 0, self._phase, tick, now, self._agent_s)
 
     def equip(self, rig: AgentRig) -> None:
         """Keep the agent's rig, unless it is too large: then the episode cannot be driven again without the agent."""
@@ -110,13 +112,19 @@ class SharedState:
             self._memory[start : start + len(text)] = text
             _COUNT.pack_into(self._memory, _RIG_AT, len(text))
 
-    def add(self, tick: int, asked: Control | None, applied: Control, ego: EgoState) -> None:
-        """Keep a tick that was driven: what the agent asked for, what the vehicle got, where it stood before."""
+    def ticked(self, tick: int, world: WorldState, observation: Observation, applied: Control) -> None:
+        """Keep a tick that was driven (see `on_tick` of `runner.episode.loop.drive_episode`).
+
+        That is what the agent asked for, what the vehicle got, where it stood before. Of episodes that are driven
+        together a mixture is kept, which nobody reads.
+        """
+        asked, self.asked = self.asked, None
         if tick >= self._capacity:
             return
         raw = _UNASKED
-        if asked is not None:  # numbers, but perhaps not floats yet: the loop has checked them
+        if isinstance(asked, Control) and asked.problem() is None:  # numbers, but perhaps not floats yet
             raw = float(asked.throttle), float(asked.steer), float(asked.brake)
+        ego = world.ego
         row = (*raw, applied.throttle, applied.steer, applied.brake, ego.x_m, ego.y_m, ego.speed_mps)
         _ROW.pack_into(self._memory, _ROWS_AT + tick * _ROW.size, *row)
         _COUNT.pack_into(self._memory, _COUNT_AT, tick + 1)
@@ -151,10 +159,6 @@ class SharedState:
 
         data = self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]
         return np.frombuffer(data, np.float64).reshape(-1, ROW_FIELDS)
-
-    def close(self) -> None:
-        """Give back the memory."""
-        self._memory.close()
 
 
 _UNASKED = (float("nan"),) * 3

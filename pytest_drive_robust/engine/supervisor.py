@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import threading
 import time
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, TypeVar
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.death import Blame, Death, Explanation, explain
 from pytest_drive_robust.engine.exchange import Exchange
 from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.messages import DRIVE, SALVAGE, TOKEN_BYTES, Answer, Message, PickledRequest
+from pytest_drive_robust.engine.messages import CHECK, SALVAGE, Answer, WorkerRequest
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
@@ -25,30 +25,33 @@ if TYPE_CHECKING:
     from pytest_drive_robust.engine.worker_process import WorkerProcess
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["FailedAttempt", "Stopped", "Supervisor"]
+    Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
+
+__all__ = ["Stopped", "Supervisor"]
 
 _SALVAGE_S = 600.0
-
-
-class FailedAttempt(NamedTuple):
-    """An attempt whose worker died, with what the shared state still told of its episode."""
-
-    explanation: Explanation
-    recorded: RecordedControls | None = None
+_POLL_S = 0.02
+T = TypeVar("T")
 
 
 class Supervisor:
-    """One worker process at a time, kept warm from episode to episode. `drive` is called from one thread at a time."""
+    """One worker process at a time, kept warm from episode to episode. `drive` is called from one thread at a time.
 
-    _kind = DRIVE
+    With a `width` it drives in lockstep (see `runner.lockstep.executor.BatchDriver`): an episode of a batch takes as
+    long as all of them, so each may take `width` times the limit of an episode. A call of `act_batch` has the time of
+    any other call. `output` is the end of what was printed by the time of the latest result.
+    """
 
-    def __init__(self, fork_server: ForkServer, limits: Limits) -> None:
+    def __init__(self, fork_server: ForkServer, limits: Limits, *, width: int | None = None) -> None:
         self._fork_server = fork_server
+        if width is not None and limits.episode_s is not None:
+            limits = replace(limits, episode_s=limits.episode_s * width)
         self._limits = limits
+        self._width = width
         self._worker: WorkerProcess | None = None
-        self._first_rss = 0
         self._lock = threading.Lock()
         self._stopped = threading.Event()
+        self._failure: Explanation | None = None
         self.output = ""
 
     @property
@@ -63,29 +66,54 @@ class Supervisor:
         worker = self._worker
         return None if worker is None else worker.pid
 
-    def drive(self, request: EpisodeRequest, *, count: int = 0) -> EpisodeResult:
-        """Drive the episode, whatever happens to the process that drives it. It was tried `count` times before.
+    def drive(self, request: EpisodeRequest) -> EpisodeResult:
+        """Drive the episode, whatever happens to the process that drives it; in lockstep in a batch of its own.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all or the request cannot be sent, and
-        `Stopped` after `stop`. `output` is then the end of what was printed.
+        `Stopped` after `stop`.
         """
+        return self.drive_pickled(WorkerRequest.of(request))
+
+    def drive_pickled(self, request: WorkerRequest) -> EpisodeResult:
+        """Do the same where nobody has to read the request but the worker."""
         started = time.monotonic()
-        pickled = PickledRequest.of(request)
-        payload = self._payload(pickled)
-        while True:
-            ended = self._attempt(self._kind, payload, self._limits)
-            if isinstance(ended, FailedAttempt):
-                result = self._result_of(ended, pickled, final=count == DRIVEN_AGAIN, started=started)
+        for final in (*(False,) * DRIVEN_AGAIN, True):
+            ended = self._attempt(replace(request, width=self._width), self._limits)
+            if isinstance(ended, Explanation):
+                result = self._result_of(ended, request, final=final, started=started)
             else:
                 result = self._judged(ended)
-                if result.outcome is Outcome.INFRA_ERROR and count < DRIVEN_AGAIN:
-                    result = None
-            if result is not None:
+            if result is not None and (final or result.outcome is not Outcome.INFRA_ERROR):
                 return result
-            count += 1
+        raise AssertionError("the last attempt has a result")
 
-    def _payload(self, request: PickledRequest) -> bytes:
-        return pickle.dumps((request,))
+    def check(self, request: EpisodeRequest) -> bool:
+        """Return whether the agent may be driven in lockstep; False also when the process broke.
+
+        Raises `UsageError`, `Stopped`.
+        """
+        ended = self._attempt(replace(WorkerRequest.of(request), kind=CHECK, width=self._width), self._limits)
+        return not isinstance(ended, Explanation) and ended.outcome is Outcome.COMPLETED
+
+    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None]) -> Ended:
+        """Drive what `take` gives, up to `width` at a time, until none is under way.
+
+        Those without a result, whose process broke, come last. Raises `Stopped`.
+        """
+        under_way: dict[str, EpisodeRequest] = {}
+
+        def take_payload() -> tuple[bytes, EpisodeRequest] | None:
+            request = take() if len(under_way) < (self._width or 1) else None
+            if request is None:
+                return None
+            under_way[request.key] = request
+            return pickle.dumps(replace(WorkerRequest.of(request), width=self._width)), request
+
+        for request, answer in self._answers(take_payload, self._limits):
+            del under_way[request.key]
+            result = answer.result
+            yield request, result if isinstance(result, UsageError) else self._judged(result)
+        yield from ((request, None) for request in under_way.values())
 
     def stop(self) -> None:
         """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
@@ -100,31 +128,36 @@ class Supervisor:
         self._end_worker()
 
     def _result_of(
-        self, failure: FailedAttempt, request: PickledRequest, *, final: bool, started: float
+        self, found: Explanation, request: WorkerRequest, *, final: bool, started: float
     ) -> EpisodeResult | None:
         """Return the result of an episode that ended with its process; None when it should be driven again."""
-        found = failure.explanation
         if found.blame is not Blame.AGENT and not final:
             return None
         if found.blame is Blame.OURS:
             outcome, result = Outcome.INFRA_ERROR, None
         else:
-            outcome, result = Outcome.AGENT_ERROR, self._salvaged(failure, request)
+            outcome, result = Outcome.AGENT_ERROR, self._salvaged(found.recorded, request)
         if result is None:
             result = bare_result(request.route, request.episode, outcome=outcome, end=found.end, detail=found.detail)
         detail = found.detail if found.blame is not Blame.OUTSIDE else f"{found.detail}, {DRIVEN_AGAIN + 1} times"
         return replace(result, outcome=outcome, end=found.end, end_detail=detail, wall_s=time.monotonic() - started)
 
-    def _salvaged(self, failure: FailedAttempt, request: PickledRequest) -> EpisodeResult | None:
+    def _salvaged(self, recorded: RecordedControls | None, request: WorkerRequest) -> EpisodeResult | None:
         """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
-        if failure.recorded is None:
+        if recorded is None:
             return None
         limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
+        output = self.output
         try:
-            ended = self._attempt(SALVAGE, pickle.dumps((request, failure.recorded)), limits)
+            ended = self._attempt(replace(request, kind=SALVAGE, recorded=recorded), limits)
         except UsageError:
             return None
-        return None if isinstance(ended, FailedAttempt) or ended.outcome is Outcome.INFRA_ERROR else ended
+        finally:
+            self.output = output
+        if isinstance(ended, Explanation) or ended.outcome is Outcome.INFRA_ERROR:
+            return None
+        mode = {} if self._width is None else {"lockstep": str(self._width)}
+        return replace(ended, versions={**ended.versions, **mode})
 
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
         """Tell a crash for lack of memory from others: another limit gives another result."""
@@ -134,26 +167,41 @@ class Supervisor:
         detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
-    def _attempt(self, kind: bytes, payload: bytes, limits: Limits) -> EpisodeResult | FailedAttempt:
-        """Make one request to the worker, a new one where there is none. Raises `UsageError`, `Stopped`."""
+    def _attempt(self, asked: WorkerRequest, limits: Limits) -> EpisodeResult | Explanation:
+        """Make one request to the worker. Raises `UsageError`, `Stopped`."""
+        payloads = [pickle.dumps(asked)]
+        for _, answer in self._answers(lambda: (payloads.pop(), None) if payloads else None, limits):
+            result = answer.result
+        if self._failure is not None:
+            return self._failure
+        if isinstance(result, UsageError):
+            raise result
+        return result
+
+    def _answers(self, take: Callable[[], tuple[bytes, T] | None], limits: Limits) -> Iterator[tuple[T, Answer]]:
+        """Yield what the worker, a new one where there is none, answers to what `take` gives (see `Exchange.run`).
+
+        At the end `_failure` is how the worker was lost, None when it was not. Raises `UsageError`, `Stopped`.
+        """
+        self._failure = None
         try:
             worker = self._ready_worker()
         except NoWorkerError as error:
-            return FailedAttempt(Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error)))
-        exchange = Exchange(worker, limits)
-        ended = exchange.ask(Message(kind, os.urandom(TOKEN_BYTES), payload))
-        if kind != SALVAGE:
+            self._failure = Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error))
+            while take() is not None:
+                pass  # without an answer
+            return
+        exchange: Exchange[T] = Exchange(worker, limits, poll_s=None if self._width is None else _POLL_S)
+        for whom, answer in exchange.run(take):
+            self._check_stopped()
             self.output = exchange.printed
+            yield whom, answer
+        self.output = exchange.printed
         self._check_stopped()
-        if isinstance(ended, Death):
-            failure = _failure(ended, worker.state)
+        if exchange.death is not None:
+            self._failure = _explained(exchange.death, worker.state)
+        if exchange.death is not None or exchange.is_spent:
             self._end_worker()
-            return failure
-        if self._is_spent(ended):
-            self._end_worker()
-        if isinstance(ended.result, UsageError):
-            raise ended.result
-        return ended.result
 
     def _ready_worker(self) -> WorkerProcess:
         """Return the worker that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
@@ -162,7 +210,7 @@ class Supervisor:
         if self._worker is None:
             worker = self._fork_server.start_worker(self._limits, self._stopped.is_set)
             with self._lock:
-                self._worker, self._first_rss = worker, 0
+                self._worker = worker
         self._check_stopped()  # `stop` may have come before there was a worker to kill
         return self._worker
 
@@ -172,13 +220,6 @@ class Supervisor:
             self._end_worker()
             raise Stopped
 
-    def _is_spent(self, answer: Answer) -> bool:
-        """Return whether the worker is not as it was before the episode, or its world broke."""
-        self._first_rss = self._first_rss or answer.rss
-        grew = answer.rss - self._first_rss > self._limits.growth_bytes
-        broke = not isinstance(answer.result, UsageError) and answer.result.outcome is Outcome.INFRA_ERROR
-        return grew or broke or bool(answer.leftovers)
-
     def _end_worker(self) -> None:
         with self._lock:
             worker, self._worker = self._worker, None
@@ -186,13 +227,12 @@ class Supervisor:
             worker.end()
 
 
-def _failure(death: Death, state: SharedState) -> FailedAttempt:
-    """Join a death with what the shared state still tells, unless the worker wrote all over it."""
+def _explained(death: Death, state: SharedState) -> Explanation:
+    """Explain a death, with what the shared state still tells of the episode unless the worker wrote all over it."""
     found, phase = explain(death), death.reading.phase
     try:
         rig, rows = state.rig(), state.rows()
     except (ValueError, KeyError, TypeError):
-        return FailedAttempt(found)
-    if phase is Phase.MAKE:
-        return FailedAttempt(found)
-    return FailedAttempt(found, RecordedControls(rig, rows, phase.call if rig is not None else "sensors"))
+        return found
+    recorded = RecordedControls(rig, rows, phase.call if rig is not None else "sensors")
+    return found if phase is Phase.MAKE else replace(found, recorded=recorded)

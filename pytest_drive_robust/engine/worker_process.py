@@ -61,7 +61,6 @@ class WorkerProcess:
                 ours.callback(os.close, self.faults)
                 theirs.callback(os.close, state)
                 self.state = SharedState(state)
-                ours.callback(self.state.close)
                 descriptors = Descriptors(their_socket.fileno(), output, self.faults, state)
                 socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *descriptors])
             self.pid = self._read_pid()

@@ -18,6 +18,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.engine.contents import Contents
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["WorkerSetup"]
@@ -39,7 +40,8 @@ class WorkerSetup:
     `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
     `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
     name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
-    are names whose modules are imported once for all processes.
+    are names whose modules are imported once for all processes. `contents` are what agents consist of where the run was
+    started: a process that finds anything else refuses to drive them.
     """
 
     python_path: tuple[str, ...]
@@ -49,6 +51,7 @@ class WorkerSetup:
     options: SimulatorOptions = field(default_factory=SimulatorOptions)
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
+    contents: tuple[tuple[str, Contents], ...] = ()
 
     def start_python(
         self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int

@@ -6,16 +6,11 @@ With as many seeds on every route this is the plain mean over episodes. An episo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import fsum
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import EpisodeResult
 
 __all__ = ["mean", "mean_over_routes", "values_by_route"]
-
-
-def mean(values: Sequence[float]) -> float:
-    """Return the mean of at least one value, independent of their order to the last bit (the sum is exact)."""
-    return fsum(values) / len(values)
 
 
 def values_by_route(

@@ -77,7 +77,7 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
     of at most one segment counts as one. A segment is comfortable when every signal is strictly within its bounds at
     every sample. Raises `UnknownNameError` for another mode and `ComparisonError` for an `infra_error`.
     """
-    import numpy as np
+    from pytest_drive_robust.arithmetic.arrays import hypot  # loads numpy
 
     require_mode(mode)
     require_scorable([result])
@@ -85,7 +85,7 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
     motion = Motion(
         forward_mps2=forward,
         right_mps2=right,
-        magnitude_mps2=np.hypot(forward, right),
+        magnitude_mps2=hypot(forward, right),
         yaw_rate_radps=yaw_rate,
         speed_mps=speed,
         dt_s=result.dt_s,
@@ -94,7 +94,7 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
 
 
 def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> float | None:
-    """As `comfort`, of a recorded motion and with some of `COMFORT_QUIRKS`: what each of them does to the number."""
+    """Compute `comfort` of a recorded motion with some of `COMFORT_QUIRKS`: what each of them does to the number."""
     count = len(motion.forward_mps2)
     if count < (_POLYNOMIAL_ORDER + 1 if "short-window" in quirks else _WINDOW_SAMPLES):
         return None
@@ -116,7 +116,7 @@ def _cut(values: Floats, samples: int) -> Floats:
 def _comfortable(
     parts: dict[str, Floats], dt_s: float, quirks: AbstractSet[str] | tuple[str, ...]
 ) -> NDArray[np.bool_]:
-    """For each segment whether all six signals are within their bounds at every sample."""
+    """Return for each segment whether all six signals are within their bounds at every sample."""
     import numpy as np
 
     step_s = _OFFICIAL_DT_S if "half-jerk" in quirks else dt_s
@@ -153,7 +153,7 @@ def _savitzky_golay(values: Floats, *, derivative: int, step_s: float) -> Floats
 
 
 def _unwrapped(rates: Floats) -> Floats:
-    """Steps of more than half of 2 pi between samples taken out: meant for angles, applied to a rate by the tool."""
+    """Take out steps of more than half of 2 pi between samples: meant for angles, applied to a rate by the tool."""
     import numpy as np
 
     turns = np.zeros_like(rates)

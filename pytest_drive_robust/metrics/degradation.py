@@ -21,7 +21,7 @@ _SHOWN = 5
 
 
 def robustness_degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> float:
-    """RD = 1 - DS_perturbed / DS_clean, on means over the same routes and seeds; at most 1, 0 is no degradation.
+    """Return RD = 1 - DS_perturbed / DS_clean, of means over the same routes and seeds: at most 1, 0 is no loss.
 
     Raises `ComparisonError` for sets that do not pair (see `pair_up`) and for a clean driving score of 0:
     an agent that drives nowhere has nothing to lose.
@@ -35,7 +35,7 @@ def paired_driving_scores(
 ) -> tuple[list[float], list[float]]:
     """Return the clean and the perturbed driving score of each route (mean over its seeds), in the same order.
 
-    Refuses the same sets as `robustness_degradation`.
+    Raises `ComparisonError` for the same sets as `robustness_degradation`.
     """
     pairs = pair_up(clean, perturbed)
     clean_scores = list(values_by_route([pair[0] for pair in pairs], driving_score).values())
@@ -118,7 +118,7 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
 
 
 def _versions_of(result: EpisodeResult) -> dict[str, str]:
-    """Another machine may round differently, which the reports say; it is the same world."""
+    """Return what decides the world: another machine may round differently, which the reports say."""
     return {name: version for name, version in result.versions.items() if name not in MACHINE_FACTS}
 
 

@@ -38,7 +38,7 @@ def penalty(result: EpisodeResult) -> float:
 
 
 def driving_score(result: EpisodeResult) -> float:
-    """Route completion times penalty, 0..100, rounded to 6 digits like the official records.
+    """Return route completion times penalty, 0..100, rounded to 6 digits like the official records.
 
     An episode that ended with `agent_error` is scored for what was driven until then. Raises `ComparisonError` for an
     `infra_error`.

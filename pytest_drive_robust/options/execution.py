@@ -17,7 +17,7 @@ _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 
 def _executor(given: GivenText) -> str:
-    """Debuggers and prints need the agent in this process."""
+    """Return the executor: `inline` where `auto` meets a debugger or prints, which need the agent in this process."""
     executor = _known_executor(given)
     if executor != "auto" or given.source is None:
         return executor
@@ -51,55 +51,16 @@ class ExecutionOptions:
     no limit, and `memory_bytes` too.
     """
 
-    executor: str = option(
-        "--drive-executor",
-        "NAME",
-        "auto",
-        "inline (in this process, for debuggers), processes (guarded children), ray; auto: processes, inline with "
-        "--pdb, --trace or -s",
-        parse=_executor,
-    )
-    workers: int | None = option(
-        "--drive-workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n", parse=_workers
-    )
-    lockstep: int | None = option(
-        "--drive-lockstep",
-        "N",
-        "",
-        "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
-        parse=_width,
-    )
-    episode_timeout_s: float | None = option(
-        "--drive-episode-timeout", "TIME", "30m", "an episode must end within, as in 90s", parse=time_limit_s
-    )
-    act_timeout_s: float | None = option(
-        "--drive-act-timeout", "TIME", "60s", "a call of the agent must return within", parse=time_limit_s
-    )
-    memory_bytes: int | None = option(
-        "--drive-memory", "GB", "", "what the process of an episode may allocate, as in 4", parse=gigabytes
-    )
-    ray_address: str = option(
-        "--drive-ray-address",
-        "ADDRESS",
-        "",
-        "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
-    )
-    b2d_root: str = option(
-        "--drive-b2d-root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"
-    )
-    results: str = option(
-        "--drive-results",
-        "LIST",
-        "",
-        'judge official results instead of driving, as in "clean=DIR,200 ms latency=DIR2"',
-    )
-    budget_s: float | None = option(
-        "--drive-budget",
-        "TIME",
-        "",
-        "begin nothing new after so long, as in 20m; run again to go on",
-        parse=time_limit_s,
-    )
+    executor: str = option("--drive-executor", parse=_executor)
+    workers: int | None = option("--drive-workers", parse=_workers)
+    lockstep: int | None = option("--drive-lockstep", parse=_width)
+    episode_timeout_s: float | None = option("--drive-episode-timeout", parse=time_limit_s)
+    act_timeout_s: float | None = option("--drive-act-timeout", parse=time_limit_s)
+    memory_bytes: int | None = option("--drive-memory", parse=gigabytes)
+    ray_address: str = option("--drive-ray-address")
+    b2d_root: str = option("--drive-b2d-root")
+    results: str = option("--drive-results")
+    budget_s: float | None = option("--drive-budget", parse=time_limit_s)
 
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> ExecutionOptions:

@@ -1,10 +1,11 @@
-"""One option, stated once: as a field of the dataclass that holds its value.
+"""A dataclass whose fields are options: each field names its flag in `options.table` and parses what was given.
 
-The field says flag, metavar, default, help and parser; `--help`, the ini key and reading are derived from it::
+::
 
     @dataclass(frozen=True, slots=True)
     class RunOptions:
-        agent: str = option("--drive-agent", "NAME", "classical", "the agent under test")
+        agent: str = option("--drive-agent")
+        seeds: tuple[int, ...] = option("--drive-seeds", parse=seed_list)
 """
 
 from __future__ import annotations
@@ -14,17 +15,9 @@ from dataclasses import field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-__all__ = [
-    "GivenText",
-    "Option",
-    "OptionSource",
-    "combined",
-    "option",
-    "options_of",
-    "read_fields",
-    "switch",
-    "was_given",
-]
+from pytest_drive_robust.options.table import OPTIONS, Option
+
+__all__ = ["GivenText", "OptionSource", "combined", "option", "options_of", "read_fields", "was_given"]
 
 _OPTIONS, _PARSE = "options", "parse"
 
@@ -46,25 +39,6 @@ class OptionSource(Protocol):
         ...
 
 
-class Option(NamedTuple):
-    """One command line option with the ini key of the same meaning. The command line wins.
-
-    `bare` is what the flag means without a value; empty where it needs one. A switch has neither value nor ini key.
-    """
-
-    flag: str
-    metavar: str
-    default: str
-    help: str
-    bare: str = ""
-    is_switch: bool = False
-
-    @property
-    def name(self) -> str:
-        """The ini key, and what pytest calls the value: `"drive_agent"`."""
-        return self.flag.lstrip("-").replace("-", "_")
-
-
 class GivenText(NamedTuple):
     """The text that an option was given, or its default. `source` is None where defaults are read."""
 
@@ -73,24 +47,19 @@ class GivenText(NamedTuple):
     source: OptionSource | None = None
 
 
-def _as_text(given: GivenText) -> str:
-    return given.text
+def _usual(given: GivenText) -> str | bool:
+    """Return the text, or for a switch whether it was given."""
+    return bool(given.text) if OPTIONS[given.flag].is_switch else given.text
 
 
-def option(
-    flag: str, metavar: str, default: str, help: str, *, bare: str = "", parse: Callable[[GivenText], Any] = _as_text
-) -> Any:
+def option(flag: str, *, parse: Callable[[GivenText], Any] = _usual) -> Any:
     """Return a dataclass field that is one option; `parse` makes its value and raises `UsageError`."""
-    return combined(Option(flag, metavar, default, help, bare), parse=parse)
+    return combined(flag, parse=parse)
 
 
-def switch(flag: str, help: str) -> Any:
-    """Return a dataclass field that is True where the flag was given."""
-    return combined(Option(flag, "", "", help, is_switch=True), parse=lambda given: bool(given.text))
-
-
-def combined(*options: Option, parse: Callable[..., Any]) -> Any:
+def combined(*flags: str, parse: Callable[..., Any]) -> Any:
     """Return a dataclass field whose value `parse` makes of several options, in their order."""
+    options = tuple(OPTIONS[flag] for flag in flags)
     return field(
         default_factory=lambda: parse(*(GivenText(option.flag, option.default) for option in options)),
         metadata={_OPTIONS: options, _PARSE: parse},

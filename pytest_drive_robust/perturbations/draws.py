@@ -8,8 +8,9 @@ in any process and in any order, and nothing touches a global generator.
 from __future__ import annotations
 
 import hashlib
-import math
 import operator
+
+from pytest_drive_robust.arithmetic.random_numbers import box_muller
 
 __all__ = ["Draws"]
 
@@ -17,17 +18,15 @@ Four = tuple[float, float, float, float]
 
 _BLOCK_TICKS = 256  # one call of numpy serves 12.8 s at 20 Hz
 _UNIT = 2.0**-53  # a float in [0, 1) from the upper 53 bits of a word
-_TURN = 2.0 * math.pi
 _PERSON = b"drive-robust v1"  # sets our keys apart from every other use of the hash; change it to change all numbers
 
 
 class Draws:
     """The random numbers of one perturbation in one episode: four for each sensor and tick.
 
-    `seed` is any integer, `route_id`, `stream` and `sensor` any strings. Uniform numbers are the same to the last bit
-    on every machine; normal numbers go through the C library's `log`, `cos` and `sin`, which may differ in the last
-    bit between platforms. numpy promises stable words of its bit generators (NEP 19) but not a stable
-    `Generator.standard_normal`, so the normal numbers are made here.
+    `seed` is any integer, `route_id`, `stream` and `sensor` any strings. All numbers are the same to the
+    last bit on every machine and with every version of numpy, which promises the words of its bit generators (NEP 19);
+    what becomes of them is plain arithmetic.
 
     >>> draws = Draws(7, "2091", "gps-noise")
     >>> draws.normal("gps", 30) == Draws(7, "2091", "gps-noise").normal("gps", 30)
@@ -53,14 +52,7 @@ class Draws:
     def normal(self, sensor: str, tick: int) -> Four:
         """Return four independent numbers of the standard normal distribution (Box and Muller, 1958)."""
         u, v, w, z = self.uniform(sensor, tick)
-        first = math.sqrt(-2.0 * math.log(1.0 - u))  # 1 - u lies in (0, 1], so the logarithm is finite
-        second = math.sqrt(-2.0 * math.log(1.0 - w))
-        return (
-            first * math.cos(_TURN * v),
-            first * math.sin(_TURN * v),
-            second * math.cos(_TURN * z),
-            second * math.sin(_TURN * z),
-        )
+        return *box_muller(u, v), *box_muller(w, z)
 
 
 def _key(names: tuple[str, ...]) -> int:

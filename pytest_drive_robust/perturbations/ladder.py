@@ -134,5 +134,5 @@ def _one_way(levels: tuple[float, ...]) -> bool:
 
 
 def _ticks(dt_s: float) -> tuple[float, ...]:
-    """Whole ticks in milliseconds, up to a second."""
+    """Return whole ticks in milliseconds, up to a second."""
     return tuple(round(1000.0 * dt_s * count, 6) for count in range(1, round(_LONGEST_DELAY_S / dt_s) + 1))

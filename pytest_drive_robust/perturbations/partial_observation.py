@@ -10,6 +10,7 @@ from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans, cameras_by_name
+from pytest_drive_robust.perturbations.gaussian_blur import blurred
 from pytest_drive_robust.perturbations.severity import checked_choice, checked_flag, checked_number, whole_ticks
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["PartialObservation"]
 
-_BLUR_PX = (31, 31)
 _GRAY = 128
 
 
@@ -96,8 +96,6 @@ class PartialObservation(Perturbation):
 
     def _cover(self, rectangle: Pixels) -> None:
         if self.fill == "blur":
-            import cv2
-
-            rectangle[...] = cv2.GaussianBlur(rectangle, _BLUR_PX, 0)
+            rectangle[...] = blurred(rectangle)
         else:
             rectangle[...] = 0 if self.fill == "black" else _GRAY

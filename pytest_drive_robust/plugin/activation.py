@@ -69,7 +69,7 @@ def _report_here(
     waivers: Waivers,
     drive_here: Callable[..., None],
 ) -> None:
-    """In the one process that people look at: drive here, or follow what the workers drive."""
+    """Drive here or follow what the workers drive: in the one process that people look at."""
     if options.plan:
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
@@ -107,5 +107,5 @@ def _drive_here(
     collection = CollectionPlugin()
     config.pluginmanager.register(collection, "drive_robust_collection")
     if options.plan:
-        plan = PlanPlugin(config, store, collection.requests, slots=executor.slots)
+        plan = PlanPlugin(config, store, collection.requests, collection.readings, slots=executor.slots)
         config.pluginmanager.register(plan, "drive_robust_planning")

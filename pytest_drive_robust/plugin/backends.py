@@ -14,8 +14,8 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.executor import executor_of
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import Executor
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["BENCH2DRIVE", "RESULTS", "backend_for", "external_options", "is_external"]

@@ -8,8 +8,8 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, FIXTURES
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker
-from pytest_drive_robust.plugin.usage_errors import PROBLEMS, note_problem
-from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
+from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, Scope
 from pytest_drive_robust.store.events import Advised
 from pytest_drive_robust.verdict.requirement import Requirement, by_evidence
 
@@ -19,11 +19,12 @@ __all__ = ["CollectionPlugin"]
 class CollectionPlugin:
     """In every process that runs tests: plans the episodes of the selected tests.
 
-    `requests` are these episodes by key, in the order of the tests.
+    `requests` are these episodes by key, `readings` what their verdicts read of them; in the order of the tests.
     """
 
     def __init__(self) -> None:
         self.requests: dict[str, EpisodeRequest] = {}
+        self.readings: list[Reading] = []
         self._advice: dict[str, None] = {}
         self._scopes: dict[tuple[str, str], Scope] = {}
         self._judged_by_evidence = 0
@@ -32,7 +33,7 @@ class CollectionPlugin:
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         """Check the names that the run and each test use, and tell how many episodes the selected tests need."""
         config = session.config
-        if config.stash[PROBLEMS]:
+        if problems_of(config):
             return
         context = config.stash[DRIVE_CONTEXT]
         note_problem(config, "", context.scopes.check)
@@ -42,7 +43,7 @@ class CollectionPlugin:
         if context.options.correction != "none":
             context = context._replace(family=max(1, self._judged_by_evidence))
             config.stash[DRIVE_CONTEXT] = context
-        context.campaign.planned(self.requests, ahead=not is_worker(config))
+        context.campaign.planned(self.requests, self.readings, ahead=not is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
             context.campaign.tell(Advised(tuple(self._advice)))  # the controller shows it
@@ -74,4 +75,5 @@ class CollectionPlugin:
             if advice.text:
                 self._advice[advice.text] = None
         self.requests.update(scope.plan(wanted))
+        self.readings += [scope.reading(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)

@@ -14,7 +14,7 @@ from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import InlineExecutor
-from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.executor import factory_offers_lockstep
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def executor_of(
         return RayExecutor(worker_setup, limits, address=execution.ray_address, slots=execution.workers)
     slots = execution.slots(shared=shared)
     if execution.lockstep is not None:
-        from pytest_drive_robust.engine.lockstep.processes import lockstep_in_processes
+        from pytest_drive_robust.engine.pool import lockstep_in_processes
 
         return lockstep_in_processes(
             worker_setup,
@@ -71,7 +71,7 @@ def executor_of(
 
 def _inline(options: RunOptions, ticked: Callable[[], object], *, width: int | None) -> Executor:
     """Return an executor that drives in this process."""
-    from pytest_drive_robust.runner.lockstep.inline import lockstep_inline
+    from pytest_drive_robust.runner.lockstep.executor import lockstep_inline
 
     world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
     if width is None:

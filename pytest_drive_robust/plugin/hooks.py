@@ -8,35 +8,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator
-from functools import partial
 from typing import Any
 
 import pytest
 
 from pytest_drive_robust import hookspecs
-from pytest_drive_robust.options.execution import ExecutionOptions
-from pytest_drive_robust.options.option import options_of
-from pytest_drive_robust.options.run import DRIVE_ROBUST, RunOptions
+from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.fixtures import FIXTURES, NEEDS_FLAG
-from pytest_drive_robust.plugin.usage_errors import (
-    PROBLEMS,
-    ProblemCourier,
-    as_pytest_usage_error,
-    note_problem,
-    refuse_problems,
-    usage_error_in,
-)
-from pytest_drive_robust.regression.options import RegressionOptions
 
-__all__ = ["OPTIONS"]
-
-OPTIONS = (
-    DRIVE_ROBUST,
-    *options_of(RunOptions),
-    *options_of(ExecutionOptions),
-    *options_of(RegressionOptions),
-)
-"""Every option that pytest is given, in the order of `--help`."""
+__all__: list[str] = []
 
 _MARKER_LINE = (
     "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], verdict=RULE, margin=SHARE): drive these tests with this "
@@ -47,7 +27,7 @@ _MARKER_LINE = (
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
     group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
-    for option in OPTIONS:
+    for option in OPTIONS.values():
         if option.is_switch:
             group.addoption(option.flag, action="store_true", help=option.help)
             continue
@@ -67,16 +47,20 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
     config.addinivalue_line("markers", _MARKER_LINE)
-    config.stash[PROBLEMS] = {}
-    with as_pytest_usage_error():
+    try:
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
         if config.getoption("drive_robust"):
             from pytest_drive_robust.plugin.activation import activate
 
             activate(config)
+    except Exception as error:
+        from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
+
+        raise_as_pytests(error)
+        raise
     if config.pluginmanager.hasplugin("xdist"):
-        config.pluginmanager.register(ProblemCourier(config.stash[PROBLEMS]), "drive_robust_problems")
+        _carry_problems(config)
 
 
 def pytest_unconfigure() -> None:
@@ -98,10 +82,14 @@ def pytest_make_collect_report(
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
     """Turn a sentence that we do not understand into a usage error (exit code 4) without a traceback of our parser."""
     report = yield
+    if not report.failed:
+        return report
+    from pytest_drive_robust.plugin.usage_errors import problems_of, usage_error_in
+
     error = usage_error_in(report)
     if error is None:
         return report
-    collector.config.stash[PROBLEMS].setdefault(str(error), collector.nodeid or collector.name)
+    problems_of(collector.config).setdefault(str(error), collector.nodeid or collector.name)
     return pytest.CollectReport(collector.nodeid, "passed", None, [])
 
 
@@ -110,7 +98,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Check the markers; without `--drive-robust`, skip what would have to drive."""
     for item in items:
         if item.get_closest_marker("drive_robust") is not None:
-            note_problem(config, item.nodeid, partial(_check_markers, item))
+            _check_markers(item)
     if not config.getoption("drive_robust"):
         skip = pytest.mark.skip(reason=NEEDS_FLAG)
         for item in items:
@@ -121,7 +109,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Refuse what was found wrong while collecting. `plugin.collection` was called before and made the plan."""
-    refuse_problems(session)
+    usage_errors = sys.modules.get("pytest_drive_robust.plugin.usage_errors")  # not loaded: nothing is wrong
+    if usage_errors is not None:
+        usage_errors.refuse_problems(session)
 
 
 class _LazyRegistry:
@@ -133,7 +123,18 @@ class _LazyRegistry:
         return getattr(default_registry(), name)
 
 
+def _carry_problems(config: pytest.Config) -> None:
+    """Have usage errors of the workers of pytest-xdist reported, where there are workers."""
+    from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+
+    if is_controller(config) or is_worker(config):
+        from pytest_drive_robust.plugin.usage_errors import ProblemCourier, problems_of
+
+        config.pluginmanager.register(ProblemCourier(problems_of(config)), "drive_robust_problems")
+
+
 def _check_markers(item: pytest.Item) -> None:
     from pytest_drive_robust.options.marker import MarkerOptions
+    from pytest_drive_robust.plugin.usage_errors import note_problem
 
-    MarkerOptions.from_marks(item.iter_markers("drive_robust"))
+    note_problem(item.config, item.nodeid, lambda: MarkerOptions.from_marks(item.iter_markers("drive_robust")))

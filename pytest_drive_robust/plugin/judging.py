@@ -107,9 +107,11 @@ class Drive:
         return self._scope.seeds
 
     def check(self, requirement: Requirement, *, verdict: str | None = None, margin: float | None = None) -> Verdict:
-        """Drive what is missing and judge. Fails the test when the requirement does not hold, and makes it an error
-        when it cannot be judged (an episode broke in the simulator, nothing to compare with). An inconclusive verdict
-        warns, fails or skips, as `--drive-inconclusive` says.
+        """Drive what is missing and judge.
+
+        Fails the test when the requirement does not hold, and makes it an error when it cannot be judged (an episode
+        broke in the simulator, nothing to compare with). An inconclusive verdict warns, fails or skips, as
+        `--drive-inconclusive` says.
 
         `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
@@ -156,7 +158,9 @@ class Drive:
         limit: float = 0.30,
         levels: Iterable[float] | None = None,
     ) -> Bracket:
-        """The largest severity at which `metric` keeps to `limit`, found by bisection over whole ticks or usual steps:
+        """Return the largest severity at which `metric` keeps to `limit`.
+
+        Found by bisection over whole ticks or usual steps:
         `assert drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
 
         Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`), `levels` (mildest first) to
@@ -171,7 +175,8 @@ class Drive:
         return bracket
 
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
-        """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken:
+        """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken.
+
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
         """
         __tracebackhide__ = True
@@ -184,7 +189,7 @@ class Drive:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
 
     def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
-        """The limit is only there because a verdict needs one; the test has its own."""
+        """Measure by a requirement whose limit says nothing; the test has its own."""
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, _as_setting(setting), comparison, limit)
@@ -200,7 +205,7 @@ class Drive:
             raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
 
     def _record(self, judgement: Judgement) -> None:
-        """Plain finite Python numbers only: nothing else can travel from a worker and be read from a JUnit file."""
+        """Note plain finite Python numbers: nothing else travels from a worker and is read from a JUnit file."""
         verdict = judgement.verdict
         numbers = {
             "drive_value": float(verdict.value),
@@ -221,7 +226,7 @@ class Drive:
         raise BrokenRequirementError(self._text(judgement), pytrace=False)
 
     def _leave_open(self, judgement: Judgement) -> None:
-        """Neither shown to hold nor to be broken."""
+        """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
         __tracebackhide__ = True
         mode = self._context.options.inconclusive
         if mode == "fail":

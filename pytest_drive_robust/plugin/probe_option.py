@@ -9,10 +9,10 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.runner.repeatability import drive_twice
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.runner.search.repeatability import drive_twice
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 __all__ = ["ProbePlugin"]
 

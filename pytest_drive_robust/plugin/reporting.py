@@ -10,9 +10,9 @@ from pytest_drive_robust.plugin.backends import is_external
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import INCONCLUSIVE
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
-from pytest_drive_robust.plugin.usage_errors import PROBLEMS
+from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.routes import default_spec, resolve_routes, routes_for
+from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 
 __all__ = ["ReportingPlugin", "every_test_ran", "header"]
 
@@ -52,7 +52,7 @@ class ReportingPlugin:
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write every report. A run that drove no episode, or whose file was not written, is not green."""
-        if self._ran and not self._config.stash[PROBLEMS]:
+        if self._ran and not problems_of(self._config):
             problem = self._outputs.finish(whole=every_test_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -101,5 +101,5 @@ def _routes_in_words(options: RunOptions) -> str:
         simulator = default_registry().simulator(options.simulator)
     except UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
         return options.routes
-    spec = default_spec(options, simulator)
+    spec = default_spec(options.routes, simulator, given=options.routes_given)
     return f"{len(routes_for(spec, simulator))} ({spec})"

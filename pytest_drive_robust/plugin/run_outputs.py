@@ -57,16 +57,16 @@ class LocalRunRecord:
         return self.store.get(key)
 
     def __call__(self, event: Event) -> None:
-        """Something happened (see `runner.scheduler.Observer`)."""
+        """Note that something happened (see `runner.scheduler.Observer`)."""
         self._events.append(event)
         self._progress.see(event)
 
     def ticked(self) -> None:
-        """An episode is still under way."""
+        """Show that an episode is still under way."""
         self._progress.refresh()
 
     def idle(self) -> None:
-        """pytest is about to write."""
+        """Pause the progress: pytest is about to write."""
         self._progress.pause()
 
 

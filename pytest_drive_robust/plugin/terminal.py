@@ -25,7 +25,7 @@ class UncapturedScreen:
 
     @contextmanager
     def exclusive(self) -> Iterator[TextIO]:
-        """Give the real standard output, at the start of a line, with capturing suspended."""
+        """Yield the real standard output, at the start of a line, with capturing suspended."""
         suspended = self._capture.global_and_fixture_disabled() if self._capture is not None else nullcontext()
         with suspended:
             self._reporter.ensure_newline()

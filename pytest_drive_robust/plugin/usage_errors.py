@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -11,11 +10,15 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 
-__all__ = ["PROBLEMS", "ProblemCourier", "as_pytest_usage_error", "note_problem", "refuse_problems", "usage_error_in"]
+__all__ = ["ProblemCourier", "note_problem", "problems_of", "raise_as_pytests", "refuse_problems", "usage_error_in"]
 
-PROBLEMS = pytest.StashKey["dict[str, str]"]()
-"""The errors in the order found: what is wrong, and where first; one of the run itself has no place."""
+_PROBLEMS = pytest.StashKey["dict[str, str]"]()
 _OUTPUT = "drive_robust_problems"
+
+
+def problems_of(config: pytest.Config) -> dict[str, str]:
+    """Return the problems found so far in the order found: what is wrong, and where first; "" for the run itself."""
+    return config.stash.setdefault(_PROBLEMS, {})
 
 
 def note_problem(config: pytest.Config, where: str, attempt: Callable[[], object]) -> None:
@@ -23,12 +26,12 @@ def note_problem(config: pytest.Config, where: str, attempt: Callable[[], object
     try:
         attempt()
     except UsageError as error:
-        config.stash[PROBLEMS].setdefault(str(error), where)
+        problems_of(config).setdefault(str(error), where)
 
 
 def refuse_problems(session: pytest.Session) -> None:
     """Raise pytest's usage error for the session's problems. A worker runs nothing: its controller reports them."""
-    problems = session.config.stash[PROBLEMS]
+    problems = problems_of(session.config)
     if problems and is_worker(session.config):
         session.items.clear()
     elif problems:
@@ -43,12 +46,9 @@ def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
     return error if isinstance(error, UsageError) else None
 
 
-@contextmanager
-def as_pytest_usage_error() -> Iterator[None]:
-    """Turn our usage errors into pytest's, which end with exit code 4 and without a traceback."""
-    try:
-        yield
-    except UsageError as error:
+def raise_as_pytests(error: Exception) -> None:
+    """Raise pytest's usage error in place of ours, for exit code 4 without a traceback; return for any other error."""
+    if isinstance(error, UsageError):
         raise pytest.UsageError(str(error)) from None
 
 
@@ -79,5 +79,5 @@ class ProblemCourier:
 
 
 def _sentences(problems: dict[str, str]) -> list[str]:
-    """`"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
+    """Return `"test_suite.py::test_it: there is no agent ..."`, each problem once, at its first place."""
     return [f"{place}: {problem}" if place else problem for problem, place in problems.items()]

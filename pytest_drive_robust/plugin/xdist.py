@@ -70,10 +70,10 @@ class WorkerObserver:
         self._journal(event)
 
     def ticked(self) -> None:
-        """The controller cannot see ticks."""
+        """Do nothing: the controller cannot see ticks."""
 
     def idle(self) -> None:
-        """A worker draws nothing."""
+        """Do nothing: a worker draws nothing."""
 
 
 class SharedRunRecord:

@@ -72,7 +72,7 @@ def from_entry_points(kind: str) -> Iterator[Entry]:
 
 
 def is_reference(name: str) -> bool:
-    """True for `"module.path:Factory"`."""
+    """Return True for `"module.path:Factory"`."""
     module, colon, attribute = name.partition(":")
     return bool(module and colon and attribute)
 

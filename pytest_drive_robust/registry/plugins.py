@@ -81,8 +81,9 @@ def register_names_of(word: str, registry: Registry) -> None:
 
 
 def imported_from(module: str, file: str) -> ModuleType:
-    """Return the module of that name from exactly that file. Two conftest.py files may share a name: the later one gets
-    it."""
+    """Return the module of that name from exactly that file.
+
+    Two conftest.py files may share a name: the later one gets it."""
     known = sys.modules.get(module)
     if known is not None and _is_file(known.__file__, file):
         return known

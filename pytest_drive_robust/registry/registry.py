@@ -102,8 +102,10 @@ class Registry:
         return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
-        """Return a new world. `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or
-        `module.path:Factory`. Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
+        """Return a new world.
+
+        `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or `module.path:Factory`.
+        Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
         """
         entry = self._find("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
@@ -134,8 +136,9 @@ class Registry:
         return cast("MetricFunction", function)
 
     def names(self, kind: str) -> list[tuple[str, str]]:
-        """Return (name, origin) of every entry of a kind, sorted, nothing loaded. One with an argument is
-        `gymnasium:ID`."""
+        """Return (name, origin) of every entry of a kind, sorted, nothing loaded.
+
+        One with an argument is `gymnasium:ID`."""
         return sorted(
             (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
         )

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from pytest_drive_robust.domain.result import ANY_MACHINE, MACHINE_FACTS
 from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["AgentPrint", "Fingerprint", "Mismatch", "MismatchPolicy", "mismatches", "parse_policy"]
@@ -99,7 +100,18 @@ def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
     told = {"simulator", before.simulator.partition(":")[0], after.simulator.partition(":")[0], *_NOT_NUMBERS}
     for name in sorted({*before.versions, *after.versions} - told):
         was, now = before.versions.get(name), after.versions.get(name)
-        if was != now:
+        if was == now:
+            continue
+        if name in MACHINE_FACTS:
+            if was and now and ANY_MACHINE not in (was, now):
+                library = "torch" if "torch" in name else "numpy"
+                yield Mismatch(
+                    "versions",
+                    f"the agent's bits depend on the machine, whose {library} computes otherwise: the same agent may "
+                    "score a little differently here; drive-robust replay FILE.episode --stored-controls drives a "
+                    "stored episode again to the same bits anywhere",
+                )
+        else:
             yield Mismatch("versions", f"{name} was {was or 'not recorded'} and is {now or 'not recorded'}")
 
 

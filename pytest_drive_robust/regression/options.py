@@ -4,35 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.allowance import Allowance
-    from pytest_drive_robust.regression.fingerprint import MismatchPolicy
+from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
+from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
+from pytest_drive_robust.regression.references import BASELINES
+from pytest_drive_robust.regression.runs import AUTO, check_run_name
 
 __all__ = ["RegressionOptions"]
 
-# Every pytest session imports this module: what reads the values is imported when they are read.
-
 
 def _save(given: GivenText) -> str:
-    from pytest_drive_robust.regression.runs import AUTO, check_run_name
-
     return given.text if given.text in ("", AUTO) else check_run_name(given.text, source=given.flag)
 
 
 def _allowances(given: GivenText) -> tuple[Allowance, ...]:
-    from pytest_drive_robust.regression.allowance import parse_allowances
-
     return parse_allowances([given.text], source=given.flag)
 
 
 def _policy(given: GivenText) -> MismatchPolicy:
-    from pytest_drive_robust.regression.fingerprint import parse_policy
-
     return parse_policy(given.text)
 
 
@@ -48,8 +39,6 @@ def _compare(given: GivenText) -> str:
 
 
 def _baselines(given: GivenText) -> Path:
-    from pytest_drive_robust.regression.references import BASELINES
-
     return _home(given) / (given.text or BASELINES)
 
 
@@ -77,34 +66,12 @@ class RegressionOptions:
     """
 
     home: Path
-    save: str = option(
-        "--drive-save", "NAME", "", "store the run as .drive-robust/runs/NAME.json", bare="auto", parse=_save
-    )
-    compare: str = option(
-        "--drive-compare",
-        "REF",
-        "",
-        "judge every setting against a stored run, a JSON file, latest or baseline; "
-        "alone: what was blessed, else the latest run",
-        bare="auto",
-        parse=_compare,
-    )
-    allowances: tuple[Allowance, ...] = option(
-        "--drive-fail-on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%", parse=_allowances
-    )
-    policy: MismatchPolicy = option(
-        "--drive-on-mismatch",
-        "POLICY",
-        "default",
-        "warn or refuse when the two runs were not driven with the same; else other routes and simulators are refused",
-        parse=_policy,
-    )
-    baselines: Path = option(
-        "--drive-baselines", "FOLDER", "", "blessed baselines; default: suites/baselines", parse=_baselines
-    )
-    waivers: Path | None = option(
-        "--drive-waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists", parse=_waivers
-    )
+    save: str = option("--drive-save", parse=_save)
+    compare: str = option("--drive-compare", parse=_compare)
+    allowances: tuple[Allowance, ...] = option("--drive-fail-on", parse=_allowances)
+    policy: MismatchPolicy = option("--drive-on-mismatch", parse=_policy)
+    baselines: Path = option("--drive-baselines", parse=_baselines)
+    waivers: Path | None = option("--drive-waivers", parse=_waivers)
 
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> RegressionOptions:

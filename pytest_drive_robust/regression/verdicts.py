@@ -23,7 +23,7 @@ from pytest_drive_robust.stats.evidence import (
     mean_below_zero_p,
     mean_forms,
 )
-from pytest_drive_robust.stats.judges import VerdictKind, read_until_decided
+from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
 
 __all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
 
@@ -60,7 +60,7 @@ def judge_drop(
     the time on routes like these. Raises `ComparisonError` when there is no pair.
     """
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
-    return read_until_decided(kind, _forms(allowance), scores, planned=len(pairs), alpha=alpha)[0]
+    return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=alpha), scores)[0]
 
 
 def judge_rise(

@@ -91,7 +91,7 @@ def _table(comparison: Comparison, *, colour: bool) -> Table:
 
 
 def _stories(comparison: Comparison) -> Iterator[str]:
-    """Give what is behind each verdict that is not a pass, and behind each flip."""
+    """Yield what is behind each verdict that is not a pass, and behind each flip."""
     for cell in comparison.cells:
         telling = ("fail", "error", "inconclusive") if cell.changed else ("fail", "error")
         broken = [finding for finding in cell.findings if finding.verdict in telling]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH
-from pytest_drive_robust.runner.routes import ships
+from pytest_drive_robust.simulators.routes import ships
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.report.numbers import interval_text, legible, shown
-from pytest_drive_robust.report.terminal import footnotes, numbers_of
+from pytest_drive_robust.report.terminal import columns_of, footnotes, numbers_of
 
 if TYPE_CHECKING:
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
@@ -20,14 +20,15 @@ VARIABLE = "GITHUB_STEP_SUMMARY"
 
 _LOUD = ("fail", "error")
 _VERDICT_HEADS = ("requirement", "agent", "value", "interval", "routes", "verdict")
-_SETTING_HEADS = ("agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict")
 
 
 def append_step_summary(run: RunResult, environ: Mapping[str, str]) -> None:
     """Append the summary to the file that the environment names; without one nothing happens. Raises `OSError`."""
     path = environ.get(VARIABLE, "")
+    if not path:
+        return
     text = step_summary(run)
-    if path and text:
+    if text:
         with Path(path).open("a", encoding="utf-8") as file:
             file.write(legible(text))
 
@@ -42,7 +43,8 @@ def step_summary(run: RunResult) -> str:
     reasons = [f"- {_cell(item.requirement)}: {_cell(item.message)}" for item in run.judged if item.message]
     parts += ["\n".join(reasons)] if reasons else []
     if run.rows:
-        table = _table(_SETTING_HEADS, map(_setting, run.rows))
+        columns = columns_of(run)
+        table = _table(("agent", "setting", *columns, "verdict"), (_setting(row, columns) for row in run.rows))
         parts.append(f"<details><summary>settings</summary>\n\n{table}\n\n</details>")
     notes = [f"- {_cell(line)}" for line in footnotes(run)]
     parts += ["\n".join(notes)] if notes else []
@@ -77,8 +79,8 @@ def _verdict(judged: Judged) -> tuple[str, ...]:
     )
 
 
-def _setting(row: SettingRow) -> tuple[str, ...]:
-    return (row.agent + ("*" if row.privileged else ""), row.setting, *numbers_of(row), row.verdict)
+def _setting(row: SettingRow, columns: tuple[str, ...]) -> tuple[str, ...]:
+    return (row.agent + ("*" if row.privileged else ""), row.setting, *numbers_of(row, columns), row.verdict)
 
 
 def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:

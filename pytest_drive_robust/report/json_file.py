@@ -77,7 +77,10 @@ def _row(row: SettingRow) -> dict[str, object]:
         "episodes_needed": row.needed,
         "episodes_finished": len(row.results),
         "summary": None if row.summary is None else _summary(row.summary),
+        "routes_planned": row.planned,
+        "ds_interval": row.ds_interval,
         "rd": row.rd,
+        "rd_interval": row.rd_interval,
         "verdict": row.verdict,
         "problem": row.problem or None,
     }

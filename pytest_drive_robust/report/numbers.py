@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["counted", "duration_text", "interval_text", "legible", "shown"]
+__all__ = ["counted", "duration_text", "interval_text", "left_text", "legible", "shown"]
 
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) not in "\t\n"}
 
 _SHARES = ("RD", "SR")
+_SHORT_S = 15.0
 
 
 def shown(metric: str, value: float | None) -> str:
@@ -34,10 +35,17 @@ def counted(number: int, noun: str) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return `"12 s"`, `"3 min"`, `"1.5 h"`."""
-    if seconds < 60:
+    """Return `"12 s"`, `"90 s"`, `"2.5 min"`, `"30 min"`, `"1.5 h"`."""
+    if seconds < 100:
         return f"{max(1, round(seconds))} s"
+    if seconds < 570:
+        return f"{round(seconds / 30) / 2:g} min"
     return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
+
+
+def left_text(seconds: float) -> str:
+    """Return `"about 2.5 min"`, or `"less than 30 s"` where one verdict more or less decides: no guess is better."""
+    return f"less than {2 * _SHORT_S:.0f} s" if seconds < _SHORT_S else f"about {duration_text(seconds)}"
 
 
 def legible(text: str, *, controls: bool = False) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from math import fsum
 from typing import TYPE_CHECKING
 
@@ -17,14 +17,21 @@ __all__ = ["plan_text"]
 
 
 def plan_text(
-    requests: Iterable[EpisodeRequest], find: Callable[[str], EpisodeResult | None], *, slots: int, colour: bool
+    requests: Iterable[EpisodeRequest],
+    find: Callable[[str], EpisodeResult | None],
+    *,
+    likely: Collection[str],
+    slots: int,
+    colour: bool,
 ) -> str:
     """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
 
-    The time rests on the stored episodes of the plan; where there are none it is not known.
+    `likely` are the keys of the episodes that the verdicts probably take: some may come early. The time rests on the
+    stored episodes of the plan; where there are none it is not known.
     """
     counts: dict[tuple[str, str], list[int]] = {}
     walls: list[float] = []
+    left = 0
     for request in requests:
         count = counts.setdefault((request.episode.agent, request.episode.setting), [0, 0])
         count[0] += 1
@@ -32,6 +39,8 @@ def plan_text(
         if stored is not None:
             count[1] += 1
             walls.append(stored.wall_s)
+        elif request.key in likely:
+            left += 1
     table = new_table(colour=colour)
     table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
     table.add_column("setting", max_width=48, overflow="fold")
@@ -41,14 +50,15 @@ def plan_text(
         table.add_row(agent, setting, str(needed), str(stored_count), str(needed - stored_count))
     page = Page(colour=colour)
     page.print(table)
-    return f"{page.text}\n{_sentence(counts.values(), walls, slots)}"
+    most = sum(needed - stored for needed, stored in counts.values())
+    return f"{page.text}\n{_sentence(left, most, walls, slots)}"
 
 
-def _sentence(counts: Iterable[list[int]], walls: list[float], slots: int) -> str:
-    left = sum(needed - stored for needed, stored in counts)
-    if not left:
+def _sentence(left: int, most: int, walls: list[float], slots: int) -> str:
+    if not most:
         return "Every episode is stored: nothing would be driven."
-    at_most = f"At most {left} episodes would be driven, {slots} at a time"
+    driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
+    driven = f"{driven if left < most else f'{most} episodes would be driven'}, {slots} at a time"
     if not walls:
-        return f"{at_most}; how long that takes shows when the first ones are stored."
-    return f"{at_most}, in about {duration_text(left * fsum(walls) / len(walls) / slots)}; a verdict may need fewer."
+        return f"{driven}; how long that takes shows when the first ones are stored."
+    return f"{driven}, in about {duration_text(left * fsum(walls) / len(walls) / slots)}."

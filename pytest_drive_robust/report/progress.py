@@ -7,8 +7,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from pytest_drive_robust.report.numbers import duration_text
-from pytest_drive_robust.store.events import Asked, Event, Finished, Planned, Reused, Spared, Started
+from pytest_drive_robust.report.numbers import left_text
+from pytest_drive_robust.report.time_left import EpisodeCosts, LikelyEpisodes, Pace
+from pytest_drive_robust.store.events import Asked, Compiling, Event, Finished, Planned, Reused, Spared, Started
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -19,6 +20,9 @@ __all__ = ["LiveProgress", "PlainProgress", "Progress", "ProgressState", "Screen
 _REDRAW_S = 0.2
 _PLAIN_S = 3.0
 _HEARTBEAT_S = 30.0
+_COMPILING_S = 5.0
+_MOST_PASSED = 0.9
+"""The share of an episode that is over at most while it is under way, however long it takes."""
 
 
 class Screen(Protocol):
@@ -33,18 +37,24 @@ class ProgressState:
     """What the events so far add up to. `clock` is in seconds and only its differences count."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
         self._keys: set[str] = set()
         self._finished: set[str] = set()
         self._driven = 0
         self._spared: set[str] = set()
         self._open: list[Asked] = []
         self._running: dict[str, Started] = {}
-        self._began_s: float | None = None
+        self._likely = LikelyEpisodes()
+        self._costs = EpisodeCosts()
+        self._pace = Pace(clock)
+        self._left: frozenset[str] | None = None
+        self._compiling: Compiling | None = None
 
     def see(self, event: Event) -> list[Asked]:
         """Take in an event. Returns the settings that it completed."""
-        if isinstance(event, (Planned, Asked)):
+        self._left = None
+        for part in (self._likely, self._costs, self._pace):
+            part.see(event)
+        if isinstance(event, Planned) or (isinstance(event, Asked) and not self._is_covered(event)):
             self._keys.update(event.keys)
         if isinstance(event, Asked) and event not in self._open and not self._finished.issuperset(event.keys):
             self._open.append(event)
@@ -54,13 +64,13 @@ class ProgressState:
             self._spared.update(event.keys)
         if isinstance(event, Started):
             self._running[event.key] = event
-            if self._began_s is None:
-                self._began_s = self._clock()
         if isinstance(event, (Finished, Reused)):
             self._running.pop(event.key, None)
             self._finished.add(event.key)
         if isinstance(event, Finished):
             self._driven += 1
+        if isinstance(event, (Compiling, Finished)):  # where episodes end, nothing waits for a compiler
+            self._compiling = event if isinstance(event, Compiling) and event.done < event.total else None
         over = self._finished | self._spared
         completed = [asked for asked in self._open if over.issuperset(asked.keys)]
         self._open = [asked for asked in self._open if asked not in completed]
@@ -73,15 +83,18 @@ class ProgressState:
 
     @property
     def total(self) -> int:
-        """Episodes that are known to be needed, without those that a verdict did not wait for."""
-        return len((self._keys - self._spared) | self._finished)
+        """Episodes that are finished or probably needed; verdicts may come earlier or later than they usually do."""
+        return self.done + len(self._to_drive())
 
     @property
     def left_s(self) -> float | None:
-        """Seconds to go if it goes on as before; None before the first episode is finished."""
-        if self._began_s is None or not self._driven:
+        """Seconds to go, less what is still to be compiled; None before the first episode is finished."""
+        if not self._driven:
             return None
-        return (self._clock() - self._began_s) / self._driven * (self.total - self.done)
+        expected_s = self._costs.expected_s(self._to_drive())
+        passed_s = self._pace.running_s().items()
+        over_s = sum(min(seconds, _MOST_PASSED * expected_s.get(key, 0.0)) for key, seconds in passed_s)
+        return (sum(expected_s.values()) - over_s) / self._pace.per_second
 
     @property
     def active(self) -> bool:
@@ -89,9 +102,33 @@ class ProgressState:
         return self.done < self.total
 
     def counts(self) -> str:
-        """Return `"37/264 episodes, about 3 min left"`."""
-        left = "" if self.left_s is None or self.done == self.total else f", about {duration_text(self.left_s)} left"
-        return f"{self.done}/{self.total} episodes{left}"
+        """Return `"37/264 episodes, about 3 min left"`; `"37 of about 264 episodes"` while verdicts may come early."""
+        total, left_s = self.total, self.left_s
+        left = "" if left_s is None or self.done == total else f", {left_text(left_s)} left"
+        return f"{self.done}{'/' if self._likely.sure else ' of about '}{total} episodes{left}"
+
+    @property
+    def compiled(self) -> tuple[int, int] | None:
+        """How many functions are compiled, of how many that episodes wait for; None while nothing is compiled."""
+        return (self._compiling.done, self._compiling.total) if self._compiling is not None else None
+
+    def compiling(self) -> str:
+        """Return `"compiling, 31 of 140 functions done (kept for later runs)"`, nothing while nothing is compiled."""
+        if self.compiled is None:
+            return ""
+        done, total = self.compiled
+        return f"compiling, {done} of {total} functions done (kept for later runs)"
+
+    def _is_covered(self, asked: Asked) -> bool:
+        return self._likely.covers(asked.agent, asked.routes_spec, asked.seeds, asked.setting)
+
+    def _to_drive(self) -> frozenset[str]:
+        """Return the episodes that are needed, as far as one can tell, and not finished."""
+        if self._left is None:
+            likely = self._likely.keys()
+            needed = likely | (self._keys - self._spared - self._likely.unlikely(likely))
+            self._left = frozenset((needed | self._running.keys()) - self._finished)
+        return self._left
 
     def now(self) -> str:
         """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`."""
@@ -132,23 +169,31 @@ class SilentProgress:
 
 
 class PlainProgress:
-    """A line when a setting is finished, at most one in three seconds, and a sign of life every half minute."""
+    """A line when a setting is finished, at most one in three seconds, and a sign of life every half minute.
+
+    While kernels are compiled, a line at once and one every five seconds.
+    """
 
     def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
         self._screen = screen
         self._clock = clock
         self._state = ProgressState(clock)
         self._written_s = clock() - _PLAIN_S
+        self._compiling_s: float | None = None
 
     def see(self, event: Event) -> None:
         """Take in an event and perhaps write a line."""
-        for asked in self._state.see(event):
+        for asked in self._state.see(event)[-1:]:  # the clean twins come first
             if self._clock() - self._written_s >= _PLAIN_S:
                 self._write(f"{asked.agent} under {asked.setting} done, {self._state.counts()}")
 
     def refresh(self) -> None:
         """Write a sign of life when the last line is old."""
-        if self._state.active and self._clock() - self._written_s >= _HEARTBEAT_S:
+        if self._state.compiled is not None:
+            if self._compiling_s is None or self._clock() - self._compiling_s >= _COMPILING_S:
+                self._compiling_s = self._clock()
+                self._write(self._state.compiling())
+        elif self._state.active and self._clock() - self._written_s >= _HEARTBEAT_S:
             self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
     def pause(self) -> None:
@@ -211,6 +256,9 @@ def _bar(state: ProgressState) -> Table:
     grid = Table.grid(padding=(0, 1))
     for _ in range(3):
         grid.add_column(no_wrap=True, overflow="ellipsis")
-    bar = ProgressBar(total=max(state.total, 1), completed=state.done, width=20)
-    grid.add_row(bar, Text(state.counts()), Text(state.now(), style="dim"))
+    done, total = state.compiled or (state.done, state.total)
+    texts = (state.compiling(), "") if state.compiled is not None else (state.counts(), state.now())
+    grid.add_row(
+        ProgressBar(total=max(total, 1), completed=done, width=20), Text(texts[0]), Text(texts[1], style="dim")
+    )
     return grid

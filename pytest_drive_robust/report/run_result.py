@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.averages import mean
+from pytest_drive_robust.metrics.averages import mean, values_by_route
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
+from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 from pytest_drive_robust.stats.several import late_fails
 from pytest_drive_robust.store.events import (
     Asked,
@@ -28,6 +30,7 @@ from pytest_drive_robust.store.events import (
 
 __all__ = ["RunResult", "SettingRow"]
 
+Interval = tuple[float, float]
 Lookup = Callable[[str], "EpisodeResult | None"]
 
 
@@ -38,7 +41,8 @@ class SettingRow:
     `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
     the clean twins were not driven, do not compare or score below the floor of the verdict rule. `verdict` is the worst
     of the requirements on this row: `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged.
-    `needed` leaves out what a verdict did not wait for.
+    `needed` leaves out what a verdict did not wait for; where it did not wait for all of the `planned` routes,
+    `ds_interval` and `rd_interval` say what DS and RD may be on routes like these (alpha of the verdict rule a side).
     """
 
     agent: str
@@ -51,6 +55,14 @@ class SettingRow:
     rd: float | None
     verdict: str
     problem: str = ""
+    planned: int = 0
+    ds_interval: Interval | None = None
+    rd_interval: Interval | None = None
+
+    @property
+    def is_partial(self) -> bool:
+        """True when verdicts were in before all routes were driven."""
+        return self.ds_interval is not None
 
     @property
     def routes(self) -> int:
@@ -161,6 +173,9 @@ def _row(
         summary = summarize(results, mode=options.metrics)
     except ComparisonError as error:
         problem = str(error)
+    partial = summary is not None and any(key in spared and key not in episodes for key in asked.keys)
+    rule = options.verdict_rule
+    pairs = _scores_in_pairs(asked, episodes, spared, clean_floor=rule.clean_floor)
     return SettingRow(
         agent=asked.agent,
         routes_spec=asked.routes_spec,
@@ -169,14 +184,24 @@ def _row(
         needed=sum(key in episodes or key not in spared for key in asked.keys),
         results=results,
         summary=summary,
-        rd=_rd(asked, episodes, spared, clean_floor=options.verdict_rule.clean_floor),
+        rd=None if pairs is None else 1.0 - mean(pairs[1]) / mean(pairs[0]),
         verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
         problem=problem,
+        planned=len(asked.keys) // max(1, len(asked.seeds)),
+        ds_interval=_ds_interval(results, rule.alpha) if partial else None,
+        rd_interval=evidence_interval(*pairs, rule.alpha) if partial and pairs is not None else None,
     )
 
 
-def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float) -> float | None:
-    """Return RD over the routes that were driven in both ways.
+def _ds_interval(results: Sequence[EpisodeResult], alpha: float) -> Interval:
+    scores = list(values_by_route(results, driving_score).values())
+    return mean_evidence_interval(scores, alpha, low=0.0, high=100.0)
+
+
+def _scores_in_pairs(
+    asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float
+) -> tuple[list[float], list[float]] | None:
+    """Return the clean and the perturbed scores of the routes that were driven in both ways.
 
     None when one is missing that nobody spared, and where the clean score is too low to lose anything.
     """
@@ -190,10 +215,10 @@ def _rd(asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str], *
     if not pairs:
         return None
     try:
-        clean, perturbed = map(mean, paired_driving_scores([pair[0] for pair in pairs], [pair[1] for pair in pairs]))
+        clean, perturbed = paired_driving_scores([pair[0] for pair in pairs], [pair[1] for pair in pairs])
     except ComparisonError:
         return None
-    return None if clean < clean_floor else 1.0 - perturbed / clean
+    return None if mean(clean) < clean_floor else (clean, perturbed)
 
 
 def _is_on(judged: Judged, asked: Asked) -> bool:

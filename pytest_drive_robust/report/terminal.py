@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
-__all__ = ["footnotes", "numbers_of", "run_summary"]
+__all__ = ["columns_of", "footnotes", "numbers_of", "run_summary"]
 
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
+_PARTIAL_COLUMNS = ("DS", "SR", "RD", "routes")
 _STYLES = {"pass": "green", "fail": "red", "inconclusive": "yellow", "error": "bold red"}
 
 
@@ -44,36 +45,56 @@ def _table(run: RunResult, *, colour: bool) -> Table:
     table = new_table(colour=colour)
     table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
     table.add_column("setting", max_width=40, overflow="fold")
-    for name in _COLUMNS:
-        table.add_column(name, justify="right", no_wrap=True, max_width=10)
+    columns = columns_of(run)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True, min_width=7)
     several_sets = len({row.routes_spec for row in run.rows}) > 1
     for row in run.rows:
         table.add_row(
             row.agent + ("*" if row.privileged else ""),
             row.setting + (f" on {_short(row.routes_spec)}" if several_sets else ""),
-            *numbers_of(row),
+            *numbers_of(row, columns),
             Text(row.verdict, style=_STYLES.get(row.verdict, "")),
         )
     return table
 
 
-def numbers_of(row: SettingRow) -> list[str]:
-    """Return DS, SR, RD, efficiency, comfort and the count of routes, as they are shown."""
+def columns_of(run: RunResult) -> tuple[str, ...]:
+    """Return the columns with numbers.
+
+    Where rows rest on few routes DS and RD come with their intervals, which take the place of efficiency and comfort
+    unless a requirement asks for these.
+    """
+    if not any(row.is_partial for row in run.rows):
+        return _COLUMNS
+    judged = {item.metric for item in run.judged}
+    return tuple(name for name in _COLUMNS if name in _PARTIAL_COLUMNS or name in judged)
+
+
+def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
+    """Return DS, SR, RD, efficiency, comfort and the count of routes, those of `columns`, as they are shown."""
     summary = row.summary
-    routes = str(row.routes) + (f" x {len(row.seeds)}" if len(row.seeds) > 1 else "")
+    routes = (f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)) + (
+        f" x {len(row.seeds)}" if len(row.seeds) > 1 else ""
+    )
     if len(row.results) < row.needed:
         routes = f"{len(row.results)} of {row.needed}"
-    if summary is None:
-        return ["-", "-", "-", "-", "-", routes]
-    return [
-        shown("DS", summary.ds),
-        shown("SR", summary.sr),
-        shown("RD", row.rd),
-        shown("efficiency", summary.efficiency),
-        shown("comfort", summary.comfort),
-        routes,
-    ]
+    numbers = {"routes": routes}
+    if summary is not None:
+        numbers |= {
+            "DS": shown("DS", summary.ds) + _between(row.ds_interval, "{:.0f}"),
+            "SR": shown("SR", summary.sr),
+            "RD": shown("RD", row.rd) + _between(row.rd_interval, "{:.2f}"),
+            "efficiency": shown("efficiency", summary.efficiency),
+            "comfort": shown("comfort", summary.comfort),
+        }
+    return [numbers.get(name, "-") for name in columns]
+
+
+def _between(interval: tuple[float, float] | None, form: str) -> str:
+    """Return `" (0.24 to 0.45)"`; nothing without an interval."""
+    return "" if interval is None else f" ({form.format(interval[0])} to {form.format(interval[1])})"
 
 
 def footnotes(run: RunResult) -> list[str]:
@@ -86,8 +107,13 @@ def footnotes(run: RunResult) -> list[str]:
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
-    if any(judged.routes < judged.planned for judged in run.judged):
-        lines.append("early verdicts rest on fewer routes: between rows compare RD (paired by route), not DS")
+    if any(row.is_partial for row in run.rows):
+        confidence = 1.0 - 2.0 * run.options.verdict_rule.alpha
+        lines.append(
+            "'n/m' routes: the verdicts were in after n of m routes; in brackets what DS and RD may be on routes like "
+            f"these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All "
+            "routes, with efficiency and comfort: --drive-verdict=point"
+        )
     lines += _late(run)
     lines += _open(run)
     lines += _several(run)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, cast
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
-from pytest_drive_robust.runner.plan import RouteRequests, routes_in_order
-from pytest_drive_robust.runner.record import asked, judged, not_judged
+from pytest_drive_robust.runner.plan import RouteRequests, first_of_each_agent
+from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged, read
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
-from pytest_drive_robust.stats.judges import VerdictKind, read_until_decided
+from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.store.events import Event, Planned, Spared, Troubled, Used
 from pytest_drive_robust.verdict.evaluate import evaluate
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.verdict_rule import VerdictRule
     from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.runner.executors import Executor
-    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
+    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Reading, Scope
     from pytest_drive_robust.store.base import EpisodeStore
     from pytest_drive_robust.verdict.evaluate import Verdict
     from pytest_drive_robust.verdict.requirement import Requirement
@@ -34,7 +34,7 @@ class CampaignObserver(Observer, Protocol):
     """Who follows the run, and is told when it waits for nothing."""
 
     def idle(self) -> None:
-        """No episode is under way any more, be it that all are done or that driving was interrupted."""
+        """Note that nothing is under way any more, be it that all is done or that driving was interrupted."""
         ...
 
 
@@ -70,23 +70,34 @@ class Campaign:
     ) -> None:
         self._store = store
         self._told: set[str] = set()
+        self._first: tuple[EpisodeRequest, ...] = ()
         self._observer = observer
         self._metrics = metrics
         self._whole = whole
         self._scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
 
-    def planned(self, requests: Mapping[str, EpisodeRequest], *, ahead: bool = True) -> None:
-        """What the selected tests are known to need, so that the observer can say how much is left.
+    def planned(
+        self, requests: Mapping[str, EpisodeRequest], readings: Sequence[Reading], *, ahead: bool = True
+    ) -> None:
+        """Note what the selected tests are known to need, so that the observer can say how much is left.
 
-        `ahead`: idle slots may begin with it, in this order.
+        `ahead`: idle slots may begin with what the `readings` probably take, in their order, but first of all with a
+        few episodes of each agent, so that the observer knows early what the episodes of each take.
         """
         self._observer(Planned(tuple(requests)))
+        readings = [replace(reading, kind="point") for reading in readings] if self._whole else readings
+        for reading in readings:
+            self._observer(awaited(reading))
         if ahead:
-            self._scheduler.plan(requests.values())
+            self._first = first_of_each_agent(readings)
+            self._scheduler.plan(request for reading in readings for request in reading.likely)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Return every episode of `scope` under `setting`, routes within seeds."""
-        return self._results(scope, scope.need(setting, clean=False))[1]
+        need = scope.need(setting, clean=False)
+        with self._answering(scope, need) as begun:
+            self._ensure_all(need, begun)
+        return self._use(need.perturbed)
 
     def judge(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule, *, nodeid: str) -> Judgement:
         """Drive what is missing and judge, for the record of the run.
@@ -102,38 +113,37 @@ class Campaign:
         self._observer(judged(judgement.verdict, scope, nodeid))
         return judgement
 
-    def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule) -> Judgement:
+    def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None) -> Judgement:
         """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
-        need = scope.need(requirement.setting, clean=requirement.needs_clean)
-        if not requirement.reads_routes(verdict_rule):
-            clean, perturbed = self._results(scope, need)
-            return self._judgement(requirement, scope, clean, perturbed, verdict_rule)
-        self._tell_asked(scope, need)
-        routes = routes_in_order(scope, need)
-        begun: list[EpisodeRequest] = []
-        with self._driving(begun):
-            decision, count = read_until_decided(
-                cast("VerdictKind", verdict_rule.kind),
-                requirement.linear_forms(verdict_rule),
-                self._scores(requirement, routes, begun),
-                planned=len(routes),
-                alpha=verdict_rule.alpha,
-                fail_alpha=verdict_rule.fail_alpha,
-            )
-            self._leave(tuple(request for route in routes[count:] for request in route.requests))
-        clean = self._use(tuple(request for route in routes[:count] for request in route.clean))
-        perturbed = self._use(tuple(request for route in routes[:count] for request in route.perturbed))
-        return self._judgement(
-            requirement, scope, clean, perturbed, verdict_rule, decision=decision, planned=len(routes)
+        reading = scope.reading(requirement, verdict_rule)
+        used: RouteRequests = reading.need
+        decision = planned = None
+        with self._answering(scope, reading.need) as begun:
+            if reading.kind == "point":
+                self._ensure_all(reading.need, begun)
+            else:
+                decision, count = self._read_routes(reading, begun)
+                used, planned = RouteRequests.joined(reading.routes[:count]), len(reading.routes)
+        clean, perturbed = self._use(used.clean), self._use(used.perturbed)
+        verdict = evaluate(
+            requirement,
+            agent=scope.agent,
+            clean=clean,
+            perturbed=perturbed,
+            mode=self._metrics,
+            verdict_rule=verdict_rule,
+            decision=decision,
+            planned=planned,
         )
+        results = (*clean, *perturbed)
+        return Judgement(verdict, any(item.privileged for item in results), sum(item.wall_s for item in results))
 
     def measure(self, requirement: Requirement, scope: Scope) -> Verdict:
         """Return the value over all episodes, for a caller who only wants the value.
 
         Raises `ComparisonError` when there is none, and when it says nothing: an RD below the floor of the clean score.
         """
-        clean, perturbed = self._results(scope, scope.need(requirement.setting, clean=requirement.needs_clean))
-        verdict = self._judgement(requirement, scope, clean, perturbed).verdict
+        verdict = self.decide(requirement, scope, None).verdict
         if verdict.reason:
             raise ComparisonError(f"{verdict.reason}. Ask for a clean floor first: 'DS under clean >= 30'.")
         return verdict
@@ -150,71 +160,37 @@ class Campaign:
         """Cut off what is still under way and free simulators, agents and processes."""
         self._scheduler.close()
 
-    def _results(self, scope: Scope, need: Need) -> tuple[Results, Results]:
-        """Return the clean and the perturbed results, driven where missing."""
-        self._tell_asked(scope, need)
-        with self._driving(need.requests):
-            self._ensure(
-                sorted(need.requests, key=self._scheduler.expected_s, reverse=True)
-            )  # all are needed: no long one last
-        return self._use(need.clean), self._use(need.perturbed)
+    def _ensure_all(self, need: Need, begun: list[EpisodeRequest]) -> None:
+        """Drive what is missing of all that is needed, no long one last."""
+        begun += need.requests
+        self._scheduler.ensure(sorted(need.requests, key=self._scheduler.expected_s, reverse=True))
 
-    def _judgement(
-        self,
-        requirement: Requirement,
-        scope: Scope,
-        clean: Results,
-        perturbed: Results,
-        verdict_rule: VerdictRule | None = None,
-        *,
-        decision: str | None = None,
-        planned: int | None = None,
-    ) -> Judgement:
-        verdict = evaluate(
-            requirement,
-            agent=scope.agent,
-            clean=clean,
-            perturbed=perturbed,
-            mode=self._metrics,
-            verdict_rule=verdict_rule,
-            decision=decision,
-            planned=planned,
-        )
-        used = (*clean, *perturbed)
-        return Judgement(verdict, any(item.privileged for item in used), sum(item.wall_s for item in used))
-
-    def _tell_asked(self, scope: Scope, need: Need) -> None:
-        for event in asked(scope, need):
-            self._observer(event)
-
-    def _scores(
-        self, requirement: Requirement, routes: Sequence[RouteRequests], begun: list[EpisodeRequest]
-    ) -> Iterator[tuple[float, float] | None]:
-        """Yield the scores of one route after the other, while free slots drive the routes behind it.
-
-        `begun` gets every request that was asked for.
-        """
-        order = [request for route in routes for request in route.requests]
-        place = {request.key: number for number, request in enumerate(order)}
-        for route in routes:
-            begun.extend(route.requests)
-            behind = range(place[route.requests[-1].key] + 1, len(order))
-            self._ensure(route.requests, (order[number] for number in behind))
-            clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
-            yield requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
-
-    def _leave(self, rest: tuple[EpisodeRequest, ...]) -> None:
-        """Deal with the episodes that the verdict did without."""
+    def _read_routes(self, reading: Reading, begun: list[EpisodeRequest]) -> tuple[str, int]:
+        """Return the verdict and how many routes it was read from; deal with the episodes that it did without."""
+        judge = reading.judge()
+        decision, count = read_until_decided(judge, self._scores(reading, judge, begun))
+        rest = reading.requests(count)
         if self._whole:
-            self._ensure(rest)
+            self._scheduler.ensure(rest)
             self._observer(Used(tuple(request.key for request in rest)))
         elif rest:
             self._scheduler.spare(rest)
             self._observer(Spared(tuple(request.key for request in rest)))
+        return decision, count
 
-    def _ensure(self, requests: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
-        unique = tuple({request.key: request for request in requests}.values())
-        self._scheduler.ensure(unique, ahead)
+    def _scores(
+        self, reading: Reading, judge: Judge, begun: list[EpisodeRequest]
+    ) -> Iterator[tuple[float, float] | None]:
+        """Yield the scores of one route after the other, while free slots drive what `judge` probably reads next."""
+        planned, metric = len(reading.routes), reading.requirement.metric
+        for number, route in enumerate(reading.routes):
+            begun += route.requests
+            likely = planned if self._whole else number + max(1, judge.likely_left(planned))
+            self._observer(read(reading, number, likely))
+            ahead, self._first = (*self._first, *reading.requests(number + 1, likely)), ()
+            self._scheduler.ensure(route.requests, ahead, reading.requests(likely))
+            clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
+            yield metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
         """Return the results of these requests, which the run now rests on."""
@@ -230,18 +206,19 @@ class Campaign:
         return tuple(result for request in requests if (result := results[request.key]) is not None)
 
     @contextmanager
-    def _driving(self, requests: Sequence[EpisodeRequest]) -> Iterator[None]:
-        """Around everything that waits for episodes: afterwards the display is gone, whatever happened.
+    def _answering(self, scope: Scope, need: Need) -> Iterator[list[EpisodeRequest]]:
+        """Tell what is asked for; afterwards the display is gone, whatever happened.
 
-        When no verdict comes of it, those of `requests` that are finished belong to the run all the same: an error or
-        an interrupt is to be read beside what led to it.
+        The list that is yielded gets what is begun. When no verdict comes of it, those that are finished belong to the
+        run all the same: an error or an interrupt is to be read beside what led to it.
         """
+        begun: list[EpisodeRequest] = []
+        for event in asked(scope, need):
+            self._observer(event)
         try:
-            yield
+            yield begun
         except BaseException:
-            self._observer(
-                Used(tuple(dict.fromkeys(request.key for request in requests if self._store.get(request.key))))
-            )
+            self._observer(Used(tuple(dict.fromkeys(request.key for request in begun if self._store.get(request.key)))))
             raise
         finally:
             self._observer.idle()

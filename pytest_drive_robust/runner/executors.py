@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.generators import borrowed_for
-from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.episode.make_agent import make_agent
+from pytest_drive_robust.runner.episode.driver import EpisodeDriver, make_agent
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+    from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["DRIVEN_AGAIN", "Executor", "InlineExecutor"]
 
@@ -34,11 +32,13 @@ class Executor(Protocol):
 
     An executor that drives in the thread of its caller but not within `submit` has a `work()`, too: it is called while
     somebody waits, again and again, and returns when something has ended or nothing is left to drive.
+
+    An executor whose episodes may wait for a compiler says in `compiling` how many functions are compiled, of how many.
     """
 
     @property
     def slots(self) -> int:
-        """How many episodes it can drive at this moment."""
+        """Return how many episodes it can drive at this moment."""
         ...
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
@@ -56,7 +56,7 @@ class Executor(Protocol):
 class InlineExecutor:
     """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
-    One simulator and one agent object per name serve all episodes. `ticked` is called after every tick.
+    `ticked` is called after every tick.
     """
 
     slots = 1
@@ -64,57 +64,37 @@ class InlineExecutor:
     def __init__(
         self, registry: Registry, *, simulator: str, options: SimulatorOptions, ticked: Callable[[], object]
     ) -> None:
-        self._registry = registry
-        self._simulator_name = simulator
-        self._options = options
-        self._ticked = ticked
-        self._simulator: Simulator | None = None
-        self._agents: dict[str, Agent] = {}
+        self._simulator = simulator
+        self._driver = EpisodeDriver(
+            lambda: registry.simulator(simulator, options),
+            lambda name: make_agent(registry, name),
+            on_tick=lambda *_: ticked(),
+        )
+
+    @functools.cached_property
+    def compiling(self) -> tuple[int, int]:
+        """Of the functions of the embedded world that were in no cache when this was first asked, none is compiled."""
+        if self._simulator == "embedded":
+            with suppress(ImportError):  # the episode says so
+                from pytest_drive_robust.simulators.embedded.compiling import missing_functions  # loads numba
+
+                return 0, missing_functions()
+        return 0, 0
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Drive the episode to its end before this returns."""
         future: Future[EpisodeResult] = Future()
-        for _ in range(1 + DRIVEN_AGAIN):
-            try:
-                with borrowed_for(request.episode):
-                    result = self._drive(request)
-            except UsageError as error:
-                future.set_exception(error)
-                return future
-            self._forget_broken(request, result)
-            if result.outcome is not Outcome.INFRA_ERROR:
-                break
-        future.set_result(result)
+        try:
+            for _ in range(1 + DRIVEN_AGAIN):
+                result = self._driver.drive(request)
+                if result.outcome is not Outcome.INFRA_ERROR:
+                    break
+        except UsageError as error:
+            future.set_exception(error)
+        else:
+            future.set_result(result)
         return future
 
     def close(self, *, cancel: bool = False) -> None:
         """Close the simulator and drop the agents. Nothing is under way between two calls."""
-        self._agents.clear()
-        if self._simulator is not None:
-            self._simulator.close()
-            self._simulator = None
-
-    def _drive(self, request: EpisodeRequest) -> EpisodeResult:
-        episode = request.episode
-        if self._simulator is None:
-            self._simulator = self._registry.simulator(self._simulator_name, self._options)
-        if episode.agent not in self._agents:
-            self._agents[episode.agent] = make_agent(self._registry, episode.agent)
-        agent = self._agents[episode.agent]
-        result = drive_episode(
-            self._simulator,
-            agent,
-            route=request.route,
-            setting=request.setting,
-            seed=episode.seed,
-            agent_name=episode.agent,
-            on_tick=lambda *_: self._ticked(),
-        )
-        return with_machine(result, agent)
-
-    def _forget_broken(self, request: EpisodeRequest, result: EpisodeResult) -> None:
-        """Drop what raised in the middle of an episode, which may be in any state: the next episode gets a new one."""
-        if result.outcome is Outcome.AGENT_ERROR:
-            self._agents.pop(request.episode.agent, None)
-        if result.outcome is Outcome.INFRA_ERROR:
-            self.close()
+        self._driver.close()

@@ -6,18 +6,34 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import chain
+from typing import TYPE_CHECKING, cast
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
 from pytest_drive_robust.runner.cache_key.object_code import perturbation_sources
+from pytest_drive_robust.stats.judges import Judge, VerdictKind, judge_by
 
 if TYPE_CHECKING:
     from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["EpisodeRequest", "Need", "RouteRequests", "Scope", "planned_order", "routes_in_order"]
+__all__ = [
+    "EpisodeRequest",
+    "Need",
+    "Reading",
+    "RouteRequests",
+    "Scope",
+    "first_of_each_agent",
+    "planned_order",
+    "routes_in_order",
+]
+
+
+_FIRST = 3
+"""How many episodes of an agent tell about what they cost: their lengths differ by a factor of three."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +51,7 @@ class EpisodeRequest:
 
     @cached_property
     def key(self) -> str:
-        """Hex name of the episode in every store: two with the same key end the same, to the bit.
+        """Return the hex name of the episode in every store: two with the same key end the same, to the bit.
 
         The content of the route counts because two route files may use the same id for different routes, and the
         source of perturbations that are not ours because the sentence of a setting says only what they are called.
@@ -75,6 +91,13 @@ class Scope:
             for request in self.need(requirement.setting, clean=requirement.needs_clean).requests
         }
 
+    def reading(self, requirement: Requirement, verdict_rule: VerdictRule | None) -> Reading:
+        """Return what a verdict on `requirement` by `verdict_rule` reads, in planned order; None compares values."""
+        need = self.need(requirement.setting, clean=requirement.needs_clean)
+        verdict_rule = (verdict_rule or VerdictRule("point")).for_routes(len(self.routes))
+        kind = cast("VerdictKind", verdict_rule.kind) if requirement.reads_routes(verdict_rule) else "point"
+        return Reading(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
+
     def _requests(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
         """Return one request for each route and seed, seeds varying slowest so that a picture of all routes comes
         early.
@@ -94,9 +117,15 @@ class RouteRequests:
     clean: tuple[EpisodeRequest, ...]
     perturbed: tuple[EpisodeRequest, ...]
 
+    @classmethod
+    def joined(cls, routes: Sequence[RouteRequests]) -> RouteRequests:
+        """Return the same of several routes."""
+        clean, perturbed = (route.clean for route in routes), (route.perturbed for route in routes)
+        return cls(tuple(chain.from_iterable(clean)), tuple(chain.from_iterable(perturbed)))
+
     @property
     def requests(self) -> tuple[EpisodeRequest, ...]:
-        """All of them, the clean ones first, each once."""
+        """Return all of them, the clean ones first, each once."""
         return tuple({request.key: request for request in (*self.clean, *self.perturbed)}.values())
 
 
@@ -105,6 +134,48 @@ class Need(RouteRequests):
     """The same of all routes, under one setting."""
 
     setting: Setting
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The routes that a verdict on `requirement` reads one by one, as a judge of this `kind` does."""
+
+    requirement: Requirement
+    scope: Scope
+    need: Need
+    routes: tuple[RouteRequests, ...]
+    kind: VerdictKind
+    verdict_rule: VerdictRule
+
+    def judge(self) -> Judge:
+        """Return a new judge of this reading."""
+        rule = self.verdict_rule
+        forms = self.requirement.linear_forms(rule)
+        return judge_by(self.kind, forms, planned=len(self.routes), alpha=rule.alpha, fail_alpha=rule.fail_alpha)
+
+    @property
+    def likely_routes(self) -> int:
+        """Return how many routes the verdict probably takes, as far as one can tell before any was read."""
+        if self.kind == "point":
+            return len(self.routes)
+        return self.judge().likely_left(len(self.routes))
+
+    def requests(self, first: int, last: int | None = None) -> tuple[EpisodeRequest, ...]:
+        """Return those of the routes from place `first` on, up to `last` where given, in the order of reading."""
+        return tuple(request for route in self.routes[first:last] for request in route.requests)
+
+    @property
+    def likely(self) -> tuple[EpisodeRequest, ...]:
+        """Return what the verdict probably takes."""
+        return self.requests(0, self.likely_routes)
+
+
+def first_of_each_agent(readings: Iterable[Reading]) -> tuple[EpisodeRequest, ...]:
+    """Return the first episodes of each agent but the first one, which drives at once anyway."""
+    readings = tuple(readings)
+    agents = {reading.scope.agent: reading for reading in reversed(readings)}
+    own = readings[0].scope.agent if readings else ""
+    return tuple(request for agent, reading in agents.items() if agent != own for request in reading.likely[:_FIRST])
 
 
 def routes_in_order(scope: Scope, need: Need) -> tuple[RouteRequests, ...]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.store.events import Asked, Judged, Searched
+from pytest_drive_robust.store.events import Asked, Awaited, Judged, Read, Searched
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Scope
+    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Reading, Scope
     from pytest_drive_robust.verdict.evaluate import Verdict
     from pytest_drive_robust.verdict.largest_severity import Bracket
     from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["asked", "judged", "not_judged", "searched"]
+__all__ = ["asked", "awaited", "judged", "not_judged", "read", "searched"]
 
 
 def asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
@@ -24,6 +24,32 @@ def asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
     if not twins:
         return (perturbed,)
     return (Asked(scope.agent, scope.routes_spec, str(need.setting.baseline), scope.seeds, twins, ()), perturbed)
+
+
+def awaited(reading: Reading) -> Awaited:
+    """Return what a selected test will read."""
+    scope, need = reading.scope, reading.need
+    perturbed = tuple(request for route in reading.routes for request in route.perturbed)
+    clean = tuple(request for route in reading.routes for request in route.clean)
+    return Awaited(
+        requirement=str(reading.requirement),
+        agent=scope.agent,
+        routes_spec=scope.routes_spec,
+        seeds=scope.seeds,
+        setting=str(need.setting),
+        rule=reading.kind,
+        likely=reading.likely_routes,
+        keys=_keys(perturbed),
+        route_ids=tuple(request.route.id for request in perturbed),
+        clean=str(need.setting.baseline) if clean else "",
+        clean_keys=_keys(clean),
+    )
+
+
+def read(reading: Reading, routes: int, likely: int) -> Read:
+    """Return how far a verdict is."""
+    scope = reading.scope
+    return Read(str(reading.requirement), scope.agent, scope.routes_spec, scope.seeds, routes, likely)
 
 
 def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import chain
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from pytest_drive_robust.errors import BudgetSpentError
-from pytest_drive_robust.store.events import Event, Finished, Reused, Started
+from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -27,12 +27,20 @@ class Observer(Protocol):
     """Who follows the run: a progress display, or the journal that another process reads."""
 
     def __call__(self, event: Event) -> None:
-        """Something happened."""
+        """Note that something happened."""
         ...
 
     def ticked(self) -> None:
-        """An episode is still under way. Called often: return at once."""
+        """Note that an episode is still under way. Called often: return at once."""
         ...
+
+
+class _Drive(NamedTuple):
+    """An episode under way."""
+
+    request: EpisodeRequest
+    future: Future[EpisodeResult]
+    claim: Claim
 
 
 class Scheduler:
@@ -61,46 +69,53 @@ class Scheduler:
         self._clock = clock
         self._ends_s: float | None = None
         self._later: dict[str, EpisodeRequest] = {}
-        self._drives: dict[Future[EpisodeResult], tuple[EpisodeRequest, Claim]] = {}
-        self._under_way: set[str] = set()
+        self._under_way: dict[str, _Drive] = {}
         self._seen: set[str] = set()
         self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
         self._longest_s: dict[tuple[str, str], float] = {}
+        self._compiling = (0, 0)
 
     def plan(self, requests: Iterable[EpisodeRequest]) -> None:
-        """What will be asked for one day, in this order. Driven when nothing nearer is left for a slot."""
-        self._later.update((request.key, request) for request in requests)
+        """Note what will be asked for one day, in this order. It is driven when nothing nearer is left for a slot."""
+        self._later.update((request.key, request) for request in requests if not self._is_finished(request))
 
     def spare(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Nobody has to drive these for the plan's sake."""
+        """Take these out of the plan."""
         for request in requests:
             self._later.pop(request.key, None)
 
-    def ensure(self, requests: Sequence[EpisodeRequest], ahead: Iterable[EpisodeRequest] = ()) -> None:
-        """Return when every one of `requests` is in the store. Meanwhile free slots begin with `ahead`, in its order.
+    def ensure(
+        self,
+        requests: Sequence[EpisodeRequest],
+        ahead: Iterable[EpisodeRequest] = (),
+        rest: Iterable[EpisodeRequest] = (),
+    ) -> None:
+        """Return when every one of `requests` is in the store.
+
+        Meanwhile free slots begin with `ahead`, in its order, then with the plan, then with `rest`.
 
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
         one is missing and nothing new may begin.
         """
         self._begin_budget()
-        nearer = iter(ahead)
+        nearer, farther = iter(ahead), iter(rest)
         missing = [request for request in requests if not self._is_finished(request)]
         while True:
             self._collect()
-            missing = [
-                request
-                for request in missing
-                if request.key not in self._seen and not self._came_from_elsewhere(request)
-            ]
+            missing = [request for request in missing if not self._has_come(request)]
             for request in missing:
                 if request.key in self._broken:
                     raise self._broken.pop(request.key)
             if not missing:
                 return
             if not self._spent:
-                nearer = self._fill(missing, nearer)
-            elif self._under_way.isdisjoint(request.key for request in missing):
+                for request in missing:
+                    self._begin(request)
+                nearer = self._begin_all(nearer)
+                self._begin_all(iter(tuple(self._later.values())))
+                farther = self._begin_all(farther)
+            elif not any(request.key in self._under_way for request in missing):
                 raise BudgetSpentError(
                     f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(requests)} "
                     f"episodes are missing, first {missing[0].episode}. Finished episodes are kept: run again to go on."
@@ -129,9 +144,8 @@ class Scheduler:
         """Cut off what is under way, give back what was claimed, free the executor."""
         self._collect()
         self._executor.close(cancel=True)
-        for _, claim in self._drives.values():
-            claim.release()
-        self._drives.clear()
+        for drive in self._under_way.values():
+            drive.claim.release()
         self._under_way.clear()
 
     def _note_duration(self, request: EpisodeRequest, wall_s: float) -> None:
@@ -143,7 +157,7 @@ class Scheduler:
 
     @property
     def _busy(self) -> bool:
-        return len(self._drives) >= self._executor.slots
+        return len(self._under_way) >= self._executor.slots
 
     @property
     def _spent(self) -> bool:
@@ -161,28 +175,20 @@ class Scheduler:
         self._observer(Reused(request.key))
         return True
 
-    def _came_from_elsewhere(self, request: EpisodeRequest) -> bool:
-        """Return whether an episode that another process was driving is finished. Others need no look at the disk."""
-        return request.key in self._elsewhere and self._is_finished(request)
+    def _has_come(self, request: EpisodeRequest) -> bool:
+        """Return whether an episode is finished that was not. The disk is looked at for what others drive only."""
+        return request.key in self._seen or (request.key in self._elsewhere and self._is_finished(request))
 
-    def _fill(self, missing: Sequence[EpisodeRequest], nearer: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:
-        """Begin episodes until no slot is free or nothing is left. Returns what is left of `nearer`."""
-        passed: list[EpisodeRequest] = []  # somebody else drives them now: looked at again when he may be gone
-        for request in missing:
-            if self._busy:
-                return nearer
-            self._begin(request)
-        while not self._busy and (nearest := next(nearer, None)) is not None:
+    def _begin_all(self, requests: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:
+        """Begin with `requests` while a slot is free. Return what is left, also what others drive at the moment."""
+        passed: list[EpisodeRequest] = []  # looked at again: who drives them may be gone then
+        while not self._busy and (nearest := next(requests, None)) is not None:
             if not self._begin(nearest):
                 passed.append(nearest)
-        for request in () if self._busy else tuple(self._later.values()):
-            if self._busy:
-                break
-            self._begin(request)
-        return chain(passed, nearer)
+        return chain(passed, requests)
 
     def _begin(self, request: EpisodeRequest) -> bool:
-        """Begin this episode where a slot is free and nobody has it. False when another process drives it."""
+        """Begin this episode where a slot is free and nobody has it; return False when another process drives it."""
         key = request.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:
             return True
@@ -196,23 +202,21 @@ class Scheduler:
             self._later.pop(key, None)
             return True
         self._later.pop(key, None)
-        self._under_way.add(key)
         self._observer(Started(key, request.episode.agent, request.episode.setting, request.route.label))
+        self._tell_compiling()  # an executor may drive, and compile, within `submit`
         try:
-            future = self._executor.submit(request)
+            self._under_way[key] = _Drive(request, self._executor.submit(request), claim)
         except BaseException:
-            self._under_way.discard(key)
             claim.release()
             raise
-        self._drives[future] = request, claim
         return True
 
     def _collect(self) -> None:
         """Store what has come to an end."""
-        for future in [future for future in self._drives if future.done()]:
-            request, claim = self._drives.pop(future)
-            key = request.key
-            self._under_way.discard(key)
+        for key, (request, future, claim) in tuple(self._under_way.items()):
+            if not future.done():
+                continue
+            del self._under_way[key]
             try:
                 error = None if future.cancelled() else future.exception()
                 if error is not None:
@@ -227,11 +231,21 @@ class Scheduler:
                 self._observer(Finished(key, future.result().wall_s))
 
     def _wait(self) -> None:
-        """Until something ended, but not long."""
-        if self._drives and self._work is not None:
+        """Wait until something ended, but not long."""
+        if self._under_way and self._work is not None:
             self._work()
-        elif self._drives:
-            wait(self._drives, timeout=_POLL_S, return_when=FIRST_COMPLETED)
+        elif self._under_way:
+            futures = [drive.future for drive in self._under_way.values()]
+            wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
         else:
             time.sleep(_POLL_S)
+        self._tell_compiling()
         self._observer.ticked()
+
+    def _tell_compiling(self) -> None:
+        """Tell how far the executor has come with compiling, and let it be shown at once, where that changed."""
+        compiling = getattr(self._executor, "compiling", (0, 0))
+        if compiling != self._compiling:
+            self._compiling = compiling
+            self._observer(Compiling(*compiling))
+            self._observer.ticked()

@@ -12,10 +12,10 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
-from pytest_drive_robust.runner.lockstep.admission import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.executor import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
-from pytest_drive_robust.runner.routes import default_spec, routes_for
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import default_spec, routes_for
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
@@ -48,7 +48,7 @@ class Scopes:
         self._is_stored = is_stored
         self._checked: dict[str, RouteError | None] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
-        self._known: set[tuple[str, str]] = set()
+        self._agents: set[str] = set()
         self._identities: dict[str, str] = {}
 
     def routes(self, spec: str) -> tuple[Route, ...]:
@@ -63,22 +63,22 @@ class Scopes:
         Raises `UsageError` for unknown agents, lost weights, and routes that are unknown or cannot be driven.
         """
         agent = marker.agent or self._settings.agent
-        self._require("agents", agent)
-        routes_spec = marker.routes or default_spec(self._settings, self._simulator)
+        self._require_agent(agent)
+        routes_spec = marker.routes or default_spec(
+            self._settings.routes, self._simulator, given=self._settings.routes_given
+        )
         routes, seeds = self.routes(routes_spec), marker.seeds or self._settings.seeds
         scope = Scope(agent, routes_spec, routes, seeds, self._identity(agent))
         self._check_routes(scope)
         return scope
 
     def identify(self, scope: Scope) -> Identified:
-        """Return what the agent and the routes of a scope are made of. Raises `UsageError` for weights that do not
-        read.
-        """
+        """Return what its agent and its routes are made of. Raises `UsageError` for weights that do not read."""
         return identify(scope, self._registry)
 
     def check(self) -> None:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
-        self._require("simulators", self._settings.simulator)
+        self._registry.require("simulators", self._settings.simulator)
         self.of(MarkerOptions())
 
     def setting(self, sentence: str) -> Setting:
@@ -94,12 +94,12 @@ class Scopes:
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Every agent that a scope was made for, sorted."""
-        return tuple(sorted(name for kind, name in self._known if kind == "agents"))
+        """Return every agent that a scope was made for, sorted."""
+        return tuple(sorted(self._agents))
 
     @property
     def dt_s(self) -> float:
-        """The length of a tick of the run's simulator in seconds."""
+        """Return the length of a tick of the run's simulator in seconds."""
         return self._simulator.dt_s
 
     def _identity(self, agent: str) -> str:
@@ -129,34 +129,28 @@ class Scopes:
             return None
         requests = scope.need(Setting.CLEAN, clean=False).perturbed
         driven = {request.route.id for request in requests if self._is_stored(request.key)}
-        unsure = [route for route in scope.routes if route.id not in driven]
-        problems = [problem for route in unsure if (problem := _problem(check, route)) is not None]
+        problems: list[str] = []
+        for route in scope.routes:
+            if route.id not in driven:
+                try:
+                    check(route)
+                except UsageError as error:
+                    problems.append(str(error))
         if not problems:
             return None
         return RouteError("\n  ".join([f"{len(problems)} of {len(scope.routes)} routes cannot be driven:", *problems]))
 
     @cached_property
     def _simulator(self) -> Simulator:
-        """One that is asked and never driven."""
-        self._require("simulators", self._settings.simulator)
+        """Return a world that is asked and never driven."""
+        self._registry.require("simulators", self._settings.simulator)
         return self._registry.simulator(self._settings.simulator)
 
-    def _require(self, kind: str, name: str) -> None:
-        if (kind, name) not in self._known:
-            self._registry.require(kind, name)
-            self._check(kind, name)
-            self._known.add((kind, name))
-
-    def _check(self, kind: str, name: str) -> None:
-        """What a factory of agents knows to be wrong before it makes one that drives."""
-        check = getattr(self._registry.entry(kind, name).load(), "check", None) if kind == "agents" else None
-        if callable(check):
-            check()
-
-
-def _problem(check: Callable[[Route], object], route: Route) -> str | None:
-    try:
-        check(route)
-    except UsageError as error:
-        return str(error)
-    return None
+    def _require_agent(self, name: str) -> None:
+        """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
+        if name not in self._agents:
+            self._registry.require("agents", name)
+            check = getattr(self._registry.entry("agents", name).load(), "check", None)
+            if callable(check):
+                check()
+            self._agents.add(name)

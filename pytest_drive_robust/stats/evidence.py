@@ -15,12 +15,13 @@ pessimistic pseudo route on the pass side, because rare failures that were not s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import fsum
 from typing import Literal
 
 from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.stats.quantiles import student_t_chance
 
 __all__ = [
     "BETS",
@@ -149,14 +150,15 @@ class Evidence:
         return "inconclusive"
 
     def _unseen(self) -> float:
-        """Return the pseudo route: the worst that the range allows; without an end, as far out as the farthest route
-        seen.
+        """Return the pseudo route: the worst that the range allows.
+
+        Without an end it is as far out as the farthest route seen.
         """
         return -self._least if self._least < math.inf else -max(abs(slack) for slack in self._slacks)
 
 
 def share_of(bound: float, x: float) -> float:
-    """`x` as a share of `bound`, so that it is -1 at least; with a bound of 0 anything above 0 is proof."""
+    """Return `x` as a share of `bound`, so that it is -1 at least; with a bound of 0 anything above 0 is proof."""
     if bound > 0.0:
         return x / bound
     return math.inf if x > 0.0 else x
@@ -168,9 +170,6 @@ def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5). `scale` is
     what the values were computed from: less than a billionth of a thousandth of it is rounding, thus 0.
     """
-    from scipy.special import stdtr
-
-    student_t: Callable[[float, float], float] = stdtr
     values = [value if abs(value) > _ROUNDING * scale else 0.0 for value in values]
     count, mean = len(values), fsum(values) / len(values)
     spread = math.sqrt(fsum((value - mean) ** 2 for value in values) / count)
@@ -178,7 +177,7 @@ def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     share = max(-1e6, min(1e6, share))
     skew = fsum((value - mean) ** 3 for value in values) / count / max(spread, 1e-6) ** 3
     straight = share + skew * share**2 / 3.0 + skew**2 * share**3 / 27.0 + skew / (6.0 * count)
-    return float(student_t(count - 1.0, straight * math.sqrt(count)))
+    return student_t_chance(count - 1, straight * math.sqrt(count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +219,7 @@ class LinearForms:
 def degradation_forms(
     limit: float, margin: float = 0.10, *, comparison: str = "<=", top_score: float = _TOP_SCORE
 ) -> LinearForms:
-    """RD = 1 - mean(score) / mean(reference) against `limit`, for scores 0..`top_score`.
+    """Return the forms of RD = 1 - mean(score) / mean(reference) against `limit`, for scores 0..`top_score`.
 
     The reference is the clean run, or a stored run of the same setting: "not worse than last week by more than 5 %" is
     `degradation_forms(0.05)`. A margin that would reach RD 1, where everything passes, is cut to half the way there.
@@ -248,8 +247,9 @@ def mean_forms(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> LinearForms:
-    """Return the mean over routes of values in `low..high` against `limit`: DS (0..100), SR (0..1), comfort,
-    efficiency.
+    """Return the forms of a mean over routes against `limit`, for values in `low..high`.
+
+    Such are DS (0..100), SR (0..1), comfort and efficiency.
 
     A range that has no end gives no early verdict on the side that needs it: clipping the values there would move
     their mean. `efficiency >= 60` (0 or more, no upper end) can pass early and fails in the last look only.

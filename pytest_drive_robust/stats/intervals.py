@@ -19,6 +19,7 @@ from math import fsum
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p
+from pytest_drive_robust.stats.quantiles import normal_quantile, student_t_quantile
 
 __all__ = [
     "evidence_interval",
@@ -38,7 +39,7 @@ _FARTHEST = 1e6
 def mean_interval(
     values: Sequence[float], confidence: float = 0.95, *, bounds: tuple[float, float] = _EVERYTHING
 ) -> tuple[float, float]:
-    """Student's t interval of the mean of `values` (one per route), cut to `bounds`.
+    """Return Student's t interval of the mean of `values` (one per route), cut to `bounds`.
 
     Contains the mean of `values`. One value gives `bounds`. Raises `ComparisonError` for no value.
     """
@@ -51,17 +52,15 @@ def mean_interval(
 
 
 def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
-    """Wilson's score interval of a success rate; `values` are 0..1, one per route.
+    """Return Wilson's score interval of a success rate; `values` are 0..1, one per route.
 
     It stays open when every route succeeded or failed: 24 of 24 give 0.86..1.00. For routes with several seeds, whose
     values lie between 0 and 1, it is wider than needed. Source: Wilson 1927, "Probable inference, the law of
     succession, and statistical inference". Raises `ComparisonError` for no value.
     """
-    from scipy.special import ndtri
-
     count = _require_values(values)
     share = fsum(values) / count
-    z = float(ndtri(0.5 + _require_confidence(confidence) / 2.0))
+    z = normal_quantile(0.5 + _require_confidence(confidence) / 2.0)
     weight = z * z / count
     centre = (share + weight / 2.0) / (1.0 + weight)
     half = math.sqrt(share * (1.0 - share) * weight + weight * weight / 4.0) / (1.0 + weight)
@@ -69,7 +68,7 @@ def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[f
 
 
 def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
-    """Fieller's interval of RD = 1 - mean(perturbed) / mean(clean), paired: one value per route, same order.
+    """Return Fieller's interval of RD = 1 - mean(perturbed) / mean(clean), paired: one value per route, same order.
 
     It holds every threshold that the paired t test on `P - (1 - threshold) * C` does not reject; that statistic is
     linear, so nothing is divided. Contains the RD of the means and never exceeds 1, because scores are not negative.
@@ -115,7 +114,7 @@ def jackknife_interval(
     *,
     bounds: tuple[float, float] = _EVERYTHING,
 ) -> tuple[float, float]:
-    """Jackknife t interval of any smooth statistic; equals `mean_interval` when the statistic is a mean.
+    """Return the jackknife t interval of any smooth statistic; of a mean it is `mean_interval`.
 
     `value` is the statistic over all routes, `without_route` the statistic with one route left out, one per route.
     One route gives `bounds`. Source: Efron and Tibshirani 1993, "An introduction to the bootstrap",
@@ -137,11 +136,10 @@ def evidence_interval(
     ended: bool = False,
     top_score: float = 100.0,
 ) -> tuple[float, float]:
-    """Return the interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early, `alpha` a
-    side.
+    """Return the interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early.
 
-    Scores are 0..`top_score`, one per route. Contains the RD of the means, ends at 1 at most, is wider for a smaller
-    alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
+    `alpha` is for each side. Scores are 0..`top_score`, one per route. Contains the RD of the means, ends at 1 at most,
+    is wider for a smaller alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
 
     `ended` says that the planned routes ran out, so the gate took its last look. The ends then are where the gate
     itself would turn: a fail has `limit <= low`, a pass `high <= limit + margin` (early verdicts have that anyway).
@@ -197,10 +195,7 @@ def _around(centre: float, half: float, bounds: tuple[float, float]) -> tuple[fl
 
 
 def _t_quantile(confidence: float, degrees_of_freedom: int) -> float:
-    from scipy.special import stdtrit
-
-    quantile: Callable[[float, float], float] = stdtrit
-    return float(quantile(float(degrees_of_freedom), 0.5 + _require_confidence(confidence) / 2.0))
+    return student_t_quantile(degrees_of_freedom, 0.5 + _require_confidence(confidence) / 2.0)
 
 
 def _require_confidence(confidence: float) -> float:

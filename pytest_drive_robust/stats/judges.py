@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from typing import Literal, NamedTuple, Protocol, get_args
 
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.stats.evidence import Decision, LinearForms, Wealth, degradation_forms
+from pytest_drive_robust.stats.evidence import BETS, Decision, LinearForms, Wealth, degradation_forms
 
 __all__ = [
     "EvidenceJudge",
@@ -36,6 +36,17 @@ VerdictKind = Literal["evidence", "list", "point"]
 
 _ROUNDING = 1e-9
 """A sum of holds this close to 0, per route and as a share of the range, is 0: equal to the limit passes."""
+
+_TOP_SCORE = 100.0
+
+_USUAL_DISTANCE = 0.2
+"""How far from its limit a value lies as a rule, as a share of the metric's range."""
+
+_USUAL_REFERENCE = 0.85
+"""The reference of a relative form as a rule, as a share of the top score."""
+
+_USUAL_WEIGHT = 4.0
+"""How many read routes say as much about the pace of the evidence as the usual distance does."""
 
 
 class Judge(Protocol):
@@ -59,6 +70,10 @@ class Judge(Protocol):
         """Return the verdict when there are no more routes. Raises `ComparisonError` when none was read."""
         ...
 
+    def likely_left(self, planned: int) -> int:
+        """Return about how many more of the `planned` routes are read, for schedules and displays."""
+        ...
+
 
 class _Reading:
     """What all judges keep: the forms, the count, the verdict, and whether any reference moved at all."""
@@ -78,6 +93,23 @@ class _Reading:
         self.routes += 1
         self._compares = self._compares or reference > 0.0
         return hold
+
+    def likely_left(self, planned: int) -> int:
+        """Return about how many more of the `planned` routes are read if the evidence grows at the pace so far."""
+        left = max(0, planned - self.routes)
+        if self.decision is not None:
+            return 0
+        usual, way = self._usual_routes(), self._way()
+        pace = (way + _USUAL_WEIGHT / usual) / (self.routes + _USUAL_WEIGHT)
+        return left if pace <= 0.0 else min(left, math.ceil((1.0 - way) / pace))
+
+    def _way(self) -> float:
+        """Return how far betting is on its way to a verdict, 0..1."""
+        return 0.0
+
+    def _usual_routes(self) -> float:
+        """Return how many routes an early verdict takes as a rule; infinity where there is none."""
+        return math.inf
 
     def _require_routes(self) -> None:
         if self.routes == 0:
@@ -108,6 +140,13 @@ class EvidenceJudge(_Reading):
         if self.decision is None:
             self.decision = self.evidence.close() if self._compares else "inconclusive"
         return self.decision
+
+    def _way(self) -> float:
+        evidence = self.evidence
+        return max(_share(evidence.against, evidence.needed_for_fail), _share(evidence.within, evidence.needed))
+
+    def _usual_routes(self) -> float:
+        return _usual_routes(self.forms, self.evidence.needed)
 
 
 class PointJudge(_Reading):
@@ -167,14 +206,20 @@ class ListJudge(_Reading):
         return self.decision
 
     def close(self) -> Decision:
-        """Inconclusive unless the whole list was read or the verdict was in before."""
+        """Return the verdict, inconclusive unless the whole list was read or it was in before."""
         self._require_routes()
         if self.decision is None:
             self.decision = "inconclusive"
         return self.decision
 
+    def _way(self) -> float:
+        return max(_share(self.against, self.needed), _share(self.within, self.needed))
+
+    def _usual_routes(self) -> float:
+        return _usual_routes(self.forms, self.needed)
+
     def _bet(self, hold: float, due: float) -> None:
-        """`due` is what the routes left must average for the list to sit exactly on the limit."""
+        """Bet; `due` is what the routes left must average for the list to sit exactly on the limit."""
         nothing = _ROUNDING * self.forms.scale
         self.against.bet(_stake(due - hold, self.forms.most - due, nothing))
         self.within.bet(_stake(hold - due, self.forms.floor + due, nothing))
@@ -207,21 +252,12 @@ def judge_by(
     raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(get_args(VerdictKind))}.")
 
 
-def read_until_decided(
-    kind: VerdictKind,
-    forms: LinearForms,
-    scores: Iterable[tuple[float, float] | None],
-    *,
-    planned: int,
-    alpha: float = 0.05,
-    fail_alpha: float | None = None,
-) -> tuple[Decision, int]:
-    """Return the verdict and how many routes were taken from `scores` for it; none is taken after the verdict.
+def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None]) -> tuple[Decision, int]:
+    """Return the verdict of a fresh `judge` and how many routes were taken from `scores`; none after the verdict.
 
-    `scores` gives (score, reference) for each of the `planned` routes in their order, None for a route without data:
+    `scores` gives (score, reference) for each of the planned routes in their order, None for a route without data:
     it is counted but not read. A list that turns out shorter than planned is judged by its value.
     """
-    judge = judge_by(kind, forms, planned=planned, alpha=alpha, fail_alpha=fail_alpha)
     read: list[tuple[float, float]] = []
     taken = 0
     for found in scores:
@@ -230,8 +266,8 @@ def read_until_decided(
             read.append(found)
             if judge.read(*found) is not None:
                 return judge.close(), taken
-    if kind == "list" and read:
-        judge = PointJudge(forms)
+    if isinstance(judge, ListJudge) and read:
+        judge = PointJudge(judge.forms)
         for found in read:
             judge.read(*found)
     return judge.close(), taken
@@ -247,7 +283,7 @@ class GateVerdict(NamedTuple):
 def gate(
     clean: Iterable[float], perturbed: Iterable[float], threshold: float, margin: float = 0.10, alpha: float = 0.05
 ) -> GateVerdict:
-    """Is RD = 1 - mean(perturbed) / mean(clean) at most `threshold`, judged on driving scores 0..100 per route?
+    """Judge whether RD = 1 - mean(perturbed) / mean(clean) is at most `threshold`, on driving scores 0..100 per route.
 
     `clean` and `perturbed` give one score per route each, in planned order; average the seeds of a route first.
     "fail": RD exceeds the threshold; "pass": it stays below threshold + margin; each wrong at most `alpha` of the time.
@@ -280,6 +316,28 @@ def _pairs(clean: Iterable[float], perturbed: Iterable[float]) -> Iterable[tuple
         raise ComparisonError("clean and perturbed scores do not pair. Expected one of each per route.") from None
 
 
+def _usual_routes(forms: LinearForms, needed: float) -> float:
+    """Return after how many routes the boldest gambler owns enough if all of them lie at the usual distance."""
+    if forms.least <= 0.0:
+        return 1.0
+    if math.isinf(forms.least):
+        return math.inf
+    span = min(forms.most + forms.floor, _TOP_SCORE)
+    top = forms.most if forms.sign > 0.0 else forms.floor
+    if forms.relative:
+        reference = _USUAL_REFERENCE * top
+        kept = min(1.0, max(0.0, forms.keep + forms.sign * _USUAL_DISTANCE))
+        slack = forms.slack(kept * reference, reference)
+    else:
+        slack = forms.slack(forms.base) + min(_USUAL_DISTANCE * span, forms.most)
+    return math.log(len(BETS) * needed) / math.log1p(max(BETS) * slack / forms.least)
+
+
+def _share(wealth: Wealth, needed: float) -> float:
+    """Return how far `wealth` has come towards `needed`, on the scale on which equal evidence adds up; 0..1."""
+    return min(1.0, max(0.0, math.log(max(wealth.value, 1.0)) / math.log(needed)))
+
+
 def _sign_of(total: float, routes: int, forms: LinearForms) -> Decision:
     return "pass" if total >= -_slop(routes, forms) else "fail"
 
@@ -289,7 +347,7 @@ def _slop(routes: int, forms: LinearForms) -> float:
 
 
 def _stake(gain: float, worst: float, nothing: float) -> float:
-    """`gain` as a share of the worst loss; where there is nothing to lose, any gain is proof."""
+    """Return `gain` as a share of the worst loss; where there is nothing to lose, any gain is proof."""
     if worst > nothing:
         return max(-1.0, gain / worst)
     return math.inf if gain > nothing else 0.0

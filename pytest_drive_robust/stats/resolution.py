@@ -7,11 +7,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T
+from pytest_drive_robust.stats.quantiles import normal_quantile
 
 __all__ = ["USUAL_NOISE", "Advice", "advise", "resolution", "routes_needed"]
 
@@ -97,7 +97,4 @@ def advise(
 
 def _standard_errors(alpha: float, power: float) -> float:
     """Return how many standard errors away a truth must be, so that the last look finds it with this power."""
-    from scipy.special import ndtri
-
-    normal: Callable[[float], float] = ndtri
-    return float(normal(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal(power))
+    return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal_quantile(power)

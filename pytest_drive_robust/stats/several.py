@@ -17,8 +17,7 @@ __all__ = ["any_wrong", "holm", "late_fails"]
 
 
 def any_wrong(alpha: float, count: int) -> float:
-    """Return the chance that at least one of `count` independent verdicts fails wrongly, all sitting exactly at their
-    limits.
+    """Return the chance that at least one of `count` independent verdicts at their limits fails wrongly.
 
     >>> round(any_wrong(0.05, 11), 2)
     0.43
@@ -27,7 +26,7 @@ def any_wrong(alpha: float, count: int) -> float:
 
 
 def holm(p_values: Sequence[float], alpha: float = 0.05) -> tuple[bool, ...]:
-    """Which of the hypotheses "it holds" are rejected, so that any wrong rejection has a chance of `alpha` at most.
+    """Return which hypotheses "it holds" are rejected, so that any wrong rejection has a chance of `alpha` at most.
 
     Source: Holm 1979, "A simple sequentially rejective multiple test procedure". No independence is needed, so a clean
     run may be shared.

@@ -31,7 +31,7 @@ class Claim:
         self._free = free
 
     def release(self) -> None:
-        """Give it back."""
+        """Give the right to drive back."""
         free, self._free = self._free, None
         if free is not None:
             free()

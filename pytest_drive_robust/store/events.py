@@ -12,11 +12,14 @@ from typing import Any, get_args
 __all__ = [
     "Advised",
     "Asked",
+    "Awaited",
+    "Compiling",
     "Event",
     "Finished",
     "Identified",
     "Judged",
     "Planned",
+    "Read",
     "Reused",
     "Searched",
     "Spared",
@@ -73,6 +76,40 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
+class Awaited:
+    """A selected test will read these episodes (by key), and may stop early unless `rule` is `"point"`.
+
+    `likely` is how many routes it probably takes, as far as one can tell before anything was read.
+    `keys` stand in the order of reading; `route_ids` names the route of each, one after the other for each seed.
+    `clean_keys` are their clean twins under the setting `clean`, empty when the verdict compares with nothing.
+    """
+
+    requirement: str
+    agent: str
+    routes_spec: str
+    seeds: tuple[int, ...]
+    setting: str
+    rule: str
+    likely: int
+    keys: tuple[str, ...]
+    route_ids: tuple[str, ...]
+    clean: str = ""
+    clean_keys: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """So many routes were read for a verdict, which probably takes `likely` of them in all."""
+
+    requirement: str
+    agent: str
+    routes_spec: str
+    seeds: tuple[int, ...]
+    routes: int
+    likely: int
+
+
+@dataclass(frozen=True, slots=True)
 class Spared:
     """A verdict was in before these episodes (by key) were needed. Another test may still want them."""
 
@@ -84,6 +121,14 @@ class Used:
     """A verdict or a measured value rests on these episodes (by key): what reports may show."""
 
     keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Compiling:
+    """So many functions are compiled, of `total` that episodes wait for; equal when none is missing any more."""
+
+    done: int
+    total: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +217,21 @@ class Searched:
 
 
 Event = (
-    Advised | Planned | Identified | Asked | Spared | Used | Started | Finished | Reused | Troubled | Judged | Searched
+    Advised
+    | Planned
+    | Awaited
+    | Identified
+    | Asked
+    | Read
+    | Spared
+    | Used
+    | Compiling
+    | Started
+    | Finished
+    | Reused
+    | Troubled
+    | Judged
+    | Searched
 )
 
 _KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in get_args(Event)}

@@ -84,7 +84,7 @@ class RecordFiles:
         return target
 
     def all_keys(self) -> Iterator[str]:
-        """Give every key that has a record, sorted within each of the 256 folders."""
+        """Yield every key that has a record, sorted within each of the 256 folders."""
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             for shard in sorted(os.listdir(self._episodes)):
                 with contextlib.suppress(FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""For people who write agents, perturbations or simulators: a tiny world, scripted drivers, and contract checks.
+"""For people who write agents, perturbations or simulators: a tiny world, scripted agents, and contract checks.
 
 ::
 

@@ -102,7 +102,7 @@ class _Trial:
         return drive(agent, self.simulator, route=self.route, seed=seed)
 
     def methods(self) -> Check:
-        """The factory gives an object with the three methods."""
+        """Check that the factory gives an object with the three methods."""
         try:
             agent = self.factory()
         except Exception as error:
@@ -113,7 +113,7 @@ class _Trial:
         return Check("methods", True, "sensors, reset and act are there.")
 
     def declarations(self) -> Check:
-        """`consumes` holds names of signals, `privileged` is a bool."""
+        """Check that `consumes` holds names of signals and `privileged` is a bool."""
         agent = self.factory()
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
@@ -127,13 +127,13 @@ class _Trial:
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
 
     def controls(self, result: EpisodeResult) -> Check:
-        """A whole episode without an exception, a NaN, a wrong type, a value out of range or an impossible camera."""
+        """Check an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
         if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
             return Check("controls", False, f"tick {result.ticks}: {result.end_detail}.")
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
 
     def time(self) -> Check:
-        """How long `act` takes: told, and judged only where no run could end."""
+        """Tell how long `act` takes; judge it only where no run could end."""
         mean_s, worst_s = sum(self.acts_s) / len(self.acts_s), max(self.acts_s)
         sentence = f"act takes {1000.0 * mean_s:.3f} ms on average, {1000.0 * worst_s:.3f} ms at most."
         if mean_s > _SLOWEST_ACT_S:
@@ -141,7 +141,7 @@ class _Trial:
         return Check("time", True, sentence)
 
     def determinism(self) -> Check:
-        """Two new agents with the same seed drive the same."""
+        """Check that two new agents with the same seed drive the same."""
         again, _ = self.drive(self.factory(), self.seed)
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
@@ -152,7 +152,7 @@ class _Trial:
         return Check("determinism", True, f"two agents with seed {self.seed} drive the same.")
 
     def reset(self) -> Check:
-        """One object that has driven other episodes drives this one like a new object, and so once more."""
+        """Check that one object that has driven other episodes drives this one like a new object, and so once more."""
         agent = self.factory()
         drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
         for before in (f"an episode on {self.other.label}", "the same episode"):
@@ -165,7 +165,7 @@ class _Trial:
         return Check("reset", True, "after other episodes and reset, the agent drives like a new one.")
 
     def isolation(self) -> Check:
-        """The same controls from a script see the same world: nothing that the agent writes to reaches it."""
+        """Check that the controls from a script see the same world: nothing that the agent writes to reaches it."""
         script = ScriptedAgent(self.record.controls, cameras=self.record.sensors())
         replayed, _ = self.drive(script, self.seed)
         seen = [observation_digest(observation) for observation in self.record.observations]
@@ -176,7 +176,7 @@ class _Trial:
         return Check("isolation", True, "the agent changes the world by its controls only.")
 
     def consumes(self) -> Check:
-        """Signals that are not declared do not change the controls."""
+        """Check that signals that are not declared do not change the controls."""
         agent = self.factory()
         undeclared = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
         expected = self.feed(lambda observation: observation)
@@ -188,7 +188,7 @@ class _Trial:
         return Check("consumes", True, told)
 
     def privileged(self) -> Check:
-        """Ground truth changes the controls of those that ask for it, and of nobody else."""
+        """Check that ground truth changes the controls of those that ask for it, and of nobody else."""
         if not getattr(self.factory(), "privileged", False):
             with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
             if first_difference(self.feed(lambda observation: observation), with_truth) is not None:
@@ -203,7 +203,7 @@ class _Trial:
         return Check("privileged", True, "the agent uses the ground truth that it asks for.")
 
     def plan(self) -> Check:
-        """`plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
+        """Check that `plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
         agent = self.factory()
         plan = getattr(agent, "plan", None)
         if plan is None:
@@ -222,7 +222,7 @@ class _Trial:
         return Check("plan", True, f"plan gives {len(points)} points.")
 
     def lockstep(self) -> Check:
-        """`act_batch`, where there is one, is `act` for many, and no row depends on its company."""
+        """Check that `act_batch`, where there is one, is `act` for many, and no row depends on its company."""
         agents = [self.factory() for _ in range(_LOCKSTEP_ROWS)]
         if not offers_lockstep(agents[0]):
             return Check("lockstep", True, "there is no act_batch(), and none is needed.")

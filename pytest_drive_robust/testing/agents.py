@@ -1,4 +1,4 @@
-"""Drivers for tests: one that does what it is told, one that remembers what another one did."""
+"""Agents for tests: one that does what it is told, one that remembers what another one did."""
 
 from __future__ import annotations
 

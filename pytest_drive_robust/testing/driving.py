@@ -38,8 +38,9 @@ def feed(
     seed: int,
     change: Callable[[Observation], Observation] = lambda observation: observation,
 ) -> list[Control]:
-    """Return the controls of `agent` for observations of another episode, each changed by `change`. Raises
-    `AgentError`."""
+    """Return the controls of `agent` for observations of another episode, each changed by `change`.
+
+    Raises `AgentError`."""
     agent_reset(agent, plan, seed)
     return [agent_act(agent, change(observation.private())) for observation in observations]
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
 from pytest_drive_robust.domain.outcome import End, Infraction
@@ -66,11 +67,11 @@ class FakeSimulator:
     dt_s: float = field(default=0.05, init=False)
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
-        """The ego stands at the origin; the length is the distance between the first and the last waypoint."""
+        """Put the ego at the origin; the length is the distance between the first and the last waypoint."""
         self._tick = 0
         self._maybe_raise("reset")
         first, last = route.waypoints[0], route.waypoints[-1]
-        self._length_m = math.hypot(last.x_m - first.x_m, last.y_m - first.y_m)
+        self._length_m = scalars.hypot(last.x_m - first.x_m, last.y_m - first.y_m)
         self._ego = _START
         self._stood_s = 0.0
         self._cameras = tuple(cameras)
@@ -83,13 +84,14 @@ class FakeSimulator:
         return self._frame()
 
     def plan(self) -> GlobalPlan:
-        """A point every 50 m and one at the end, all `LANE_FOLLOW`."""
+        """Return a point every 50 m and one at the end, all `LANE_FOLLOW`."""
         stops_m = [*np.arange(0.0, self._length_m, 50.0).tolist(), self._length_m]
         return GlobalPlan(tuple(PlanPoint(x_m, 0.0, RoadOption.LANE_FOLLOW) for x_m in stops_m))
 
     def observe(self) -> Observation:
-        """Return noise-free sensors. Red of each image is the ego's x, green the distance to the parked car, blue the
-        row."""
+        """Return noise-free sensors.
+
+        Red of each image is the ego's x, green the distance to the parked car, blue the row."""
         self._maybe_raise("observe")
         ego, tick = self._ego, self._tick
         for camera in self._cameras:
@@ -112,17 +114,17 @@ class FakeSimulator:
         return GroundTruth(self._frame(), _lane_map(x_m), rows, min(int(self.progress_m), len(x_m) - 1))
 
     def step(self, control: Control) -> WorldState:
-        """Throttle accelerates by up to 3 m/s2, brake slows by up to 8, rolling costs 0.05 per m/s; never backwards."""
+        """Advance: throttle up to 3 m/s2, brake up to 8 m/s2, rolling 0.05 m/s2 per m/s; never backwards."""
         self._maybe_raise("step")
         ego, dt = self._ego, self.dt_s
         wanted = ego.speed_mps + dt * (3.0 * control.throttle - 8.0 * control.brake - 0.05 * ego.speed_mps)
         speed = max(wanted, 0.0)
-        yaw_rate = speed / _WHEELBASE_M * math.tan(_LARGEST_STEER_RAD * control.steer)
+        yaw_rate = speed / _WHEELBASE_M * scalars.tan(_LARGEST_STEER_RAD * control.steer)
         yaw = ego.yaw_rad + dt * yaw_rate
         self._ego = replace(
             ego,
-            x_m=ego.x_m + dt * speed * math.cos(yaw),
-            y_m=ego.y_m + dt * speed * math.sin(yaw),
+            x_m=ego.x_m + dt * speed * scalars.cos(yaw),
+            y_m=ego.y_m + dt * speed * scalars.sin(yaw),
             yaw_rad=yaw,
             speed_mps=speed,
             forward_mps2=(speed - ego.speed_mps) / dt,
@@ -166,11 +168,11 @@ class FakeSimulator:
         )
 
     def versions(self) -> Mapping[str, str]:
-        """Only its own version: nothing else decides the numbers."""
+        """Return only its own version: nothing else decides the numbers."""
         return {self.name: self.version}
 
     def close(self) -> None:
-        """Nothing to free."""
+        """Do nothing: there is nothing to free."""
 
     def _frame(self) -> WorldState:
         return WorldState(self._tick, self._ego, self._actors, np.zeros(0, dtype=np.int64))

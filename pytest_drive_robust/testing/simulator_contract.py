@@ -112,7 +112,7 @@ def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
 
 
 def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingAgent) -> Check:
-    """An agent that paints over its images sees the same world as one that does not."""
+    """Check that an agent that paints over its images sees the same world as one that does not."""
     script = iter(record.controls)
 
     def scribble(observation: Observation) -> Control:

@@ -50,7 +50,7 @@ def perturbations(kind: Kind, *, dt_s: float = _TICK_S) -> SearchStrategy[Pertur
 def settings(
     kinds: Iterable[Kind] = tuple(BUILTIN.values()), *, min_size: int = 1, max_size: int = 3, dt_s: float = _TICK_S
 ) -> SearchStrategy[Setting]:
-    """Stacks of `min_size` to `max_size` different failures in the order of `kinds`, shrinking to fewer and milder.
+    """Draw stacks of `min_size` to `max_size` failures in the order of `kinds`, shrinking to fewer and milder.
 
     `min_size=0` gives the clean setting too. Raises `ValueError` for sizes that `kinds` cannot fill.
     """
@@ -63,7 +63,7 @@ def settings(
 
 
 def driving(max_examples: int = 10, *, shrink: bool = False, **others: Any) -> hypothesis.settings:
-    """hypothesis settings for tests that drive: no deadline, the `drive` fixture allowed, few examples.
+    """Return hypothesis settings for tests that drive: no deadline, the `drive` fixture allowed, few examples.
 
     `shrink` lets hypothesis shrink too. It takes every verdict for certain, so leave that to `drive.minimal` unless the
     verdict rule is `"point"` or `"list"`, which say the same about the same episodes. `others` are passed on.

@@ -62,8 +62,9 @@ class WorstRoute:
 
 
 class Divergence(NamedTuple):
-    """Seconds from the start, and what left its tolerance first: `"in speed"`, `"in distance"`
-    along the way, or `"sideways"`."""
+    """When two egos parted, seconds from the start, and what left its tolerance first.
+
+    That is `"in speed"`, `"in distance"` along the way, or `"sideways"`."""
 
     second: float
     signal: str

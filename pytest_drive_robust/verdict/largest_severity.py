@@ -59,8 +59,8 @@ class Bracket:
 
     `holds` is the largest severity that was shown to hold with nothing broken below it, None when the mildest one did
     not; `breaks` the smallest that was shown to break, None when the most severe one did not. `rule` says what "shown"
-    means: `"evidence"` (`stats.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all routes
-    compared with the limit: too few routes for more). `warnings` are sentences.
+    means: `"evidence"` (`stats.judges.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all
+    routes compared with the limit: too few routes for more). `warnings` are sentences.
 
     Compares by severity with a perturbation or a number: `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
     What compares is `holds`: the severity that was shown, not the one that was hoped for.

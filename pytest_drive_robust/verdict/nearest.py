@@ -32,7 +32,7 @@ _LONG_S = 10.0
 
 
 def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], str | None]) -> str | None:
-    """`sentence` with as few parts replaced as make it valid, or None when no repair is.
+    """Return `sentence` with as few parts replaced as make it valid, or None when no repair does.
 
     `read` gives the canonical form of a valid sentence and None for any other.
     """

@@ -89,7 +89,7 @@ def minimal_failing(
     confirm: Fails | None = None,
     sentence: str = "RD under {setting} <= 0.30",
 ) -> MinimalFailure:
-    """Leave out failures one at a time, mildest first, then makes the rest milder along their ladders.
+    """Leave out failures one at a time, mildest first, then make the rest milder along their ladders.
 
     `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
     result once more, on fresh seeds as a rule. `sentence` is the requirement behind `fails`, for the test case.

@@ -14,8 +14,8 @@ from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.verdict.explain import describe_outcome
 
 pytestmark = pytest.mark.slow

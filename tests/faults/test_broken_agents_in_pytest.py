@@ -16,7 +16,7 @@ from pytest_drive_robust.testing import fake_route
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forks")
 
 WORKERS = pytest.mark.parametrize("workers", [("--drive-workers=2",), ("-n2",)], ids=["pool", "xdist"])
-PROCESSES = ("--drive-robust", "--drive-executor=processes", "-p", "no:hypothesispytest")
+PROCESSES = ("--drive-robust", "--drive-executor=processes")
 FAULTS = {
     "Raises": "act raised ZeroDivisionError: no way (",
     "SaysExit": "act raised SystemExit: enough (",

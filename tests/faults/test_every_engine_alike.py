@@ -111,7 +111,8 @@ class Campaign:
         folder.mkdir()
         for name, text in (("conftest.py", CONFTEST), ("test_suite.py", SUITE), ("tox.ini", INI)):
             (folder / name).write_text(text)
-        command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider"]
+        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")
+        command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", *without]
         done = subprocess.run(
             [*command, "--drive-json", "run.json", *options], cwd=folder, capture_output=True, text=True, check=False
         )

@@ -13,7 +13,7 @@ from lockstep_suite import LOCKSTEP_CONFTEST
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.lockstep.processes import lockstep_in_processes
+from pytest_drive_robust.engine.pool import lockstep_in_processes
 from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import fake_route

@@ -83,7 +83,7 @@ def test_names_of_routes_are_only_ever_text(suite, driven, workers):
     ini = folder.path / "tox.ini"
     ini.write_text(ini.read_text().replace("drive_routes = routes.xml\n", ""))
     files = ("--drive-json=run.json", "--drive-csv=run.csv", "--junit-xml=run.xml")
-    arguments = ("--drive-robust", "--drive-sim=odd", "-p", "no:hypothesispytest", *files, *workers)
+    arguments = ("--drive-robust", "--drive-sim=odd", *files, *workers)
     before = {path.name for path in folder.path.iterdir()}
     result = folder.runpytest_subprocess(*arguments)
     result.assert_outcomes(passed=6, failed=1)
@@ -114,7 +114,7 @@ def test_ten_thousand_requirements_are_planned_in_seconds_and_little_memory(suit
     resource = pytest.importorskip("resource")
     folder = suite(test=MANY, conftest=MEASURED)
     before_s = resource.getrusage(resource.RUSAGE_CHILDREN)
-    result = folder.runpytest_subprocess("--drive-robust", "-q", "-p", "no:hypothesispytest", mode)
+    result = folder.runpytest_subprocess("--drive-robust", "-q", mode)
     after_s = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert result.ret == 0
     assert driven() == []

@@ -21,8 +21,8 @@ from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record import encode_episode
 
 CONFTEST = """

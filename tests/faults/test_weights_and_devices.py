@@ -44,7 +44,7 @@ def driving(suite, monkeypatch, pytester):
         suite(test=TESTS.format(names=list(names)), conftest=SPY)
         monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1] / "helpers"), prepend=":")
         save_routes([fake_route("7")], pytester.path / "long.xml")
-        fixed = ("--drive-robust", "--drive-executor=processes", "-p", "no:hypothesispytest", "--drive-routes=long.xml")
+        fixed = ("--drive-robust", "--drive-executor=processes", "--drive-routes=long.xml")
         world = "--drive-sim=pytest_drive_robust.testing:FakeSimulator"
         result = pytester.runpytest_subprocess(*fixed, world, "--drive-json=run.json", *options)
         told = pytester.path / "run.json"

@@ -14,7 +14,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def bev_samples(count: int, *, seed: int = 0) -> Arrays:
-    """Training samples by the contract, with the frame 0.5 s before for every second one; brighter means faster."""
+    """Make training samples by the contract, every second with the frame 0.5 s before; brighter means faster."""
     rng = np.random.default_rng(seed)
     speed = rng.uniform(0.0, 10.0, count).astype(np.float32)
     gap = rng.uniform(8.0, 40.0, count).astype(np.float32)
@@ -59,7 +59,7 @@ def bev_samples(count: int, *, seed: int = 0) -> Arrays:
 
 
 def _facts(gap: NDArray[np.float32]) -> NDArray[np.float32]:
-    """No light, a leader at the gap, nothing else within 100 m."""
+    """Return no light, a leader at the gap, nothing else within 100 m."""
     facts = np.full((len(gap), 16), 100.0, dtype=np.float32)
     facts[:, 0], facts[:, 2] = -1.0, gap
     return facts

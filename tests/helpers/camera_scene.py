@@ -101,7 +101,7 @@ def lane(
 
 
 def town(*, buildings: bool = True) -> LaneMap:
-    """East lane at y = 1.75 with parking at its right, west lane at y = -1.75, a road along y at x = 45."""
+    """Make an east lane at y = 1.75 with parking at its right, a west lane at y = -1.75, a road along y at x = 45."""
     lanes = (
         lane(0, (-60, 1.75), (38, 1.75), left=1, right=2, left_line="striped", right_line="striped"),
         lane(1, (38, -1.75), (-60, -1.75), left=0, left_line="striped", right_line="solid"),
@@ -136,7 +136,7 @@ def town(*, buildings: bool = True) -> LaneMap:
 
 
 def busy_frame(tick: int = 0) -> WorldState:
-    """One of every actor ahead of the ego."""
+    """Return one of every actor ahead of the ego."""
     kind, state = ActorKind, ActorState
     return frame(
         actor(kind.CAR, 14.0, 1.75, number=1, speed=4.0, state=state.BRAKING | state.INDICATOR_LEFT),
@@ -158,10 +158,10 @@ def busy_frame(tick: int = 0) -> WorldState:
 
 
 def without(shown: WorldState, number: int) -> WorldState:
-    """The frame without the actor of that id."""
+    """Return the frame without the actor of that id."""
     return replace(shown, actors=shown.actors[shown.actors[:, WorldState.ID] != number])
 
 
 def around() -> NDArray[np.float64]:
-    """Points of the route: straight through the junction."""
+    """Return points of the route: straight through the junction."""
     return np.column_stack((np.arange(0.0, 110.0), np.full(110, 1.75)))

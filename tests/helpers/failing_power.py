@@ -30,7 +30,7 @@ class Recorder:
         self.operations.append(operation)
 
     def mkdir(self, path: Path, *, exist_ok: bool = False, real: Callable[..., None] = Path.mkdir) -> None:
-        """`Path.mkdir`, of one folder at a time."""
+        """Do as `Path.mkdir`, of one folder at a time."""
         new = not path.exists()
         real(path, exist_ok=exist_ok)
         if new and self._root in path.parents:
@@ -61,7 +61,7 @@ class Recorder:
 
 
 def after_a_cut(operations: Sequence[Operation], start: Tree) -> Iterator[Tree]:
-    """Every tree that may be there when the power went after these operations.
+    """Yield every tree that may be there when the power went after these operations.
 
     Names that were made in a folder since it was synced last are there or not, each for itself. Bytes that were written
     to a file since it was synced last are there, or half of them, or zeros in their place, or none.

@@ -169,7 +169,7 @@ class Agent(object):
 
 
 def make(folder: Path) -> tuple[Path, Path, Path]:
-    """(checkout, CARLA, agent file) below `folder`."""
+    """Write (checkout, CARLA, agent file) below `folder`."""
     root, carla, agent = folder / "b2d", folder / "carla", folder / "own_agent.py"
     files = {
         "leaderboard/leaderboard/__init__.py": "",
@@ -199,7 +199,7 @@ def make(folder: Path) -> tuple[Path, Path, Path]:
 
 
 def left_behind(mark: str) -> list[str]:
-    """The command lines of living processes that inherited the mark, ourselves excepted."""
+    """Return the command lines of living processes that inherited the mark, ourselves excepted."""
     found = []
     for entry in Path("/proc").iterdir():
         if not entry.name.isdecimal() or int(entry.name) == os.getpid():

@@ -15,7 +15,7 @@ Row = Mapping[str, NDArray[Any]]
 
 
 def made_row(generator: np.random.Generator, *, episode: int, tick: int, cameras: Mapping[str, tuple[int, int]]) -> Row:
-    """A car that drives a circle; the first rows of every image are as bright as it is fast."""
+    """Make a car that drives a circle; the first rows of every image are as bright as it is fast."""
     speed, curvature = generator.uniform(0.0, 12.0), generator.uniform(-0.05, 0.05)
     way = speed * np.arange(1, 13) * 0.25
     future = np.stack([way, 0.5 * curvature * way**2, curvature * way, np.full(12, speed)], axis=1)
@@ -55,7 +55,7 @@ def write_frames(
     shards: int = 2,
     seed: int = 0,
 ) -> Path:
-    """A folder of `rows` frames of `episodes` drives, one every five ticks; cameras by name with (height, width)."""
+    """Write `rows` frames of `episodes` drives, one every five ticks; cameras by name with (height, width)."""
     generator = np.random.Generator(np.random.Philox(seed))
     made: Sequence[Row] = [
         made_row(generator, episode=k * episodes // rows, tick=5 * (k % -(-rows // episodes)), cameras=cameras)

@@ -51,14 +51,14 @@ Spoil = Callable[["Observation"], "Observation"]
 
 
 def shipped() -> dict[str, dict[str, object]]:
-    """The manifest of the weights that ship, by the name of the agent."""
+    """Return the manifest of the weights that ship, by the name of the agent."""
     manifest = Path(drive_robust_agents.__file__).parent / "weights" / "manifest.json"
     entries: dict[str, dict[str, object]] = json.loads(manifest.read_bytes())
     return entries
 
 
 def label(name: str) -> str:
-    """Which weights: `tcp@0.1:5c7f488d`."""
+    """Return which weights: `tcp@0.1:5c7f488d`."""
     entry = shipped()[name]
     return f"{name}@{entry['version']}:{str(entry['sha256'])[:8]}"
 
@@ -79,7 +79,7 @@ def drive(agent: Agent, *, spoil: Spoil = lambda seen: seen, ticks: int = _TICKS
 
 
 def read(name: str) -> dict[str, Any]:
-    """The file of an agent; empty when there is none."""
+    """Read the file of an agent; empty when there is none."""
     file = _FOLDER / f"{name}.json"
     found: dict[str, Any] = json.loads(file.read_bytes()) if file.exists() else {}
     return found

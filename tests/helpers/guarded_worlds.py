@@ -26,20 +26,20 @@ FAKE = "pytest_drive_robust.testing:FakeSimulator"
 
 
 def worker_setup(simulator: str = FAKE, **changes: object) -> WorkerSetup:
-    """How the child of a test comes to its registry; worlds of this file by their bare name."""
+    """Return how the worker process of a test comes to its registry; worlds of this file by their bare name."""
     name = simulator if ":" in simulator or simulator == "embedded" else f"guarded_worlds:{simulator}"
     made = WorkerSetup((str(HERE), *sys.path), str(Path.cwd()), (), name, SimulatorOptions(tick_cap=2000))
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
 def request(agent: str, *, setting: Setting = Setting.CLEAN, route: Route = ROUTE, seed: int = 0) -> EpisodeRequest:
-    """An episode of an agent of `guarded_agents`, by its bare name, or of any other agent by its reference."""
+    """Return an episode of an agent of `guarded_agents`, by its bare name, or of any other by its reference."""
     name = agent if ":" in agent or agent.islower() else f"guarded_agents:{agent}"
     return EpisodeRequest(Episode(name, route.id, str(setting), seed), route, setting)
 
 
 def alive(pid: int) -> bool:
-    """Whether the process runs; one that ended and waits to be buried does not."""
+    """Return whether the process runs; one that ended and was not waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
@@ -47,7 +47,7 @@ def alive(pid: int) -> bool:
 
 
 def gone_within(pid: int, seconds: float) -> bool:
-    """Whether the process ends in time."""
+    """Return whether the process ends in time."""
     deadline = time.monotonic() + seconds
     while alive(pid) and time.monotonic() < deadline:
         time.sleep(0.01)

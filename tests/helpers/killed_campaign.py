@@ -27,6 +27,7 @@ from pytest_drive_robust import Control, Perturbation
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
 LOG = Path(__file__).parent / "begun.log"
+TICK_S = float(os.environ["CAMPAIGN_TICK_S"])
 
 
 @dataclass
@@ -45,7 +46,7 @@ class SlowSimulator(FakeSimulator):
         return super().reset(route, seed=seed, cameras=cameras)
 
     def step(self, control):
-        time.sleep(0.002)
+        time.sleep(TICK_S)
         return super().step(control)
 
 
@@ -83,10 +84,11 @@ drive_verdict = point
 
 @dataclass
 class Campaign:
-    """A folder with a suite; `episodes` are what it needs in all."""
+    """A folder with a suite; `episodes` are what it needs in all, and each of their ticks takes `tick_s`."""
 
     folder: Path
     routes: int = 12
+    tick_s: float = 0.0
     kills: int = 0
     lost: list[str] = field(default_factory=list)
 
@@ -106,7 +108,8 @@ class Campaign:
 
     def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
         """Start pytest in a session of its own."""
-        command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", *arguments]
+        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")
+        command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", *without, *arguments]
         with (self.folder / "output.txt").open("ab") as output:
             return subprocess.Popen(
                 command,
@@ -115,6 +118,7 @@ class Campaign:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 preexec_fn=heed_interrupts,
+                env={**os.environ, "CAMPAIGN_TICK_S": str(self.tick_s)},
             )
 
     def run(self, *arguments: str) -> int:
@@ -122,16 +126,16 @@ class Campaign:
         return self.begin(*arguments).wait(timeout=120)
 
     def stored(self) -> set[str]:
-        """The keys of whole records in the store."""
+        """Return the keys of whole records in the store."""
         return {path.stem for path in (self.folder / ".drive-robust" / "episodes").glob("*/*.episode")}
 
     def begun(self) -> int:
-        """How many episodes were begun, by whomever."""
+        """Return how many episodes were begun, by whomever."""
         log = self.folder / "begun.log"
         return len(log.read_text().splitlines()) if log.exists() else 0
 
     def digests(self) -> dict[str, tuple[object, ...]]:
-        """What decides about each stored episode, without times."""
+        """Return what decides about each stored episode, without times."""
         store = FolderStore(self.folder / ".drive-robust")
         found = {key: store.get(key) for key in self.stored()}
         return {
@@ -144,22 +148,30 @@ class Campaign:
         }  # fmt: skip
 
     def disturb(self, arguments: Sequence[str], *, kills: int, seed: int, controller_share: float = 0.2) -> None:
-        """Run pytest until `kills` of its processes were killed and then to its end, starting it again when it dies."""
+        """Run pytest until `kills` of its processes were killed and then to its end, starting it again when it dies.
+
+        Most runs are left alone until they drive; one in ten is killed while it starts.
+        """
         draw = random.Random(seed)
         while True:
+            at_once, before = draw.random() < 0.1, self.begun()
             process = self.begin(*arguments)
             while process.poll() is None:
-                if self.kills < kills:
+                if self.kills >= kills:
+                    process.wait(timeout=120)
+                elif at_once or self.begun() > before:
                     time.sleep(draw.uniform(0.05, 0.4))
                     self._kill_one(process, draw, controller_share)
                 else:
-                    process.wait(timeout=120)
-            if self.kills >= kills and process.returncode is not None and process.returncode >= 0:
+                    time.sleep(0.01)
+            if self.kills >= kills and process.returncode >= 0:
                 return
             if len(self.stored()) == self.episodes and self.kills < kills:
                 return  # everything is driven: there is nothing left to disturb
 
     def _kill_one(self, process: subprocess.Popen[bytes], draw: random.Random, controller_share: float) -> None:
+        if process.poll() is not None:
+            return  # it has ended by itself
         children = descendants(process.pid)
         victim = process.pid if not children or draw.random() < controller_share else draw.choice(children)
         before = self.stored()
@@ -173,7 +185,7 @@ class Campaign:
 
 
 def descendants(pid: int) -> list[int]:
-    """Every process below `pid`, by /proc."""
+    """Return every process below `pid`, by /proc."""
     parents: dict[int, int] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():

@@ -49,7 +49,7 @@ class NoisyAgent(autonomous_agent.AutonomousAgent):
 
 
 def observation(tick=0, *, x_m=0.0, y_m=0.0, yaw_rad=0.0, truth=None, cameras=("CAM_FRONT",)):
-    """A moment in which the vehicle drives 6 m/s; its pictures are red at the left and blue at the right."""
+    """Return an observation at 6 m/s; its pictures are red at the left and blue at the right."""
     pixels = np.zeros((32, 64, 3), dtype=np.uint8)
     pixels[:, :32, 0], pixels[:, 32:, 2] = 200, 100
     return Observation(
@@ -70,7 +70,7 @@ def straight_lane(index=0, *, y_m=0.0, length_m=100.0, successors=(), start_m=0.
 
 
 def truth_with(*actors, lanes=(), tick=0, speed_mps=6.0):
-    """The ego at the origin, heading east, and boxes: (kind, x, y, yaw, speed, length, width, height) each."""
+    """Return the ego at the origin, heading east, and boxes: (kind, x, y, yaw, speed, length, width, height) each."""
     rows = [(k, kind, x, y, yaw, speed, *size, 0) for k, (kind, x, y, yaw, speed, *size) in enumerate(actors)]
     frame = WorldState(
         tick,

@@ -95,7 +95,7 @@ wants_a_gpu = GpuFactory()
 
 
 def write_bomb(weights: Path, note: Path, deed: str) -> None:
-    """A file of weights whose loading notes the process in which it was loaded, and then does a deed."""
+    """Write weights whose loading notes the process in which they were loaded, and then does a deed."""
 
     class Bomb:
         def __reduce__(self) -> tuple[object, ...]:

@@ -85,12 +85,12 @@ def task(*, metres: float = 20.0, seed: int = 0, setting: str = "clean", agent: 
 
 
 def bits(result: EpisodeResult) -> bytes:
-    """The record of an episode, but for the clock and the words about how it was driven."""
+    """Return the record of an episode, but for the clock and the words about how it was driven."""
     return encode_episode(replace(result, wall_s=0.0, versions={}))
 
 
 def taking(requests: Iterable[EpisodeRequest]) -> Callable[[], EpisodeRequest | None]:
-    """One after the other, then None."""
+    """Return what gives one after the other, then None."""
     iterator = iter(requests)
     return lambda: next(iterator, None)
 

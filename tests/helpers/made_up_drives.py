@@ -18,7 +18,7 @@ def report(
     efficiency_of: Mapping[str, float] | None = None,
     routes: int = len(CLEAN_DS),
 ) -> dict[str, Any]:
-    """An agent whose driving score on every route is that of `CLEAN_DS` times the share of the setting.
+    """Report an agent whose driving score on every route is that of `CLEAN_DS` times the share of the setting.
 
     `efficiency_of` is percent, by setting, 100 when left out; the last route has no data on it.
     """
@@ -49,7 +49,7 @@ def report(
 
 
 def saved(folder: Path, *reports: Mapping[str, Any]) -> Sequence[Path]:
-    """One file for each."""
+    """Write one file for each."""
     paths = [folder / f"{number}.json" for number in range(len(reports))]
     for path, content in zip(paths, reports, strict=True):
         path.write_text(json.dumps(content), encoding="utf-8")

@@ -35,7 +35,7 @@ FUZZ = settings(max_examples=800, deadline=None, suppress_health_check=[HealthCh
 
 
 def places(value: object, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """The way to every value within a document."""
+    """Return the way to every value within a document."""
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [path, *(place for key, item in inner for place in places(item, (*path, key)))]
 

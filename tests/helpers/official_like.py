@@ -31,7 +31,7 @@ class Shape:
 
 
 def shape_for(kind: str, number: int = 0) -> Shape:
-    """Something that a type can use; other numbers give other headings, sizes and sides."""
+    """Return something that a type can use; other numbers give other headings, sizes and sides."""
     place, odd = SCHEMA[kind].roads.place, number % 2 == 1
     turn = -90.0 if any(kind.startswith(name) for name in LEFT) or (odd and "RightTurn" not in kind) else 90.0
     heading, at = 37.0 * number, (1234.5 + 511.0 * number, -876.5)
@@ -44,7 +44,7 @@ def shape_for(kind: str, number: int = 0) -> Shape:
 
 
 def draw(kind: str, shape: Shape | None = None, *, route_id: str = "1", **given: object) -> Route:
-    """A route of a type. `given` are parameter elements: a number, a word, or a mapping of attributes."""
+    """Draw a route of a type. `given` are parameter elements: a number, a word, or a mapping of attributes."""
     shape = shape or shape_for(kind)
     place = SCHEMA[kind].roads.place
     pose: Pose = (*shape.at, math.radians(shape.heading_deg))
@@ -96,7 +96,7 @@ def _bend(pose: Pose, turn: float, length: float) -> list[Point]:
 
 
 def _jumps(pose: Pose) -> list[Point]:
-    """Two changes to the left, each from one waypoint to the next."""
+    """Draw two changes to the left, each from one waypoint to the next."""
     first = _straight(pose, 34.0)
     second = _straight(_ahead(pose, 39.0, -3.5), 40.0)
     third = _straight(_ahead(pose, 84.0, -7.0), 36.0)
@@ -104,7 +104,7 @@ def _jumps(pose: Pose) -> list[Point]:
 
 
 def _parting(pose: Pose, shape: Shape, place: Place) -> tuple[list[Point], dict[str, dict[str, float]]]:
-    """A stretch before, none where roads cross or part, one after; and from where to where the flow goes."""
+    """Draw a stretch before, none where roads cross or part, one after; and from where to where the flow goes."""
     start, turn = _ahead(pose, shape.before_m), math.radians(shape.turn_deg)
     along, aside = shape.gap_m * math.cos(turn / 2.0), shape.gap_m * math.sin(turn / 2.0)
     x, y, _ = _ahead(start, along, aside)

@@ -52,7 +52,7 @@ def record(
     ratios: Sequence[object] = (80.0, 120.5),
     **events: int,
 ) -> dict[str, Any]:
-    """`share` is the exact percentage outside of the lanes; the sentence rounds it as the leaderboard does."""
+    """Make a record; `share` is the exact percentage outside of the lanes, which the sentence rounds."""
     infractions: dict[str, list[str]] = {name: [] for name in LISTS}
     factor = 1.0
     for name, count in events.items():
@@ -95,7 +95,7 @@ def write(path: Path, content: object) -> Path:
 def motion_step(
     *, forward: float = 0.0, right: float = 0.0, turn_degps: float = 0.0, x_m: float = 0.0
 ) -> dict[str, Any]:
-    """A car that looks along x."""
+    """Return a car that looks along x."""
     return {
         "acceleration": [forward, right, 0.1],
         "angular_velocity": [0.0, 0.0, turn_degps],
@@ -107,7 +107,7 @@ def motion_step(
 
 
 def official_totals(records: Sequence[Mapping[str, Any]]) -> tuple[float, float, float | None]:
-    """DS, SR and efficiency; None where the official tool divides by zero."""
+    """Return DS, SR and efficiency; None where the official tool divides by zero."""
     successes = sum(
         item["status"] in ("Completed", "Perfect")
         and not any(found for name, found in item["infractions"].items() if name != "min_speed_infractions")

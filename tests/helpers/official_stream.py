@@ -73,7 +73,7 @@ def copy_of(payload: Any) -> Any:
 
 
 def recorded(ticks: int, *, seed: int = 0, rows: int = 9, columns: int = 14) -> list[dict[str, Any]]:
-    """Payloads by tag, tick by tick; the debug camera `bev` and a lidar among them."""
+    """Return payloads by tag, tick by tick; the debug camera `bev` and a lidar among them."""
     rng = np.random.default_rng(seed)
     stream = []
     for _ in range(ticks):
@@ -89,7 +89,7 @@ def recorded(ticks: int, *, seed: int = 0, rows: int = 9, columns: int = 14) -> 
 
 
 def command_for(payloads: Mapping[str, Any]) -> tuple[float, float, float]:
-    """What the agent of these tests does: every bit that it is given matters."""
+    """Return what the agent of these tests does: every bit that it is given matters."""
     total = sum(int(payloads[tag][..., :3].sum(dtype=np.int64)) for tag in CAMERAS)
     total += sum(np.abs(payloads[tag]).tobytes()[0] for tag in ("GPS", "IMU"))
     return (total % 97) / 97.0, (total % 89) / 44.5 - 1.0, (total % 83) / 83.0
@@ -106,7 +106,7 @@ class Driven:
 
 
 def through_package(stream: list[dict[str, Any]], setting: Setting, *, route: str, seed: int) -> Driven:
-    """The stream through the setting as the embedded simulator's loop runs it."""
+    """Send the stream through the setting as the embedded simulator's loop does."""
     stack = setting.start(route_id=route, seed=seed, dt_s=0.05, cameras=RIG)
     driven = Driven()
     fixes: dict[tuple[float, float], Any] = {}
@@ -142,7 +142,7 @@ def _observation(tick: int, payloads: Mapping[str, Any], x_m: float, y_m: float)
 def _payloads(
     seen: Observation, stream: list[dict[str, Any]], fixes: Mapping[tuple[float, float], Any]
 ) -> dict[str, Any]:
-    """Back into official payloads: a position that no perturbation moved is the very fix that came."""
+    """Turn back into official payloads: a position that no perturbation moved is the very fix that came."""
     where = seen.gps.x_m, seen.gps.y_m
     fix = fixes.get(where)
     if fix is None:
@@ -156,7 +156,7 @@ def _payloads(
 
 
 def fresh_classes() -> SimpleNamespace:
-    """The stand-ins, not wrapped yet."""
+    """Return the stand-ins, not wrapped yet."""
     return SimpleNamespace(
         interface=type("SensorInterface", (SensorInterface,), {"get_data": SensorInterface.get_data}),
         wrapper=type("AgentWrapper", (AgentWrapper,), {"__call__": AgentWrapper.__call__}),

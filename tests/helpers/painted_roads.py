@@ -22,7 +22,7 @@ LEFT_TURN = GlobalPlan(
 
 
 def road(lane_right_m: float = 0.0) -> NDArray[np.uint8]:
-    """A straight grey road with solid white lines 1.75 m beside the middle of a lane."""
+    """Paint a straight grey road with solid white lines 1.75 m beside the middle of a lane."""
     image = np.empty((CAMERA.height_px, CAMERA.width_px, 3), dtype=np.uint8)
     image[: CAMERA.height_px // 2] = SKY
     image[CAMERA.height_px // 2 :] = ASPHALT
@@ -32,7 +32,7 @@ def road(lane_right_m: float = 0.0) -> NDArray[np.uint8]:
 
 
 def by_night(image: NDArray[np.uint8], brighter: float = 1.0) -> NDArray[np.uint8]:
-    """The same picture in the vehicle's headlamps, below a dark sky."""
+    """Return the same picture in the vehicle's headlamps, below a dark sky."""
     half = CAMERA.height_px // 2
     depth = CAMERA.z_m * CAMERA.width_px / 2.0 / (np.arange(half) + 0.5)
     right = depth[:, None] * (np.arange(CAMERA.width_px) + 0.5 - CAMERA.width_px / 2.0) / (CAMERA.width_px / 2.0)

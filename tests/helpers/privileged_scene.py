@@ -28,7 +28,7 @@ SIZES = {ActorKind.CAR: (4.6, 1.9), ActorKind.BICYCLE: (1.8, 0.6), ActorKind.PED
 def actor(
     x_m: float, right_m: float, *, speed_mps: float = 0.0, yaw_rad: float = 0.0, kind: ActorKind = ActorKind.CAR
 ) -> list[float]:
-    """A row of `WorldState.actors`; ids are given by `street`."""
+    """Return a row of `WorldState.actors`; ids are given by `street`."""
     length, width = SIZES[kind]
     return [0.0, float(kind), x_m, right_m, yaw_rad, speed_mps, length, width, 1.5, 0.0]
 
@@ -37,7 +37,7 @@ def street(
     *actors: list[float], x_m: float = 20.0, right_m: float = 0.0, speed_mps: float = 0.0, same_way: bool = False,
     light: tuple[float, LightState] | None = None,
 ) -> GroundTruth:  # fmt: skip
-    """The ego at x on the right lane of a street along x; the lane to its left leads the other way or the same way.
+    """Put the ego at x on the right lane of a street along x; the left lane leads the other way or the same way.
 
     `light` is where a light or a stop sign stands on the ego's lane, and its state.
     """
@@ -71,7 +71,7 @@ def street(
 
 
 def observation(truth: GroundTruth | None, tick: int = 0) -> Observation:
-    """What a privileged agent is given; its sensors say nothing of interest."""
+    """Return what a privileged agent is given; its sensors say nothing of interest."""
     return Observation(
         tick=tick,
         gps=Gps(0.0, 0.0, tick),
@@ -84,7 +84,7 @@ def observation(truth: GroundTruth | None, tick: int = 0) -> Observation:
 
 
 def seen(truth: GroundTruth) -> tuple[StaticScene, Traffic]:
-    """The scene and the traffic as the expert sees them in its first tick."""
+    """Return the scene and the traffic as the expert sees them in its first tick."""
     scene, traffic = StaticScene(truth), Traffic()
     traffic.update(truth.frame, scene.graph)
     return scene, traffic

@@ -104,7 +104,7 @@ def pytest_drive_robust_register(registry):
 
 
 def write_project(folder: Path, *, tick_s: float) -> Path:
-    """The module in its folder, with a file of weights beside it."""
+    """Write the module into its folder, with a file of weights beside it."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{MODULE}.py"
     file.write_text(SOURCE.format(folder=str(folder), tick_s=tick_s))
@@ -113,7 +113,7 @@ def write_project(folder: Path, *, tick_s: float) -> Path:
 
 
 def load_project(file: Path) -> Registry:
-    """The names of the project, in this process."""
+    """Load the names of the project in this process."""
     spec = importlib.util.spec_from_file_location(MODULE, file)
     assert spec is not None
     assert spec.loader is not None
@@ -125,7 +125,7 @@ def load_project(file: Path) -> Registry:
 
 
 def setup_of(file: Path) -> WorkerSetup:
-    """How another process comes to the same."""
+    """Return what another process needs to come to the same names."""
     folder = str(file.parent)
     options = SimulatorOptions(tick_cap=60)
     return WorkerSetup((folder, *sys.path), folder, ((MODULE, str(file)),), "slow", options)

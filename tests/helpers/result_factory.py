@@ -17,7 +17,7 @@ DT_S = 0.05
 
 
 def trace_of(ticks: int, **columns: object) -> Trace:
-    """A trace of `ticks` rows; every column is 0 but the named ones (a number or one number a tick)."""
+    """Make a trace of `ticks` rows; every column is 0 but the named ones (a number or one number a tick)."""
     rows = np.zeros((ticks, len(Trace.COLUMNS)))
     for name, values in columns.items():
         rows[:, Trace.COLUMNS.index(name)] = values
@@ -72,7 +72,7 @@ def make_result(
 
 
 def scored(route_id: str, score: float, **given: object) -> EpisodeResult:
-    """An episode whose driving score is `score`."""
+    """Make an episode whose driving score is `score`."""
     end = End.COMPLETED if score == 100.0 else End.TICK_CAP
     return make_result(route_id, completion_pct=score, end=given.pop("end", end), **given)  # type: ignore[arg-type]
 

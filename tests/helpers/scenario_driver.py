@@ -23,19 +23,19 @@ Floats = NDArray[np.float64]
 
 @lru_cache(maxsize=128)
 def drawn(name: str, number: int = 0, *, seed: int = 5) -> Route:
-    """A route of a scenario type, on its site `number`."""
+    """Draw a route of a scenario type, on its site `number`."""
     return draw_route(SCENARIOS[name], number=number, seed=seed, route_id="1")
 
 
 def staged(name: str, number: int = 0, *, seed: int = 0, **parameters: float) -> World:
-    """A world of a scenario type with some of its parameters replaced."""
+    """Build a world of a scenario type with some of its parameters replaced."""
     route = drawn(name, number)
     given = {**route.scenario.parameters, **{key: {"value": value} for key, value in parameters.items()}}
     return World(replace(route, scenario=replace(route.scenario, parameters=given)), seed=seed)
 
 
 def control(world: World, *, speed_mps: float, right_m: float = 0.0) -> Control:
-    """Pure pursuit of the route, shifted by `right_m`, and a speed held with pedals."""
+    """Pursue the route, shifted by `right_m`, and hold a speed with pedals."""
     ego, rows = world.state.ego, world.dense.rows
     away = np.hypot(rows[:, 0] - ego[c.EGO_X], rows[:, 1] - ego[c.EGO_Y])
     reach = 3.5 + 0.4 * ego[c.EGO_V]
@@ -71,26 +71,26 @@ def drive(
 
 
 def collisions(world: World) -> list[int]:
-    """The actors that the ego has hit."""
+    """Return the actors that the ego has hit."""
     count = int(world.state.criteria_ints[c.CI_EVENTS])
     events = world.state.events[:count]
     return [int(row[c.EV_ACTOR]) for row in events if row[c.EV_KIND] == c.EVENT_COLLISION]
 
 
 def actors_of(world: World, *kinds: int, flows: bool = False) -> list[int]:
-    """Numbers of the actors of these kinds; those of flows only when asked for."""
+    """Return numbers of the actors of these kinds; those of flows only when asked for."""
     ints = world.state.actor_ints
     return [k for k in range(len(ints)) if ints[k, c.I_KIND] in kinds and (flows or ints[k, c.I_FLOW] < 0)]
 
 
 def beside_route(world: World, actor: int) -> tuple[float, float]:
-    """(metres ahead of the trigger, metres to the right of the ego's way) of an actor's middle."""
+    """Return (metres ahead of the trigger, metres to the right of the ego's way) of an actor's middle."""
     row = world.state.actors[actor]
     s, right = project(world.stage.paths[world.stage.ego_path], float(row[c.A_X]), float(row[c.A_Y]))
     return s - world.stage.on_ego_path(0.0), right
 
 
 def away_m(world: World, actor: int) -> float:
-    """Distance of an actor's middle from the ego's."""
+    """Return the distance of an actor's middle from the ego's."""
     row, ego = world.state.actors[actor], world.state.ego
     return math.hypot(row[c.A_X] - ego[c.EGO_X], row[c.A_Y] - ego[c.EGO_Y])

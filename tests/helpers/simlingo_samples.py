@@ -21,7 +21,7 @@ FREE = {
 
 
 def samples(rows: int, *, spec: SimLingoSpec = SMALL, seed: int = 0) -> dict[str, NDArray[Any]]:
-    """Constant accelerations on circles, with lanes on both sides; every image is a pattern of its own."""
+    """Make constant accelerations on circles, with lanes on both sides; every image is a pattern of its own."""
     generator = np.random.default_rng(seed)
     speed = generator.uniform(4.0, 10.0, rows)
     seconds, metres = 0.25 * np.arange(1.0, 13.0), np.arange(1.0, 25.0)

@@ -37,7 +37,7 @@ def cell(
     broken: tuple[str, ...] = (),
     **given: object,
 ) -> Cell:
-    """Scores by route; a list gives the routes 1, 2, 3, ..."""
+    """Make a cell of scores by route; a list gives the routes 1, 2, 3, ..."""
     named = scores if isinstance(scores, Mapping) else {str(n): ds for n, ds in enumerate(scores, start=1)}
     routes = {route: route_score(route, ds, **given) for route, ds in named.items()}  # type: ignore[arg-type]
     return Cell(agent, setting, "routes.xml", routes, broken)

@@ -15,7 +15,7 @@ from pytest_drive_robust.store.folder import FolderStore
 
 
 def episode(number: int) -> EpisodeResult:
-    """A record of 60 kB: zlib finds nothing in noise."""
+    """Make a record of 60 kB: zlib finds nothing in noise."""
     rows = np.random.Generator(np.random.Philox(key=number)).random((700, len(Trace.COLUMNS)))
     return EpisodeResult(
         episode=Episode("driver", str(number), "clean", 0),

@@ -17,14 +17,14 @@ DT_S = 0.05
 
 
 def flat_pixels(value: int, *, rows: int = 6, columns: int = 8) -> Pixels:
-    """(rows, columns, 3) uint8, all of one value, read-only."""
+    """Return (rows, columns, 3) uint8, all of one value, read-only."""
     pixels = np.full((rows, columns, 3), value % 256, dtype=np.uint8)
     pixels.setflags(write=False)
     return pixels
 
 
 def observation_at(tick: int, *, cameras: Sequence[str] = ("front",), pixels: Pixels | None = None) -> Observation:
-    """What the sensors say in `tick`: every signal tells the tick by its value as well."""
+    """Return what the sensors say in `tick`: every signal tells the tick by its value as well."""
     shown = flat_pixels(tick) if pixels is None else pixels
     return Observation(
         tick=tick,
@@ -44,7 +44,7 @@ def started(
     dt_s: float = DT_S,
     cameras: Sequence[str] = ("front", "rear"),
 ) -> RunningStack:
-    """The stack at the start of an episode of an agent with these cameras."""
+    """Return the stack at the start of an episode of an agent with these cameras."""
     stack = setting if isinstance(setting, Setting) else Setting.of(setting)
     return stack.start(route_id=route_id, seed=seed, dt_s=dt_s, cameras=[CameraSpec(name) for name in cameras])
 
@@ -52,6 +52,6 @@ def started(
 def observed(
     setting: Setting | Perturbation, ticks: Iterable[int], *, seed: int = 0, cameras: Sequence[str] = ("front",)
 ) -> list[Observation]:
-    """What the agent gets in `ticks`."""
+    """Return what the agent gets in `ticks`."""
     stack = started(setting, seed=seed, cameras=cameras)
     return [stack.observe(observation_at(tick, cameras=cameras)) for tick in ticks]

@@ -27,7 +27,7 @@ def tiny_options(*, steps: int = 12, batch: int = 8, **changes: object) -> Train
 
 
 def published(folder: Path, *, seed: int = 0) -> Path:
-    """Weights of a network that has seen some images, so that its statistics are no round numbers."""
+    """Write weights of a network that has seen some images, so that its statistics are no round numbers."""
     net = tiny_net(seed).train()
     inputs = net.example(4)
     inputs["image"] = torch.randint(0, 256, inputs["image"].shape, dtype=torch.uint8)

@@ -21,32 +21,32 @@ NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0, RoadOption.STRAIGHT)
 
 
 def key_of(scenario: str, number: int = 0) -> RouteKey:
-    """The training route of a scenario type."""
+    """Return the training route of a scenario type."""
     return RouteKey(1, SCENARIO_NAMES.index(scenario), number)
 
 
 @functools.lru_cache(maxsize=8)
 def route_of(scenario: str, number: int = 0) -> Route:
-    """The same, drawn."""
+    """Draw the training route of a scenario type."""
     route = draw(key_of(scenario, number))
     assert route is not None
     return route
 
 
 def data_seed(route: Route, *, noisy: bool) -> int:
-    """The first seed of the data that gives the first episode of a route steering noise, or none."""
+    """Return the first seed of the data that gives the first episode of a route steering noise, or none."""
     return next(seed for seed in range(100) if burst_plan(draws(seed, route.id, 0, "noise"), 400).any() == noisy)
 
 
 @functools.lru_cache(maxsize=8)
 def samples_of(scenario: str, *, noisy: bool = False) -> tuple[Sample, ...]:
-    """The samples of the first episode."""
+    """Return the samples of the first episode."""
     route = route_of(scenario)
     return tuple(drive_expert(route, data_seed=data_seed(route, noisy=noisy), seed=0))
 
 
 def first_moment(truth: GroundTruth) -> ExpertMoment:
-    """The moment in which the expert sees this for the first time."""
+    """Return the moment in which the expert sees this for the first time."""
     expert = Expert()
     expert.reset(GlobalPlan(()), 0)
     expert.act(observation(truth))

@@ -53,11 +53,11 @@ def test_an_agent_of_the_leaderboard_is_driven(folder, driven, workers):
 
 def test_it_is_driven_again_only_when_its_configuration_changes(folder, driven):
     args = ("--drive-robust", "--drive-agent", "leaderboard:team/cruiser.py+gentle.txt")
-    folder.runpytest_inprocess(*args).assert_outcomes(passed=1)
-    folder.runpytest_inprocess(*args).assert_outcomes(passed=1)
+    folder.runpytest_subprocess(*args).assert_outcomes(passed=1)
+    folder.runpytest_subprocess(*args).assert_outcomes(passed=1)
     assert len(driven()) == 3
     (folder.path / "gentle.txt").write_text("0.9")
-    folder.runpytest_inprocess(*args)
+    folder.runpytest_subprocess(*args)
     assert len(driven()) == 6
 
 

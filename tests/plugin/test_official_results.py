@@ -58,7 +58,7 @@ def results(pytester, monkeypatch, plugin_args):
     write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 30.0, "4": 10.0})
 
     def run(text: str, *arguments: str):
-        return pytester.runpytest_subprocess(*plugin_args, "--drive-robust", "--drive-results", text, *arguments)
+        return pytester.runpytest_inprocess(*plugin_args, "--drive-robust", "--drive-results", text, *arguments)
 
     return run
 

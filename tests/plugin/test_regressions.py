@@ -176,9 +176,7 @@ def test_routes_that_became_others_refuse_the_comparison(suite):
     save_routes([fake_route(str(number), length_m=7.0) for number in (1, 2, 3)], folder.path / "routes.xml")
     result = run(folder, "--drive-compare=before")
     assert result.ret == 1
-    result.stdout.fnmatch_lines(
-        ["refused: 3 of 3 routes are others by the same id: *", "NOT COMPARED with before: *--drive-on-mismatch=warn*"]
-    )
+    result.stdout.fnmatch_lines(["refused: 3 of 3 routes *", "NOT COMPARED with before: *--drive-on-mismatch=warn*"])
     assert run(folder, "--drive-compare=before", "--drive-on-mismatch=warn").ret == 0
 
 

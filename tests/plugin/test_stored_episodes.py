@@ -85,5 +85,5 @@ def test_a_store_that_cannot_be_written_costs_only_the_store(rerun):
     count, result = rerun("--drive-store", "store")
     assert (count, result.ret) == (6, 0)
     assert "cannot be written to" in " ".join(result.stdout.str().split())  # wrapped where the path ends
-    count, result = rerun("--drive-store", "store", "-n2", "-p", "no:hypothesispytest")
+    count, result = rerun("--drive-store", "store", "-n2")
     assert (count, result.ret) == (6, 0)

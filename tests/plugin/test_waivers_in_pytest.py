@@ -91,10 +91,10 @@ def test_a_waiver_that_matches_nothing_is_a_warning_unless_tests_were_left_out(w
     folder = waived(GREEN, RED, requirement="RD under throttle 0.4 <= 0.30")
     result = run(folder, *workers)
     assert result.ret == 1
-    result.stdout.fnmatch_lines(["warning: this waiver matches no requirement: RD under throttle 0.4 <= 0.30 *"])
+    result.stdout.fnmatch_lines(["warning: *waiver*: RD under throttle 0.4 <= 0.30 *"])
     selected = run(folder, "-k", "ds-clean", *workers)
     assert selected.ret == 0
-    selected.stdout.no_fnmatch_line("*matches no requirement*")
+    selected.stdout.no_fnmatch_line("warning: *waiver*")
 
 
 def test_an_error_is_not_waived(waived):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.plugin.hooks import OPTIONS
+from pytest_drive_robust.options.table import OPTIONS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ def test_its_table_of_options_is_what_pytest_is_given() -> None:
             "" if option.is_switch else f"`{option.name}`",
             f"`{option.default}`" if option.default else "off",
         )
-        for option in OPTIONS
+        for option in OPTIONS.values()
     }
     assert {flag: (ini.strip(), default.strip()) for flag, ini, default in rows} == stated
     assert len(rows) == len(stated)
@@ -86,3 +86,15 @@ def test_the_agent_is_twenty_lines_and_the_perturbation_ten() -> None:
 
     assert lines(block("my_agent.py")) <= 22
     assert lines(block("conftest.py").split("@pytest.hookimpl")[0]) <= 10
+
+
+@pytest.mark.slow
+def test_the_complete_table_is_one_more_command(tmp_path: Path) -> None:
+    short = f"--drive-routes 801,2501 --drive-store={tmp_path / 'store'}"
+    driven = shell(f"{block('complete').strip()} {short}", ROOT)
+    assert driven.returncode in (0, 1), driven.stdout + driven.stderr  # two routes need not meet the limits
+    head, *rows = driven.stdout.partition("= drive-robust =")[2].partition("\n")[2].splitlines()
+    assert head.split() == ["agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict"]
+    table = [row for row in rows if row.startswith(("classical ", "expert* "))]
+    assert len(table) == 15
+    assert all(row.split()[-2] == "2" for row in table)

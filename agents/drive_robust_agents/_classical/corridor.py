@@ -7,6 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Floats2
+from pytest_drive_robust.jit.kernels import entry
+
 __all__ = ["Corridor", "beside", "oncoming"]
 
 Floats = NDArray[np.float64]
@@ -56,26 +59,19 @@ class Corridor:
 
         `no_posts` takes no notice of thin things, `narrow` keeps no room beside the vehicle.
         """
-        along, right = beside(bases, path)
-        near = (along > 1.0) & (along < _RANGE_M)
-        along, right = along[near], right[near]
-        self.tight = bool(np.any((right > 0.0) & (right < 2.4) & (along < 22.0)))
-        self._follow_edge(along, right, travelled_m, may_dodge)
+        places = beside(bases, path)
+        self.tight, seen, first, edge = _right_edge(places)
+        self._follow_edge(seen, first, edge, travelled_m, may_dodge)
         left_m, right_m = (_NARROW_M, _NARROW_M) if narrow else (_LEFT_M, _RIGHT_M)
-        blocking = (right > -left_m + min(self.aside_m, 0.0)) & (right < right_m)
         if self._passable():
-            blocking &= right < self._aside_wanted_m + _BODY_M
-        if no_posts and blocking.any():
-            blocking &= ~_posts(along, right)
-        self._remember(np.sort(along[blocking]), travelled_m)
+            right_m = min(right_m, self._aside_wanted_m + _BODY_M)
+        blocked = _second_blocking(places, min(self.aside_m, 0.0) - left_m, right_m, no_posts)
+        self._remember(blocked, travelled_m)
 
-    def _follow_edge(self, along: Floats, right: Floats, travelled_m: float, may_dodge: bool) -> None:
+    def _follow_edge(self, seen: bool, first: float, edge: float, travelled_m: float, may_dodge: bool) -> None:
         """Track the left edge of the first thing to the right of the middle; step aside when it keeps still."""
         self._aside_for_m = max(0.0, self._aside_for_m - travelled_m)
-        candidates = (right > -1.0) & (right < _RIGHT_M + 0.2)
-        if candidates.sum() >= 2:
-            first = float(np.sort(along[candidates])[1])
-            edge = float(right[candidates & (along < first + _DEPTH_M)].min())
+        if seen:
             if abs(edge - self._edge_m) > 1.0:
                 self._edge_m, self._drift_mps, self._edge_s = edge, 0.0, 0.0
             missed = edge - (self._edge_m + self._drift_mps * _DT_S)
@@ -95,11 +91,11 @@ class Corridor:
         room = self._edge_m - _BODY_M > _SQUEEZE_M - _ASIDE_MOST_M
         return room and self._edge_s > _STEADY_S and self._drift_mps > _DRIFT_MPS
 
-    def _remember(self, blocked_m: Floats, travelled_m: float) -> None:
+    def _remember(self, blocked_m: float, travelled_m: float) -> None:
         """Update the free distance: two columns make an obstacle; one that is lost counts a moment longer."""
         self.free_m -= travelled_m
-        if len(blocked_m) >= 2:
-            self.free_m, self._unseen_s = float(blocked_m[1]), 0.0
+        if blocked_m < math.inf:
+            self.free_m, self._unseen_s = blocked_m, 0.0
             return
         self._unseen_s += _DT_S
         if self._unseen_s > _HOLD_S:
@@ -117,21 +113,69 @@ def oncoming(bases: Floats) -> bool:
 
 def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
     """Return which points belong to something thinner than anything that moves: nothing else is near them."""
-    together = np.hypot(along[:, None] - along, right[:, None] - right) < _POST_ROOM_M
+    ahead, aside = along[:, None] - along, right[:, None] - right
+    together = ahead * ahead + aside * aside < _POST_ROOM_M * _POST_ROOM_M
     spread = np.where(together, right, -np.inf).max(axis=1) - np.where(together, right, np.inf).min(axis=1)
     thin: NDArray[np.bool_] = spread < _POST_M
     return thin
 
 
-def beside(bases: Floats, path: Floats) -> tuple[Floats, Floats]:
-    """Return (metres along the path, metres to its right) of points (k, 2)."""
-    dx = bases[:, 0, None] - path[:, 0]
-    dy = bases[:, 1, None] - path[:, 1]
-    nearest = np.argmin(dx * dx + dy * dy, axis=1)
-    steps = np.gradient(path, axis=0)
-    heading = np.arctan2(steps[:, 1], steps[:, 0])[nearest]
-    rows = np.arange(len(bases))
-    ahead, side = dx[rows, nearest], dy[rows, nearest]
-    lengths = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))))
-    along = lengths[nearest] + ahead * np.cos(heading) + side * np.sin(heading)
-    return along, side * np.cos(heading) - ahead * np.sin(heading)
+@entry
+def beside(points: Floats2, path: Floats2) -> Floats:
+    """Return (k, 2): metres along the path and metres to its right, of points (k, 2)."""
+    count, last = len(path), len(path) - 1
+    lengths, found = np.zeros(count), np.empty((len(points), 2))
+    for n in range(1, count):
+        dx, dy = path[n, 0] - path[n - 1, 0], path[n, 1] - path[n - 1, 1]
+        lengths[n] = lengths[n - 1] + math.sqrt(dx * dx + dy * dy)
+    for k in range(len(points)):
+        best, n = np.inf, 0
+        for other in range(count):
+            dx, dy = points[k, 0] - path[other, 0], points[k, 1] - path[other, 1]
+            if dx * dx + dy * dy < best:
+                best, n = dx * dx + dy * dy, other
+        before, after = max(n - 1, 0), min(n + 1, last)
+        c, s = path[after, 0] - path[before, 0], path[after, 1] - path[before, 1]
+        size = math.sqrt(c * c + s * s)
+        c, s = (c / size, s / size) if size > 0.0 else (1.0, 0.0)
+        dx, dy = points[k, 0] - path[n, 0], points[k, 1] - path[n, 1]
+        found[k, 0], found[k, 1] = lengths[n] + dx * c + dy * s, dy * c - dx * s
+    return found
+
+
+@entry
+def _right_edge(places: Floats2) -> tuple[bool, bool, float, float]:
+    """Return whether something is close to the right, and (seen, metres ahead, left edge) of what is first there."""
+    tight, first, second, edge = False, np.inf, np.inf, np.inf
+    for k in range(len(places)):
+        along, right = places[k, 0], places[k, 1]
+        if 1.0 < along < _RANGE_M:
+            tight = tight or (0.0 < right < 2.4 and along < 22.0)
+            if -1.0 < right < _RIGHT_M + 0.2:
+                first, second = (along, first) if along < first else (first, min(second, along))
+    for k in range(len(places)):
+        along, right = places[k, 0], places[k, 1]
+        if 1.0 < along < min(_RANGE_M, second + _DEPTH_M) and -1.0 < right < _RIGHT_M + 0.2:
+            edge = min(edge, right)
+    return tight, second < np.inf, second, edge
+
+
+@entry
+def _second_blocking(places: Floats2, left_m: float, right_m: float, no_posts: bool) -> float:
+    """Return how far ahead the second of the points in the way is, infinity when there are fewer than two."""
+    first, second = np.inf, np.inf
+    for k in range(len(places)):
+        along, right = places[k, 0], places[k, 1]
+        if not (1.0 < along < _RANGE_M and left_m < right < right_m):
+            continue
+        if no_posts:
+            low, high = right, right
+            for other in range(len(places)):
+                ahead, aside = places[other, 0] - along, places[other, 1] - right
+                near = 1.0 < places[other, 0] < _RANGE_M and ahead * ahead + aside * aside < _POST_ROOM_M * _POST_ROOM_M
+                if near:
+                    low, high = min(low, places[other, 1]), max(high, places[other, 1])
+            if high - low < _POST_M:
+                continue
+        first, second = (along, first) if along < first else (first, min(second, along))
+    return second

@@ -45,5 +45,5 @@ def lamp_light(forward_m: Floats, right_m: Floats) -> Floats:
     """
     beam = np.clip((1.0 - np.abs(right_m) / (_HALF_M + _WIDENS * np.maximum(forward_m, 0.0))) * _STEEP, 0.0, 1.0)
     near = np.clip((forward_m - _NEAREST_M) / (_FULL_M - _NEAREST_M), 0.0, 1.0)
-    light: Floats = beam * near / (1.0 + (forward_m / _FADE_M) ** 2)
+    light: Floats = beam * near / (1.0 + (forward_m / _FADE_M) * (forward_m / _FADE_M))
     return light

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._classical.vision import ground_pixels
+from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Ints2
+from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["LaneTracker"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-_RIGHT_STEP_M = 0.12
-_RIGHT_M = np.arange(-5.4, 5.41, _RIGHT_STEP_M)
+_RIGHT_STEP_M, _FARTHEST_M = 0.12, 5.4
+_RIGHT_M = np.arange(-_FARTHEST_M, _FARTHEST_M + 0.01, _RIGHT_STEP_M)
 _FLANK = 3
 """Samples (0.36 m) to both sides that must be darker than a marking: a zebra bar is wider than that."""
-_GATE_M = 0.7
+_REACH = 5
+"""Samples (0.6 m) to both sides of its expected place within which a marking is looked for."""
 _CONTRAST = 0.22
-_PRIOR = np.diag([6.0, 400.0, 30000.0])
-_WIDTH_M = (3.1, 4.0)
+_PRIOR = (6.0, 400.0, 30000.0)
+_NARROWEST_M, _WIDEST_M = 3.1, 4.0
 
 
 class LaneTracker:
@@ -30,67 +36,98 @@ class LaneTracker:
     def __init__(self) -> None:
         grid = np.meshgrid(self.FORWARD_M, _RIGHT_M, indexing="ij")
         self._rows, self._columns = ground_pixels(*grid)
-        self._basis = np.column_stack((np.ones_like(self.FORWARD_M), self.FORWARD_M, 0.5 * self.FORWARD_M**2))
         self.forget(0.0, 0.0)
 
     def forget(self, offset_m: float, slope: float) -> None:
         """Start again from a guess of the lane's offset and slope."""
-        self._state: Floats = np.array([offset_m, slope, 0.0])
+        self._state: tuple[float, float, float] = (offset_m, slope, 0.0)
         self._width_m = 3.5
         self.quality = 0.0
 
     def middle(self, forward_m: Floats) -> Floats:
         """Return the lane's middle, metres to the right, at these metres ahead."""
         forward = np.clip(forward_m, 0.0, 22.0)
-        middle: Floats = self._state[0] + self._state[1] * forward + 0.5 * self._state[2] * forward**2
+        offset, slope, bend = self._state
+        middle: Floats = offset + slope * forward + 0.5 * bend * (forward * forward)
         return middle
 
     def move(self, travelled_m: float, turned_rad: float) -> None:
         """Carry the lane along with the vehicle's own motion."""
         offset, slope, bend = self._state
-        self._state = np.array([offset + slope * travelled_m, slope + bend * travelled_m - turned_rad, bend])
+        self._state = (offset + slope * travelled_m, slope + bend * travelled_m - turned_rad, bend)
 
     def see(self, pixels: NDArray[np.uint8], asphalt: Floats) -> None:
         """Correct the lane by the markings of one image.
 
         `asphalt` is the brightness of the road (green, 0..255) at `LaneTracker.FORWARD_M`.
         """
-        green = pixels[self._rows, self._columns, 1].astype(np.float32)
-        inner = green[:, _FLANK:-_FLANK]
-        ridge = inner - np.maximum(green[:, : -2 * _FLANK], green[:, 2 * _FLANK :])
-        middle = self._basis @ self._state
-        found: list[Floats] = []
-        weights: list[Floats] = []
-        for side in (-0.5, 0.5):
-            right, strong = _peaks(ridge, middle + side * self._width_m, _CONTRAST * asphalt)
-            found.append(right)
-            weights.append(strong)
-        self._fit(found, weights)
-
-    def _fit(self, found: list[Floats], weights: list[Floats]) -> None:
-        left, right = weights
-        both = (left > 0.0) & (right > 0.0)
-        if both.sum() >= 3:
-            width = float(np.median(found[1][both] - found[0][both]))
-            self._width_m = float(np.clip(0.9 * self._width_m + 0.1 * width, *_WIDTH_M))
-        information, pull = _PRIOR.copy(), _PRIOR @ self._state
-        for side, places, strong in zip((-0.5, 0.5), found, weights, strict=True):
-            weighted = self._basis * strong[:, None]
-            information += weighted.T @ self._basis
-            pull += weighted.T @ (places - side * self._width_m)
-        self._state = np.linalg.solve(information, pull)
-        seen = float(np.mean(np.maximum(left, right)))
+        self._state, self._width_m, seen = _fit(
+            pixels, asphalt, self.FORWARD_M, self._rows, self._columns, self._state, self._width_m
+        )
         self.quality += 0.1 * (seen - self.quality)
 
 
-def _peaks(ridge: NDArray[np.float32], expected_m: Floats, least: Floats) -> tuple[Floats, Floats]:
-    """Return (places, weights) of the strongest ridge near the expected place of each row; weight 0 without one."""
-    reach = int(_GATE_M / _RIGHT_STEP_M)
-    first = np.round((expected_m - _RIGHT_M[_FLANK]) / _RIGHT_STEP_M).astype(np.int64) - reach
-    inside = (first >= 0) & (first + 2 * reach < ridge.shape[1])
-    window = np.clip(first, 0, ridge.shape[1] - 2 * reach - 1)[:, None] + np.arange(2 * reach + 1)
-    near = np.take_along_axis(ridge, window, axis=1)
-    peak = np.argmax(near - 0.3 * least[:, None] * np.abs(np.arange(-reach, reach + 1)) / reach, axis=1)
-    rows = np.arange(len(ridge))
-    strong = ((near[rows, peak] > least) & inside).astype(np.float64)
-    return _RIGHT_M[_FLANK + window[rows, peak]], strong
+@inner
+def _peak(
+    pixels: NDArray[np.uint8], rows: Ints, columns: Ints, i: int, expected_m: float, least: float
+) -> tuple[float, bool]:
+    """Return (metres to the right, whether there is one) of the strongest ridge near its expected place in row `i`."""
+    most = columns.shape[1] - 2 * _FLANK - 2 * _REACH - 1
+    wanted = math.floor((expected_m + _FARTHEST_M) / _RIGHT_STEP_M - _FLANK + 0.5) - _REACH
+    first = min(max(wanted, 0), most)
+    best, at, height = -1e9, 0, 0.0
+    for k in range(2 * _REACH + 1):
+        j = first + k
+        left = np.int64(pixels[rows[i, j], columns[i, j], 1])
+        inner = np.int64(pixels[rows[i, j + _FLANK], columns[i, j + _FLANK], 1])
+        right = np.int64(pixels[rows[i, j + 2 * _FLANK], columns[i, j + 2 * _FLANK], 1])
+        ridge = float(inner - max(left, right))
+        score = ridge - 0.3 * least * abs(k - _REACH) / _REACH
+        if score > best:
+            best, at, height = score, j, ridge
+    return (at + _FLANK) * _RIGHT_STEP_M - _FARTHEST_M, height > least and first == wanted
+
+
+@entry
+def _fit(
+    pixels: Bytes3, asphalt: Floats1, forward_m: Floats1, rows: Ints2, columns: Ints2,
+    state: tuple[float, float, float], width_m: float,
+) -> tuple[tuple[float, float, float], float, float]:  # fmt: skip
+    """Return (state, width of the lane, share of the rows with a marking) after one picture: weighted least squares.
+
+    What the lane was so far counts as a measurement with the weights `_PRIOR`.
+    """
+    count = len(forward_m)
+    places, strong = np.empty((2, count)), np.zeros((2, count), np.bool_)
+    widths, both, either = np.empty(count), 0, 0
+    for i in range(count):
+        x = forward_m[i]
+        middle = state[0] + state[1] * x + state[2] * (0.5 * x * x)
+        for side in range(2):
+            expected = middle + (side - 0.5) * width_m
+            places[side, i], strong[side, i] = _peak(pixels, rows, columns, i, expected, _CONTRAST * asphalt[i])
+        either += strong[0, i] or strong[1, i]
+        if strong[0, i] and strong[1, i]:
+            between = both  # kept in order of width
+            while between > 0 and widths[between - 1] > places[1, i] - places[0, i]:
+                widths[between] = widths[between - 1]
+                between -= 1
+            widths[between] = places[1, i] - places[0, i]
+            both += 1
+    if both >= 3:
+        median = 0.5 * (widths[(both - 1) // 2] + widths[both // 2])
+        width_m = min(max(0.9 * width_m + 0.1 * median, _NARROWEST_M), _WIDEST_M)
+    a, b, c, d, e, f = _PRIOR[0], 0.0, 0.0, _PRIOR[1], 0.0, _PRIOR[2]  # rows of a symmetric matrix
+    p, q, r = _PRIOR[0] * state[0], _PRIOR[1] * state[1], _PRIOR[2] * state[2]
+    for side in range(2):
+        for i in range(count):
+            if strong[side, i]:
+                x = forward_m[i]
+                h, y = 0.5 * x * x, places[side, i] - (side - 0.5) * width_m
+                a, b, c, d, e, f = a + 1.0, b + x, c + h, d + x * x, e + x * h, f + h * h
+                p, q, r = p + y, q + x * y, r + h * y
+    # elimination: the prior makes the matrix positive definite
+    d, e, f, q, r = d - b / a * b, e - b / a * c, f - c / a * c, q - b / a * p, r - c / a * p
+    bend = (r - e / d * q) / (f - e / d * e)
+    slope = (q - e * bend) / d
+    return ((p - b * slope - c * bend) / a, slope, bend), width_m, either / count

@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust import GlobalPlan, RoadOption
+from pytest_drive_robust.arithmetic.arrays import hypot
+from pytest_drive_robust.arithmetic.scalars import atan2, cos, sin, tan
+from pytest_drive_robust.arithmetic.signals import interpolate
 
 __all__ = ["Junction", "PlanPath"]
 
@@ -50,14 +53,14 @@ class PlanPath:
             piece = _hermite(knots[k], knots[k + 1], headings[k], headings[k + 1])
             pieces.append(piece)
             steps = np.diff(np.concatenate((pieces[-2][-1:], piece)), axis=0)
-            length += float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+            length += math.fsum(hypot(steps[:, 0], steps[:, 1]).tolist())
             entries.append(length)
         points = np.concatenate(pieces)
         steps = np.diff(points, axis=0)
-        along = np.concatenate(([0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
+        along = np.concatenate(([0.0], np.cumsum(hypot(steps[:, 0], steps[:, 1]))))
         stations = np.arange(0.0, max(length, _STEP_M), _STEP_M)
-        tail = _STEP_M * np.arange(1, 80)[:, None] * np.array([math.cos(headings[-1]), math.sin(headings[-1])])
-        sampled = np.column_stack([np.interp(stations, along, points[:, axis]) for axis in (0, 1)])
+        tail = _STEP_M * np.arange(1, 80)[:, None] * np.array([cos(headings[-1]), sin(headings[-1])])
+        sampled = np.column_stack([interpolate(stations, along, points[:, axis]) for axis in (0, 1)])
         self.points: Floats = np.concatenate((sampled, sampled[-1:] + tail))
         self.junctions = tuple(
             Junction(entries[k], entries[k + 1], commands[k]) for k in range(len(knots) - 1) if commands[k] in _TURNS
@@ -70,7 +73,8 @@ class PlanPath:
         reach = int(_WINDOW_M / _STEP_M)
         first = max(0, self._at - reach)
         near = self.points[first : self._at + reach + 1]
-        away = (near[:, 0] - x_m) ** 2 + (near[:, 1] - y_m) ** 2
+        dx, dy = near[:, 0] - x_m, near[:, 1] - y_m
+        away = dx * dx + dy * dy
         self._at = first + int(np.argmin(away))
         return self._at * _STEP_M
 
@@ -79,7 +83,7 @@ class PlanPath:
         stride = int(1.0 / _STEP_M)
         rows = np.minimum(self._at + stride * np.arange(count), len(self.points) - 1)
         dx, dy = self.points[rows, 0] - x_m, self.points[rows, 1] - y_m
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        c, s = cos(yaw_rad), sin(yaw_rad)
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
 
     def next_junction(self, along_m: float) -> Junction | None:
@@ -97,7 +101,7 @@ def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -
 
     A manoeuvre is entered along the road before it and left along the one after it.
     """
-    chords = [math.atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
+    chords = [atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
     headings = [start_yaw_rad]
     for k in range(1, len(knots) - 1):
         if commands[k] in _MANOEUVRES:
@@ -105,7 +109,7 @@ def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -
         elif commands[k - 1] in _MANOEUVRES:
             headings.append(chords[k])
         else:
-            headings.append(math.atan2(*(knots[k + 1] - knots[k - 1])[::-1]))
+            headings.append(atan2(*(knots[k + 1] - knots[k - 1])[::-1]))
     if chords:
         before = math.remainder(chords[-1] - headings[-1], math.tau)
         in_turn = commands[-2] in _MANOEUVRES
@@ -115,17 +119,19 @@ def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -
 
 def _hermite(start: Floats, end: Floats, from_rad: float, to_rad: float) -> Floats:
     """Return a cubic from `start` to `end` with these headings, without its first point."""
-    chord = float(np.hypot(*(end - start)))
+    chord = float(hypot(*(end - start)))
     turn = abs(math.remainder(to_rad - from_rad, math.tau))
     # the speed with which a cubic follows a circular arc of this turn
-    pull = chord if turn < 1e-3 else 4.0 * math.tan(turn / 4.0) * chord / (2.0 * math.sin(min(turn, 3.0) / 2.0))
+    pull = chord if turn < 1e-3 else 4.0 * tan(turn / 4.0) * chord / (2.0 * sin(min(turn, 3.0) / 2.0))
     t = np.linspace(0.0, 1.0, max(3, math.ceil(chord / _STEP_M)))[1:, None]
-    leave = pull * np.array([math.cos(from_rad), math.sin(from_rad)])
-    arrive = pull * np.array([math.cos(to_rad), math.sin(to_rad)])
+    leave = pull * np.array([cos(from_rad), sin(from_rad)])
+    arrive = pull * np.array([cos(to_rad), sin(to_rad)])
+    square = t * t
+    cube = square * t
     curve: Floats = (
-        (2 * t**3 - 3 * t**2 + 1) * start
-        + (t**3 - 2 * t**2 + t) * leave
-        + (3 * t**2 - 2 * t**3) * end
-        + (t**3 - t**2) * arrive
+        (2.0 * cube - 3.0 * square + 1.0) * start
+        + (cube - 2.0 * square + t) * leave
+        + (3.0 * square - 2.0 * cube) * end
+        + (cube - square) * arrive
     )
     return curve

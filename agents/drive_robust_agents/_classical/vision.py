@@ -15,31 +15,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._classical.daylight import NightDetector, lamp_light
+from drive_robust_agents._classical.foreign import (
+    COLUMN_STEP,
+    DEAD,
+    FIRST_ROW,
+    foreign_by_day,
+    foreign_by_night,
+    lowest_foreign,
+)
 from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.arithmetic.scalars import tan
 
 __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
 Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
-_FOCAL_PX = CAMERA.width_px / 2.0 / math.tan(math.radians(CAMERA.fov_deg) / 2.0)
+_FOCAL_PX = CAMERA.width_px / 2.0 / tan(math.radians(CAMERA.fov_deg) / 2.0)
 _HORIZON = CAMERA.height_px // 2
-_FIRST_ROW = _HORIZON + 5
 _HIGHEST_ROW = 12
 _SIGN_ROWS = 20
-_COLUMN_STEP = 2
 
-_DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
-_DARK_BY_NIGHT, _SHINING = 0.55, 200
 _MOONLIGHT = 0.12
 """What lights the road by night, as a share of the headlamps."""
 _LIT, _DIM = 0.2, 0.5
 _ASPHALT_RANGE = (65.0, 125.0)
 _ENOUGH = 40
-_DEAD = 3
 _LEARN = 0.12
 _LAMP_RED = 210
 
@@ -52,17 +55,17 @@ class GroundModel:
     """
 
     def __init__(self) -> None:
-        rows = np.arange(_FIRST_ROW, CAMERA.height_px, dtype=np.float64)
-        columns = np.arange(0, CAMERA.width_px, _COLUMN_STEP, dtype=np.float64)
+        rows = np.arange(FIRST_ROW, CAMERA.height_px, dtype=np.float64)
+        columns = np.arange(0, CAMERA.width_px, COLUMN_STEP, dtype=np.float64)
         self._depth_m = _FOCAL_PX * CAMERA.z_m / (rows + 0.5 - CAMERA.height_px / 2.0)
         self._slope = (columns + 0.5 - CAMERA.width_px / 2.0) / _FOCAL_PX
         right_m = self._depth_m[:, None] * self._slope
         self._patch = np.abs(right_m) < np.maximum(1.1, 0.06 * self._depth_m)[:, None]
         lit = lamp_light(self._depth_m[:, None] + CAMERA.x_m, right_m)
-        self._light = (lit + _MOONLIGHT).astype(np.float32)
+        self._light = lit + _MOONLIGHT
         self._lit, self._dim = lit > _LIT, lit < _DIM
-        self._asphalt: NDArray[np.float32] | None = None
-        self._paint = np.full(3, 98.0, dtype=np.float32)
+        self._asphalt: Floats | None = None
+        self._paint = np.full(3, 98.0)
         self._dusk = NightDetector()
         self._night = False
 
@@ -71,7 +74,9 @@ class GroundModel:
         if self._night:
             lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
             return lit
-        return np.full_like(forward_m, 98.0 if self._asphalt is None else self._asphalt[-20:, 1].mean())
+        if self._asphalt is None:
+            return np.full(len(forward_m), 98.0)
+        return np.full(len(forward_m), math.fsum(self._asphalt[-20:, 1].tolist()) / 20.0)
 
     def bases(self, pixels: Bytes) -> Floats:
         """Return (k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
@@ -79,76 +84,32 @@ class GroundModel:
         Columns whose view of the ground is blocked by dead (black) pixels first, and columns that are free, are left
         out.
         """
-        image = np.ascontiguousarray(pixels[_FIRST_ROW:, ::_COLUMN_STEP])
         self._night = self._dusk.see(pixels)
-        planes = [plane.astype(np.float32) for plane in cv2.split(image)]
-        dead = np.maximum(np.maximum(planes[0], planes[1]), planes[2]) <= _DEAD
-        foreign = self._by_night(planes, dead) if self._night else self._by_day(image, planes)
-        solid = foreign[1:] & foreign[:-1]  # two pixels high at least
-        upward = (solid | dead[1:])[::-1]
-        lowest = len(upward) - np.argmax(upward, axis=0)  # row of `foreign` again
-        hit = upward.any(axis=0)
-        columns = np.flatnonzero(hit)
-        rows = lowest[columns]
-        seen = ~dead[rows, columns]
-        columns, rows = columns[seen], rows[seen]
-        forward = self._depth_m[rows]
-        return np.column_stack((forward + CAMERA.x_m, forward * self._slope[columns]))
-
-    # --- day ---
-
-    def _by_day(self, image: Bytes, planes: list[Floats32]) -> Mask:
-        """Return which pixels are not ground, against the asphalt of their row."""
-        if self._asphalt is None:
-            self._asphalt = _first_asphalt(image, self._patch)
-        red, green, blue = (plane / self._asphalt[:, k, None] for k, plane in enumerate(planes))
-        bright = np.maximum(np.maximum(red, green), blue)
-        dirt = (red > _BROWN * blue) & (green > blue)
-        foreign: Mask = ((bright < _DARK) & ~dirt) | (blue > _BLUE * red) | (red > _RED * green)
-        grey = (bright < 1.25) & (green > 0.8) & (blue > _GREY * red)  # no dirt
-        self._learn(planes, self._patch & grey & ~foreign)
-        return foreign
-
-    def _learn(self, planes: list[Floats32], like: Mask) -> None:
-        """Follow the colour of what looks like asphalt in the lane ahead, row by row."""
-        assert self._asphalt is not None
-        ones = np.ones(like.shape[1], dtype=np.float32)
-        chosen = like.astype(np.float32)
-        count = chosen @ ones
-        total = np.column_stack([(chosen * plane) @ ones for plane in planes])
-        known = count >= 3.0
-        mean = total[known] / count[known, None]
-        self._asphalt[known] += np.float32(_LEARN) * (mean - self._asphalt[known])
-
-    # --- night ---
-
-    def _by_night(self, planes: list[Floats32], dead: Mask) -> Mask:
-        """Return which pixels are not ground: against asphalt in the headlamps, and lamps beside their cone."""
-        self._follow_paint(planes, dead)
-        red, green, blue = (plane / (self._paint[k] * self._light) for k, plane in enumerate(planes))
-        bright = np.maximum(np.maximum(red, green), blue)
-        dirt = (red > _BROWN * blue) & (green > blue)
-        foreign = ((bright < _DARK_BY_NIGHT) & ~dirt) | ((blue > _BLUE * red) & ~self._dim) | (red > _RED * green)
-        lamp = np.minimum(np.minimum(planes[0], planes[1]), planes[2]) > _SHINING
-        found: Mask = (foreign & self._lit) | (lamp & self._dim)
+        if self._night:
+            self._follow_paint(np.ascontiguousarray(pixels[FIRST_ROW:, ::COLUMN_STEP]))
+            foreign = foreign_by_night(pixels, self._light, self._lit, self._dim, self._paint)
+        else:
+            if self._asphalt is None:
+                self._asphalt = _first_asphalt(np.ascontiguousarray(pixels[FIRST_ROW:, ::COLUMN_STEP]), self._patch)
+            foreign = foreign_by_day(pixels, self._patch, self._asphalt)
+        found: Floats = lowest_foreign(foreign, self._depth_m, self._slope, CAMERA.x_m)
         return found
 
-    def _follow_paint(self, planes: list[Floats32], dead: Mask) -> None:
+    def _follow_paint(self, image: Bytes) -> None:
         """Follow the colour of asphalt in full light, by the darker part of the lane: lamps and markings add to it."""
-        patch = (self._patch & self._lit & ~dead)[::3, ::2]
-        shades = [plane[::3, ::2][patch] / self._light[::3, ::2][patch] for plane in planes]
-        if len(shades[1]) < _ENOUGH:
+        places = (self._patch & self._lit & (image.max(axis=2) > DEAD))[::3, ::2]
+        shades = image[::3, ::2][places] / self._light[::3, ::2][places][:, None]
+        if len(shades) < _ENOUGH:
             return
-        darker = np.partition(shades[1], len(shades[1]) // 4)[len(shades[1]) // 4]
-        like = np.abs(shades[1] - darker) < 0.15 * darker
-        for k, shade in enumerate(shades):
-            self._paint[k] += _LEARN * (float(shade[like].mean()) - self._paint[k])
-        np.clip(self._paint, *_ASPHALT_RANGE, out=self._paint)
+        darker = np.partition(shades[:, 1], len(shades) // 4)[len(shades) // 4]
+        like = shades[np.abs(shades[:, 1] - darker) < 0.15 * darker]
+        mean = np.cumsum(like, axis=0)[-1] / len(like)  # added up in this order
+        self._paint = np.clip(self._paint + _LEARN * (mean - self._paint), *_ASPHALT_RANGE)
 
 
-def _first_asphalt(image: Bytes, patch: Mask) -> Floats32:
+def _first_asphalt(image: Bytes, patch: Mask) -> Floats:
     """Return the median colour of each row's patch; upwards it changes only as slowly as haze does, grey for grey."""
-    medians = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))], dtype=np.float32)
+    medians: Floats = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))])
     medians = np.maximum(medians, 8.0)
     medians[-10:] = np.median(medians[-10:], axis=0)
     for row in range(len(medians) - 11, -1, -1):

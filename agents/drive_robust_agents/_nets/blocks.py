@@ -72,7 +72,7 @@ class ConvBnRelu(nn.Module):
 
 
 def fold_batch_norm(net: nn.Module) -> nn.Module:
-    """Fold every `ConvBnRelu` in the network, in place; gives the network back. Outputs change by rounding only."""
+    """Fold every `ConvBnRelu` in the network, in place, and return it. Outputs change by rounding only."""
     for module in net.modules():
         if isinstance(module, ConvBnRelu):
             module.fold()
@@ -80,7 +80,7 @@ def fold_batch_norm(net: nn.Module) -> nn.Module:
 
 
 def channels_last(net: nn.Module) -> nn.Module:
-    """Lay the network's convolutions out for channels-last maps, in place; gives the network back."""
+    """Lay the network's convolutions out for channels-last maps, in place, and return it."""
     cast("Any", net).to(memory_format=torch.channels_last)
     return net
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
+from pytest_drive_robust.arithmetic.scalars import atan, cos, sin
+from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.truth import EgoState
 
 __all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
@@ -27,13 +29,12 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
     The limit of the row, lowered so that curves stay below `lateral_mps2`, and lowered before slower rows so that
     braking at `brake_mps2` reaches them in time.
     """
-    heading = np.unwrap(route[:, 2])
-    turn = np.abs(np.gradient(heading)) if len(route) > 1 else np.zeros(len(route))
-    smooth = np.convolve(np.pad(turn, 3, mode="edge"), np.ones(7) / 7.0, mode="valid")
-    limits: Floats = np.minimum(route[:, 3], np.sqrt(lateral_mps2 / np.maximum(smooth, 1e-4)))
+    turn = np.abs(np.gradient(np.unwrap(route[:, 2]))) if len(route) > 1 else np.zeros(len(route))
+    smooth = moving_sum(np.pad(turn, 3, mode="edge"), (1.0 / 7.0,) * 7)
+    limits = np.minimum(route[:, 3], np.sqrt(lateral_mps2 / np.maximum(smooth, 1e-4))).tolist()
     for k in range(len(limits) - 2, -1, -1):
-        limits[k] = min(limits[k], math.sqrt(limits[k + 1] ** 2 + 2.0 * brake_mps2))
-    return limits
+        limits[k] = min(limits[k], math.sqrt(limits[k + 1] * limits[k + 1] + 2.0 * brake_mps2))
+    return np.array(limits)
 
 
 def steer_along(ego: EgoState, line: Floats, row: int) -> float:
@@ -45,18 +46,18 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     """
     v, reach = ego.speed_mps, ego.speed_mps * _STEER_DELAY_S
     yaw = ego.yaw_rad + ego.yaw_rate_radps * _STEER_DELAY_S
-    slip = math.atan(0.5 * WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
+    slip = atan(0.5 * WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
     moves = 0.5 * (ego.yaw_rad + yaw) + slip
-    x, y = ego.x_m + reach * math.cos(moves), ego.y_m + reach * math.sin(moves)
+    x, y = ego.x_m + reach * cos(moves), ego.y_m + reach * sin(moves)
     at, right = project(line, row - 6, row + 14, x, y)
-    k = int(np.clip(at, 3, len(line) - 4)) if len(line) > 7 else 0
+    k = int(min(max(at, 3), len(line) - 4)) if len(line) > 7 else 0
     low, high = max(k - 2, 0), min(k + 3, len(line) - 1)
     bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
     heading = line[k, 2] + (at - k) * bend
     length = max(_SETTLE_M, _SETTLE_S * v)
-    lean = math.remainder(yaw + math.atan(0.5 * WHEELBASE_M * bend) - heading, math.tau)
-    curvature = bend - 2.0 * lean / length - right / length**2
-    return float(np.clip(math.atan(WHEELBASE_M * curvature) / STEER_MAX_RAD, -1.0, 1.0))
+    lean = math.remainder(yaw + atan(0.5 * WHEELBASE_M * bend) - heading, math.tau)
+    curvature = bend - 2.0 * lean / length - right / (length * length)
+    return min(max(atan(WHEELBASE_M * curvature) / STEER_MAX_RAD, -1.0), 1.0)
 
 
 def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
@@ -67,7 +68,7 @@ def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
     push = acceleration_mps2 + 0.12 + 0.018 * v + 0.0006 * v * v
     engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0))
     return Control(
-        throttle=float(np.clip(push / engine, 0.0, 1.0)),
+        throttle=min(max(push / engine, 0.0), 1.0),
         steer=steer,
-        brake=float(np.clip(-push / BRAKE_MAX_MPS2, 0.0, 1.0)),
+        brake=min(max(-push / BRAKE_MAX_MPS2, 0.0), 1.0),
     )

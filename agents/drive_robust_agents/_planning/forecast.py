@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.jit import entry, inner, sources_digest
 from drive_robust_agents._planning.tracks import STEP_S
+from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["rollouts"]
 
@@ -33,35 +31,31 @@ NOSE_M, TAIL_M, HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 of its tail in it, it is out."""
 
 
+A_LENGTH, A_WIDTH = 4, 5
+T_LENGTH, T_WIDTH, T_LEADS, T_CLOSE, T_CLOCK, T_SPEED = range(6)
+
+
 @inner
 def _touch(
-    x: float, y: float, yaw: float, length: float, width: float, ox: float, oy: float, oyaw: float, olength: float,
+    dx: float, dy: float, c: float, s: float, length: float, width: float, oc: float, os: float, olength: float,
     owidth: float,
 ) -> bool:  # fmt: skip
-    dx, dy = x - ox, y - oy
+    """Return whether two boxes overlap: (`dx`, `dy`) from the first to the second, (cosine, sine) of each."""
     reach = 0.5 * (length + width + olength + owidth)
     if abs(dx) > reach or abs(dy) > reach:
         return False
-    for axis in range(4):
-        angle = (yaw if axis < 2 else oyaw) + (axis % 2) * math.pi / 2.0
-        mine = 0.5 * (abs(math.cos(angle - yaw)) * length + abs(math.sin(angle - yaw)) * width)
-        theirs = 0.5 * (abs(math.cos(angle - oyaw)) * olength + abs(math.sin(angle - oyaw)) * owidth)
-        if abs(dx * math.cos(angle) + dy * math.sin(angle)) >= mine + theirs:
-            return False
-    return True
+    along, across = abs(c * oc + s * os), abs(c * os - s * oc)
+    if abs(dx * c + dy * s) >= 0.5 * (length + along * olength + across * owidth):
+        return False
+    if abs(dy * c - dx * s) >= 0.5 * (width + across * olength + along * owidth):
+        return False
+    if abs(dx * oc + dy * os) >= 0.5 * (olength + along * length + across * width):
+        return False
+    return abs(dy * oc - dx * os) < 0.5 * (owidth + across * length + along * width)
 
 
 @inner
-def _pose(path: Floats, s: float) -> tuple[float, float, float]:
-    k = int(min(max(s, 0.0), len(path) - 2.0))
-    share = s - k
-    x = path[k, 0] + share * (path[k + 1, 0] - path[k, 0])
-    y = path[k, 1] + share * (path[k + 1, 1] - path[k, 1])
-    return x, y, path[k, 2]
-
-
-@inner
-def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats) -> Ints:
+def _near(path: Floats, s0: float, reach: float, forecast: Floats, actors: Floats, steps: int) -> Ints:
     """Return the numbers of those who come near the next `reach` metres of the path at all."""
     a, b = int(min(max(s0 - 10.0, 0.0), len(path) - 1.0)), int(min(s0 + reach + 6.0, len(path) - 1.0)) + 1
     left, right, low, high = path[a, 0], path[a, 0], path[a, 1], path[a, 1]
@@ -73,8 +67,8 @@ def _near(path: Floats, s0: float, reach: float, forecast: Floats, sizes: Floats
     found = np.empty(len(forecast), dtype=np.int64)
     count = 0
     for i in range(len(forecast)):
-        margin = 4.0 + 0.5 * (sizes[i, 0] + sizes[i, 1])
-        for step in range(forecast.shape[1]):
+        margin = 4.0 + 0.5 * (actors[i, A_LENGTH] + actors[i, A_WIDTH])
+        for step in range(steps + 1):
             x, y = forecast[i, step, 0], forecast[i, step, 1]
             if left - margin < x < right + margin and low - margin < y < high + margin:
                 found[count] = i
@@ -93,22 +87,6 @@ def _ego_speed(v: float, accel: float, limit: float) -> float:
 
 
 @inner
-def _place(track: Floats, clock: float) -> tuple[float, float, float, float]:
-    """Return x, y, yaw, speed on a track, `clock` steps from now."""
-    k = int(min(clock, len(track) - 2.0))
-    share = min(clock - k, 1.0)
-    a, b = track[k], track[k + 1]
-    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2], a[3]
-
-
-@inner
-def _gives_way(gap: float, speed: float, v: float, yields_mps2: float) -> bool:
-    """Return whether the ego is so near ahead of somebody that he brakes for it."""
-    closing = max(speed - v, 0.0)
-    return gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * speed
-
-
-@inner
 def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bool:
     """Return False when a plan ends within a junction that it could have waited for."""
     if s - s0 < 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2):
@@ -122,75 +100,90 @@ def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bo
 
 @inner
 def _hits(
-    pose: tuple[float, float, float], v: float, step: int, track: Floats, other: Floats, moving: Floats, ego: Floats,
-    margins: Floats, yields_mps2: float, pushy: bool,
+    x: float, y: float, c: float, s: float, v: float, step: int, forecast: Floats, i: int, steps: int, others: Floats,
+    j: int, size: Floats, margins: Floats, yields_mps2: float, pushy: bool,
 ) -> bool:  # fmt: skip
-    """Return whether the ego at `pose` hits somebody, who moves on by one step of his own.
+    """Return whether the ego hits somebody, `i` of the forecast and row `j` of `others`, who moves on by one step.
 
-    `other` is length, width, 1 for a leader, 1 for somebody within the margins from the start; `moving` is his clock
-    and his speed, both are updated: the clock runs slower for who brakes.
+    His clock and his speed are updated: the clock runs slower for who brakes. He is expected to brake for an ego that
+    is near ahead of him.
     """
-    x, y, yaw = pose
-    length, width, leads, close = other
-    ox, oy, oyaw, planned = _place(track, moving[0])
-    planned = max(planned, 0.01)
-    co, so = math.cos(oyaw), math.sin(oyaw)
-    in_front, beside = (x - ox) * co + (y - oy) * so, abs(-(x - ox) * so + (y - oy) * co)
-    aligned, speed = math.cos(yaw - oyaw), moving[1]
-    if leads > 0.0:
-        moving[1] = max(0.0, speed - LEADER_BRAKE_MPS2 * STEP_S)
+    length, width, clock, speed = others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_CLOCK], others[j, T_SPEED]
+    leads = others[j, T_LEADS] > 0.0
+    k = int(min(clock, steps - 1.0))
+    share = min(clock - k, 1.0)
+    dx = x - forecast[i, k, 0] - share * (forecast[i, k + 1, 0] - forecast[i, k, 0])
+    dy = y - forecast[i, k, 1] - share * (forecast[i, k + 1, 1] - forecast[i, k, 1])
+    planned, oc, os = max(forecast[i, k, 3], 0.01), forecast[i, k, 4], forecast[i, k, 5]
+    in_front, beside, aligned = dx * oc + dy * os, abs(dy * oc - dx * os), c * oc + s * os
+    if leads:
+        speed = max(0.0, speed - LEADER_BRAKE_MPS2 * STEP_S)
     else:
-        moving[1] = min(speed + RECOVER_MPS2 * STEP_S, planned)
-        least = -0.5 if pushy and speed < PUSHED_MPS else 0.6
+        was = speed
+        speed = min(was + RECOVER_MPS2 * STEP_S, planned)
+        least = -0.5 if pushy and was < PUSHED_MPS else 0.6
         sees = 0.0 < in_front < 40.0 and beside < NOTICED_M and aligned > least and step > NOTICED_STEPS
-        gap = in_front - 0.5 * (ego[0] + length)
-        if sees and width > BICYCLE_WIDTH_M and _gives_way(gap, speed, v, yields_mps2):
-            moving[1] = max(min(v, speed), speed - yields_mps2 * STEP_S)
-    moving[0] += min(moving[1] / planned, 1.5)
-    ox, oy, oyaw, _ = _place(track, moving[0])
-    reach = 0.5 * (ego[0] + margins[0] + ego[1] + margins[1] + length + width) + margins[2] * planned
-    if abs(x - ox) > reach or abs(y - oy) > reach:
+        if sees and width > BICYCLE_WIDTH_M:
+            closing, gap = max(was - v, 0.0), in_front - 0.5 * (size[0] + length)
+            if gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * was:
+                speed = max(min(v, was), was - yields_mps2 * STEP_S)
+    clock += min(speed / planned, 1.5)
+    others[j, T_CLOCK], others[j, T_SPEED] = clock, speed
+    k = int(min(clock, steps - 1.0))
+    share = min(clock - k, 1.0)
+    dx = forecast[i, k, 0] + share * (forecast[i, k + 1, 0] - forecast[i, k, 0]) - x
+    dy = forecast[i, k, 1] + share * (forecast[i, k + 1, 1] - forecast[i, k, 1]) - y
+    reach = 0.5 * (size[0] + margins[0] + size[1] + margins[1] + length + width) + margins[2] * planned
+    if abs(dx) > reach or abs(dy) > reach:
         return False
-    if close > 0.0:
-        return _touch(x, y, yaw, ego[0], ego[1], ox, oy, oyaw, length, width)
-    in_line = leads > 0.0 or (aligned > 0.8 and beside < 0.5 * (ego[1] + width))
-    stretch = 0.0 if in_line else 2.0 * margins[2] * moving[1]
-    return _touch(x, y, yaw, ego[0] + margins[0], ego[1] + margins[1], ox, oy, oyaw, length + stretch, width)
+    oc, os = forecast[i, k, 4], forecast[i, k, 5]
+    if others[j, T_CLOSE] > 0.0:
+        return bool(_touch(dx, dy, c, s, size[0], size[1], oc, os, length, width))
+    if not leads and (aligned <= 0.8 or beside >= 0.5 * (size[1] + width)):
+        length += 2.0 * margins[2] * speed
+    return bool(_touch(dx, dy, c, s, size[0] + margins[0], size[1] + margins[1], oc, os, length, width))
 
 
-@inner
-def _others(
-    path: Floats, s0: float, near: Ints, forecast: Floats, sizes: Floats, leads: Ints, ego: Floats, margins: Floats
-) -> Floats:
-    """Return the `other` rows of `_hits`."""
-    found = np.empty((len(near), 4))
-    x, y, yaw = _pose(path, s0)
-    for j in range(len(near)):
-        i = near[j]
-        a, length, width = forecast[i, 0], sizes[i, 0], sizes[i, 1]
-        # who is within the margins already cannot be kept out of them
-        close = _touch(x, y, yaw, ego[0] + margins[0], ego[1] + margins[1], a[0], a[1], a[2], length, width)
-        found[j, 0], found[j, 1], found[j, 2], found[j, 3] = length, width, float(leads[i]), 1.0 if close else 0.0
-    return found
-
-
-@inner
-def _rollouts(
-    path: Floats, s0: float, v0: float, size: Floats, forecast: Floats, sizes: Floats, leads: Ints, plans: Floats,
-    limits: Floats, boxes: Floats, stop_s: float, margins: Floats, yields_mps2: float, pushy: bool,
+@entry
+def rollouts(
+    path: Floats2, s0: float, v0: float, size: Floats1, forecast: Floats3, actors: Floats2, leads: Ints1,
+    plans: Floats2, limits: Floats1, boxes: Floats2, stop_s: float, margins: Floats1, yields_mps2: float, pushy: bool,
+    steps: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    steps, half = forecast.shape[1] - 1, 0.5 * size[0]
+    """Return (seconds until trouble, metres driven until then) for each plan; without trouble the whole horizon.
+
+    `path` is (n, 5) x, y, yaw, cosine and sine of yaw, about one row a metre; `forecast` comes from
+    `tracks.tracks`, of which the first `steps` count; `actors` are `Traffic.boxes`; `plans` (m, 3) accelerate at
+    [0] for [1] seconds, then at [2]. `limits` is the speed limit of each row. `margins` are metres added to the
+    ego's length, its width, and seconds by which who crosses may come earlier or later. Trouble is an overlap of
+    two boxes, the front bumper beyond row `stop_s`, or being within one of the `boxes` (first row, last row) at the
+    end although it was possible to wait before it. Who follows is expected to brake for the ego at `yields_mps2`;
+    who crosses only when `pushy`.
+    """
+    half, last = 0.5 * size[0], len(path) - 2.0
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
     fastest = v0
     for k in range(int(min(max(s0, 0.0), len(limits) - 1.0)), len(limits)):
         fastest = max(fastest, limits[k])
-    near = _near(path, s0, min(fastest, v0 + 5.0 * steps * STEP_S) * steps * STEP_S, forecast, sizes)
-    others = _others(path, s0, near, forecast, sizes, leads, size, margins)
-    moving = np.empty((len(near), 2))
+    near = _near(path, s0, min(fastest, v0 + 5.0 * steps * STEP_S) * steps * STEP_S, forecast, actors, steps)
+    others = np.empty((len(near), 6))
+    k = int(min(max(s0, 0.0), last))
+    x = path[k, 0] + (s0 - k) * (path[k + 1, 0] - path[k, 0])
+    y = path[k, 1] + (s0 - k) * (path[k + 1, 1] - path[k, 1])
+    for j in range(len(near)):
+        i = near[j]
+        length, width = actors[i, A_LENGTH], actors[i, A_WIDTH]
+        # who is within the margins already cannot be kept out of them
+        close = _touch(
+            forecast[i, 0, 0] - x, forecast[i, 0, 1] - y, path[k, 3], path[k, 4], size[0] + margins[0],
+            size[1] + margins[1], forecast[i, 0, 4], forecast[i, 0, 5], length, width,
+        )  # fmt: skip
+        others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_LEADS] = length, width, float(leads[i])
+        others[j, T_CLOSE] = 1.0 if close else 0.0
     for p in range(len(plans)):
         s, v = s0, v0
         for j in range(len(near)):
-            moving[j, 0], moving[j, 1] = 0.0, forecast[near[j], 0, 3]
+            others[j, T_CLOCK], others[j, T_SPEED] = 0.0, forecast[near[j], 0, 3]
         for step in range(1, steps + 1):
             accel = plans[p, 0] if step * STEP_S <= plans[p, 1] + 1e-9 else plans[p, 2]
             if step == 1 and accel > 0.0:
@@ -198,14 +191,17 @@ def _rollouts(
             after = _ego_speed(v, accel, limits[int(min(max(s, 0.0), len(limits) - 1.0))])
             s += 0.5 * (v + after) * STEP_S
             v = after
-            pose = _pose(path, s)
+            k = int(min(max(s, 0.0), last))
+            x = path[k, 0] + (s - k) * (path[k + 1, 0] - path[k, 0])
+            y = path[k, 1] + (s - k) * (path[k + 1, 1] - path[k, 1])
             trouble = s + half > stop_s
             for j in range(len(near)):
                 if trouble:
                     break
                 trouble = _hits(
-                    pose, v, step, forecast[near[j]], others[j], moving[j], size, margins, yields_mps2, pushy
-                )
+                    x, y, path[k, 3], path[k, 4], v, step, forecast, near[j], steps, others, j, size, margins,
+                    yields_mps2, pushy,
+                )  # fmt: skip
             if trouble:
                 found[p] = (step - 1) * STEP_S
                 break
@@ -213,29 +209,3 @@ def _rollouts(
         if found[p] >= steps * STEP_S - 1e-9 and not _stays_out(s0, s, v0, half, boxes):
             found[p] = 0.1
     return found, driven
-
-
-def _entry(sources: int) -> Callable[..., tuple[Floats, Floats]]:
-    @entry
-    def rollouts(
-        path: Floats, s0: float, v0: float, size: Floats, forecast: Floats, sizes: Floats, leads: Ints, plans: Floats,
-        limits: Floats, boxes: Floats, stop_s: float, margins: Floats, yields_mps2: float, pushy: bool,
-    ) -> tuple[Floats, Floats]:  # fmt: skip
-        _ = sources  # part of the cache's key
-        return _rollouts(
-            path, s0, v0, size, forecast, sizes, leads, plans, limits, boxes, stop_s, margins, yields_mps2, pushy
-        )
-
-    return rollouts
-
-
-rollouts = _entry(sources_digest())
-"""(seconds until trouble, metres driven until then) for each plan; without trouble that is the whole horizon.
-
-`path` is (n, 3) x, y, yaw, about one row a metre; `forecast` comes from `tracks.tracks` and sets the horizon;
-`sizes` is (k, 2) length, width; `plans` (m, 3) accelerate at [0] for [1] seconds, then at [2]. `limits` is the
-speed limit of each row. `margins` are metres added to the ego's length, its width, and seconds by which who crosses
-may come earlier or later. Trouble is an overlap of two boxes, the front bumper beyond row `stop_s`, or being within
-one of the `boxes` (first row, last row) at the end although it was possible to wait before it. Who follows is
-expected to brake for the ego at `yields_mps2`; who crosses only when `pushy`.
-"""

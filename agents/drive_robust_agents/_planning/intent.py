@@ -14,11 +14,11 @@ __all__ = ["Intent"]
 class Intent:
     """The line that is followed, and why it is driven at that speed.
 
-    `line` is (n, 3) x, y, yaw, one row for each row of `scene.route`; the ego is at `row`. The front bumper must not
-    pass row `rule_row` (a red light, a stop sign not yet honoured) nor row `stop_row` (that, or where the way around an
-    obstacle or a lane change is waited for); both are infinite where nothing is in the way. `passing`: on the way
-    around something, or out of the way of a siren; `waiting`: for a gap to leave a parking space, to change lanes or to
-    pass something.
+    `line` is (n, 5) x, y, yaw, cosine and sine of yaw, one row for each row of `scene.route`; the ego is at `row`. The
+    front bumper must not pass row `rule_row` (a red light, a stop sign not yet honoured) nor row `stop_row` (that, or
+    where the way around an obstacle or a lane change is waited for); both are infinite where nothing is in the way.
+    `passing`: on the way around something, or out of the way of a siren; `waiting`: for a gap to leave a parking space,
+    to change lanes or to pass something.
     """
 
     scene: StaticScene

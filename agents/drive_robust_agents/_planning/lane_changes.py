@@ -11,6 +11,7 @@ from drive_robust_agents._planning.lateral import blend
 from drive_robust_agents._planning.projection import project_all
 from drive_robust_agents._planning.static_scene import Change, StaticScene
 from drive_robust_agents._planning.traffic import Traffic
+from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind, WorldState
 
 __all__ = ["LaneChanges", "Siren"]
@@ -21,6 +22,7 @@ _CHANGE_S, _SHORTEST_M, _LONGEST_M = 2.4, 13.0, 60.0
 _SHORT_WINDOW_M = 25.0
 _STOP_BEFORE_END_M = 13.0
 _BESIDE_M = 60.0
+_EMERGENCY, _PEDESTRIAN = int(ActorKind.EMERGENCY), int(ActorKind.PEDESTRIAN)
 
 
 class LaneChanges:
@@ -43,7 +45,7 @@ class LaneChanges:
         change = self.pending
         if change is None or row < max(change.first + 1, change.start - _EARLY_M):
             return None
-        length = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_M, _LONGEST_M))
+        length = min(max(_CHANGE_S * speed_mps, _SHORTEST_M), _LONGEST_M)
         end = row + max(min(length, change.last - 2.0 - row), 6.0)
         self._ends_row = end
         return self._changed(change, row, end)
@@ -66,11 +68,12 @@ class LaneChanges:
             return None
         at = project_all(self._scene.route, int(row - _BESIDE_M), int(row + _BESIDE_M), traffic.boxes)
         rows = np.clip(at[:, 0], 0, self._scene.count - 1).astype(int)
-        along = np.cos(traffic.boxes[:, 2] - self._scene.route[rows, 2]) > 0.8
+        heading = self._scene.cosines[rows], self._scene.sines[rows]
+        along = traffic.boxes[:, 7] * heading[0] + traffic.boxes[:, 8] * heading[1] > 0.8
         beside = np.abs(at[:, 1] - change.new[rows]) < 1.5
         close = np.abs(at[:, 0] - row) < _BESIDE_M
-        speeds = traffic.boxes[along & beside & close & (traffic.kinds < ActorKind.PEDESTRIAN), 3]
-        return float(speeds.mean()) if len(speeds) else None
+        speeds = traffic.boxes[along & beside & close & (traffic.kinds < _PEDESTRIAN), 3]
+        return math.fsum(speeds) / len(speeds) if len(speeds) else None
 
     def _waiting(self) -> Floats:
         """Return the profile that stays in the lane until the next change begins."""
@@ -127,10 +130,12 @@ class Siren:
     @staticmethod
     def _metres_ahead(traffic: Traffic, world: WorldState) -> float | None:
         ego = world.ego
-        for box in traffic.boxes[traffic.kinds == ActorKind.EMERGENCY]:
-            if math.cos(box[2] - ego.yaw_rad) > 0.7 and box[3] > 1.0:
-                dx, dy = box[0] - ego.x_m, box[1] - ego.y_m
-                return float(dx * math.cos(ego.yaw_rad) + dy * math.sin(ego.yaw_rad))
+        if _EMERGENCY not in traffic.kinds:
+            return None
+        c, s = cos(ego.yaw_rad), sin(ego.yaw_rad)
+        for box in traffic.boxes[traffic.kinds == _EMERGENCY]:
+            if box[7] * c + box[8] * s > 0.7 and box[3] > 1.0:
+                return float((box[0] - ego.x_m) * c + (box[1] - ego.y_m) * s)
         return None
 
 

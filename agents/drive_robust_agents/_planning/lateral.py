@@ -11,12 +11,17 @@ import numpy as np
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.static_scene import StaticScene
+from pytest_drive_robust.arithmetic.compiled import atan
+from pytest_drive_robust.jit.arrays import Floats1, Floats2
+from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["blend", "line_of", "path_of", "shift_length_m"]
 
 _BEND_PER_M, _LATERAL_MPS2 = 0.23, 2.5
 """The narrowest turn of the ego, as a curvature, and what passengers bear."""
 _SWING_RADIUS_M = 5.2
+_ON_IT, _CUBIC, _SWING = range(3)
+"""The way onto a profile: none, because the ego is on it; a cubic; two arcs."""
 _SWING_FROM_M, _SWING_BELOW_MPS = 1.2, 4.0
 
 
@@ -27,17 +32,6 @@ def blend(rows: Floats, start: float, end: float) -> Floats:
     return smooth
 
 
-def _swing(rows: Floats, start: float, sideways_m: float) -> Floats:
-    """Return 0 to 1 as `blend`, on two arcs of the narrowest circle that the ego can drive: out of a parking space."""
-    radius = max(_SWING_RADIUS_M, 0.5 * sideways_m)
-    half = math.sqrt(radius**2 - (radius - 0.5 * sideways_m) ** 2)
-    x = np.clip(rows - start, 0.0, 2.0 * half)
-    out = radius - np.sqrt(np.maximum(radius**2 - np.minimum(x, half) ** 2, 0.0))
-    back = radius - np.sqrt(np.maximum(radius**2 - (2.0 * half - np.maximum(x, half)) ** 2, 0.0))
-    found: Floats = np.where(x <= half, out, sideways_m - back) / sideways_m
-    return found
-
-
 def shift_length_m(speed_mps: float, sideways_m: float) -> float:
     """Return the metres that a smooth shift takes: turning circle at low speed, lateral acceleration at high speed."""
     return max(math.sqrt(6.0 * abs(sideways_m) / _BEND_PER_M), speed_mps * math.sqrt(2.4 * abs(sideways_m)), 4.0)
@@ -46,44 +40,64 @@ def shift_length_m(speed_mps: float, sideways_m: float) -> float:
 def path_of(
     scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float = 0.0
 ) -> Floats:
-    """Return (n, 3) x, y, yaw: from where the ego is onto the profile, then along it.
+    """Return (n, 5) x, y, yaw, cosine and sine of yaw: from where the ego is onto the profile, then along it.
 
-    `drift` is the metres to the right that the ego's heading gains in a metre of the route.
-    """
-    return line_of(scene, _return(scene, profile, row, right_m, speed_mps=speed_mps, drift=drift))
-
-
-def line_of(scene: StaticScene, offsets: Floats) -> Floats:
-    """Return (n, 3) x, y, yaw: the line that runs so many metres to the right of the route."""
-    route, found = scene.route, np.empty((scene.count, 3))
-    found[:, 0] = route[:, 0] - offsets * scene.sines
-    found[:, 1] = route[:, 1] + offsets * scene.cosines
-    slopes = np.empty(scene.count)
-    slopes[:-1] = offsets[1:] - offsets[:-1]
-    slopes[-1] = 0.0
-    found[:, 2] = route[:, 2] + np.arctan(slopes)
-    return found
-
-
-def _return(
-    scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float
-) -> Floats:
-    """Return the profile with a smooth way onto it.
-
-    The way runs on arcs out of a parking space, else on a cubic that fits the heading.
+    The way runs on arcs out of a parking space, else on a cubic that fits the heading. `drift` is the metres to the
+    right that the ego's heading gains in a metre of the route.
     """
     here = int(min(max(row, 0.0), scene.count - 2.0))
     slope = float(profile[here + 1] - profile[here])
     away = right_m - float(profile[here] + (row - here) * slope)
     lean = drift - slope
     if abs(away) < 0.02 and abs(lean) < 0.02:
-        return profile
+        return line_of(scene, profile)
     if abs(away) > _SWING_FROM_M and speed_mps < _SWING_BELOW_MPS and abs(lean) < 0.1:
-        return profile + away * (1.0 - _swing(scene.rows, row, abs(away)))
-    bend = min(_BEND_PER_M, _LATERAL_MPS2 / max(speed_mps, 1.0) ** 2)
+        return _lay(scene.route, scene.cosines, scene.sines, profile, _SWING, row, away, 0.0, 1.0)
+    bend = min(_BEND_PER_M, _LATERAL_MPS2 / (max(speed_mps, 1.0) * max(speed_mps, 1.0)))
     closing = -lean * math.copysign(1.0, away)  # positive: the ego is on its way back already
-    length = (-4.0 * closing + math.sqrt(16.0 * closing**2 + 24.0 * bend * abs(away))) / (2.0 * bend)
+    length = (-4.0 * closing + math.sqrt(16.0 * closing * closing + 24.0 * bend * abs(away))) / (2.0 * bend)
     length = max(length, 0.9 * speed_mps, 4.0)
-    t = np.clip((scene.rows - row) / length, 0.0, 1.0)
-    found: Floats = profile + (1.0 - t) ** 2 * (away * (1.0 + 2.0 * t) + length * lean * t)
+    return _lay(scene.route, scene.cosines, scene.sines, profile, _CUBIC, row, away, lean, length)
+
+
+def line_of(scene: StaticScene, profile: Floats) -> Floats:
+    """Return (n, 5) as `path_of`: the line that runs so many metres to the right of the route."""
+    return _lay(scene.route, scene.cosines, scene.sines, profile, _ON_IT, 0.0, 0.0, 0.0, 1.0)
+
+
+@entry
+def _lay(
+    route: Floats2, cosines: Floats1, sines: Floats1, profile: Floats1, way: int, row: float, away: float, lean: float,
+    length: float,
+) -> Floats:  # fmt: skip
+    """Return the line of a profile and of the way onto it from `row`: `away` metres and `lean` are to vanish.
+
+    A cubic does so within `length` metres. Two arcs of the narrowest circle (out of a parking space) go to the
+    middle of the lane in twice `half` metres.
+    """
+    aside = abs(away)
+    radius = max(_SWING_RADIUS_M, 0.5 * aside)
+    half = math.sqrt(radius * radius - (radius - 0.5 * aside) * (radius - 0.5 * aside))
+    found = np.empty((len(route), 5))
+    before = 0.0
+    for k in range(len(route)):
+        offset = profile[k]
+        if way == _CUBIC:
+            t = min(max((k - row) / length, 0.0), 1.0)
+            offset += (1.0 - t) * (1.0 - t) * (away * (1.0 + 2.0 * t) + length * lean * t)
+        elif way == _SWING:
+            x = min(max(k - row, 0.0), 2.0 * half)
+            arc = x if x <= half else 2.0 * half - x
+            moved = radius - math.sqrt(max(radius * radius - arc * arc, 0.0))
+            offset += away * (1.0 - (moved if x <= half else aside - moved) / aside)
+        c, s = cosines[k], sines[k]
+        found[k, 0], found[k, 1] = route[k, 0] - offset * s, route[k, 1] + offset * c
+        found[k, 2], found[k, 3], found[k, 4] = route[k, 2], c, s
+        if k > 0 and offset != before:
+            slope = offset - before
+            size = math.sqrt(1.0 + slope * slope)
+            c, s = cosines[k - 1], sines[k - 1]
+            found[k - 1, 2] += atan(slope)
+            found[k - 1, 3], found[k - 1, 4] = (c - s * slope) / size, (s + c * slope) / size
+        before = offset
     return found

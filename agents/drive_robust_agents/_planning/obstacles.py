@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.lateral import blend, shift_length_m
-from drive_robust_agents._planning.projection import project_all
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.jit.arrays import Floats1, Floats2, Ints1
+from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["Obstacle", "Pass", "nearest_obstacle", "ways_around"]
 
@@ -29,6 +31,9 @@ _HOME_SHARE = 0.8
 _OFF_CENTRE_M = 0.4
 _STARTS_MPS2 = 0.5
 """Who accelerates like this is on the way."""
+_BICYCLE, _PEDESTRIAN = int(ActorKind.BICYCLE), int(ActorKind.PEDESTRIAN)
+
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,16 +50,6 @@ class Obstacle:
     def moving(self) -> bool:
         """Whether it crawls, rather than stands."""
         return self.speed_mps > 0.5
-
-    def joined(self, other: Obstacle) -> Obstacle:
-        """Return both as one obstacle."""
-        return Obstacle(
-            min(self.first_row, other.first_row),
-            max(self.last_row, other.last_row),
-            min(self.left_m, other.left_m),
-            max(self.right_m, other.right_m),
-            max(self.speed_mps, other.speed_mps),
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,42 +68,74 @@ class Pass:
 
 
 def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
-    """Return the first thing ahead that has to be passed on the way along the lane's profile, or None."""
-    boxes = traffic.boxes
-    slow = (boxes[:, 3] < _CRAWL_MPS) & (boxes[:, 6] < _STARTS_MPS2) & (traffic.kinds != ActorKind.PEDESTRIAN)
-    if not slow.any():
-        return None
-    at = project_all(scene.route, int(row) - 10, int(row + _LOOK_M) + 25, boxes[slow])
-    rows = np.clip(at[:, 0], 0, scene.count - 1).astype(int)
-    turn = scene.route[rows, 2] - boxes[slow, 2]
-    co, si = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    half_length = 0.5 * (co * boxes[slow, 4] + si * boxes[slow, 5])
-    half_width = 0.5 * (co * boxes[slow, 5] + si * boxes[slow, 4])
-    right = at[:, 1] - lane[rows]
-    in_lane = np.abs(right) - half_width < scene.size[1] / 2.0 + 0.3
-    ahead = (at[:, 0] + half_length > row - 3.0) & (at[:, 0] - half_length < row + _LOOK_M)
-    stays = (traffic.kinds[slow] > ActorKind.PEDESTRIAN) | (np.abs(right) > _OFF_CENTRE_M)
-    stays |= (traffic.stood_s[slow] > _QUEUE_S) | (traffic.kinds[slow] == ActorKind.BICYCLE)
-    going = (np.cos(turn) > 0.5) | (traffic.kinds[slow] > ActorKind.PEDESTRIAN)
-    solid = traffic.kinds[slow] > ActorKind.PEDESTRIAN
-    near = np.abs(right) - half_width < _BESIDE_M
-    found: Obstacle | None = None
-    for k in np.argsort(at[:, 0], kind="stable"):
-        one = Obstacle(
-            float(at[k, 0] - half_length[k]), float(at[k, 0] + half_length[k]), float(right[k] - half_width[k]),
-            float(right[k] + half_width[k]), float(boxes[slow, 3][k]),
-        )  # fmt: skip
-        blocks = in_lane[k] and ahead[k] and stays[k] and going[k]
-        if found is None:
-            found = one if blocks else None
-        elif (blocks or (solid[k] and near[k])) and one.first_row < found.last_row + _CLUSTER_M:
-            found = found.joined(one)  # what stands beside it is passed with it
-    return found
+    """Return the first thing ahead that has to be passed on the way along the lane's profile, or None.
+
+    Things that stand near each other, or beside what blocks the lane, count as one.
+    """
+    found = _nearest(
+        scene.route, scene.cosines, scene.sines, lane, traffic.boxes, traffic.kinds, traffic.stood_s, row,
+        scene.half_width_m,
+    )  # fmt: skip
+    return Obstacle(*found[:5]) if found[5] > 0.0 else None
+
+
+@entry
+def _nearest(
+    route: Floats2, cosines: Floats1, sines: Floats1, lane: Floats1, boxes: Floats2, kinds: Ints1, stood_s: Floats1,
+    row: float, half_ego_m: float,
+) -> tuple[float, ...]:  # fmt: skip
+    """Return the fields of an `Obstacle`, and 1 when there is one."""
+    first, last = max(0, min(int(row) - 10, len(route) - 1)), max(1, min(int(row + _LOOK_M) + 25, len(route)))
+    count, found = 0, np.empty((len(boxes), 6))  # row, half a length, left, right, speed, whether it blocks
+    for i in range(len(boxes)):
+        if boxes[i, 3] >= _CRAWL_MPS or boxes[i, 6] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
+            continue
+        best, k = 1e18, first
+        for other in range(first, last):
+            dx, dy = boxes[i, 0] - route[other, 0], boxes[i, 1] - route[other, 1]
+            d = dx * dx + dy * dy
+            if d < best:
+                best, k = d, other
+        dx, dy = boxes[i, 0] - route[k, 0], boxes[i, 1] - route[k, 1]
+        at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
+        k = int(min(max(at, 0.0), len(route) - 1.0))
+        turn_cos = cosines[k] * boxes[i, 7] + sines[k] * boxes[i, 8]
+        turn_sin = sines[k] * boxes[i, 7] - cosines[k] * boxes[i, 8]
+        half_length = 0.5 * (abs(turn_cos) * boxes[i, 4] + abs(turn_sin) * boxes[i, 5])
+        half_width = 0.5 * (abs(turn_cos) * boxes[i, 5] + abs(turn_sin) * boxes[i, 4])
+        right -= lane[k]
+        solid, gap = kinds[i] > _PEDESTRIAN, abs(right) - half_width
+        stays = solid or abs(right) > _OFF_CENTRE_M or stood_s[i] > _QUEUE_S or kinds[i] == _BICYCLE
+        ahead = at + half_length > row - 3.0 and at - half_length < row + _LOOK_M
+        blocks = stays and ahead and gap < half_ego_m + 0.3 and (turn_cos > 0.5 or solid)
+        if blocks or (solid and gap < _BESIDE_M):
+            found[count, 0], found[count, 1], found[count, 4] = at, half_length, boxes[i, 3]
+            found[count, 2], found[count, 3] = right - half_width, right + half_width
+            found[count, 5] = 1.0 if blocks else 0.0
+            count += 1
+    start, end, left, right, speed, blocked = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(count):  # from the nearest to the farthest
+        k = 0
+        for other in range(count):
+            if found[other, 0] < found[k, 0]:
+                k = other
+        at, half_length = found[k, 0], found[k, 1]
+        found[k, 0] = np.inf
+        if blocked == 0.0:
+            if found[k, 5] > 0.0:
+                start, end, left, right, speed = (
+                    at - half_length, at + half_length, found[k, 2], found[k, 3], found[k, 4],
+                )  # fmt: skip
+                blocked = 1.0
+        elif at - half_length < end + _CLUSTER_M:
+            start, end = min(start, at - half_length), max(end, at + half_length)
+            left, right, speed = min(left, found[k, 2]), max(right, found[k, 3]), max(speed, found[k, 4])
+    return start, end, left, right, speed, blocked
 
 
 def ways_around(scene: StaticScene, ahead: Obstacle, row: float, right_m: float, *, speed_mps: float) -> list[Pass]:
     """Return passes on the left, then on the right; the ego is `right_m` beside the middle of its lane."""
-    half, found = scene.size[1] / 2.0, []
+    half, found = scene.half_width_m, []
     for side, sign, edge in (("left", -1.0, ahead.left_m), ("right", 1.0, ahead.right_m)):
         lane, same_way = scene.neighbour(max(ahead.first_row, row), side)
         hold = edge + sign * (_CLEAR_M + half)
@@ -136,4 +163,4 @@ def _pass(
     rows = scene.rows
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
-    return Pass(shift, hold_m, start, ahead.first_row - scene.size[0] / 2.0 - 1.0, until + back)
+    return Pass(shift, hold_m, start, ahead.first_row - scene.half_length_m - 1.0, until + back)

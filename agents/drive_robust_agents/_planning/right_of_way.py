@@ -17,6 +17,8 @@ __all__ = ["RightOfWay"]
 
 Ints = NDArray[np.int64]
 
+_STOP_SIGN, _COUNTS = int(LightState.STOP_SIGN), (int(LightState.RED), int(LightState.YELLOW))
+
 _LOOK_M = 90.0
 _HARD_BRAKE_MPS2 = 7.0
 _LINE_GAP_M, _SIGN_GAP_M = 0.6, 0.4
@@ -36,15 +38,15 @@ class RightOfWay:
         for index, at in scene.stops:
             if not -2.0 < at - row < _LOOK_M:
                 continue
-            light = LightState(int(world.lights[index]))
+            light = int(world.lights[index])
             front = at - row - world.ego.length_m / 2.0
-            if light is LightState.STOP_SIGN and index not in self._stopped_at:
+            if light == _STOP_SIGN and index not in self._stopped_at:
                 if v < 0.09 and front < 3.0:
                     self._stopped_at.add(index)
                 else:
                     nearest = min(nearest, at - _SIGN_GAP_M)
             can_stop = front > -0.3 and v * v / (2.0 * _HARD_BRAKE_MPS2) < front + 0.5
-            if light in (LightState.RED, LightState.YELLOW) and can_stop:
+            if light in _COUNTS and can_stop:
                 nearest = min(nearest, at - _LINE_GAP_M)
         return nearest
 
@@ -52,7 +54,5 @@ class RightOfWay:
         """Return (m, 2): first and last row of the junctions, crossed by others, in which the ego must not rest."""
         if len(scene.boxes) == 0:
             return scene.boxes
-        moving = (traffic.boxes[:, 3] > 0.5) & (leads == 0)
-        forecast = np.ascontiguousarray(traffic.forecast[moving][:, :_SOON_STEPS])
-        crossed: Floats = scene.boxes[crossed_boxes(path, scene.boxes, forecast) == 1]
+        crossed: Floats = scene.boxes[crossed_boxes(path, scene.boxes, traffic.forecast, leads, _SOON_STEPS) == 1]
         return crossed

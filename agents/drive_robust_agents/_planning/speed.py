@@ -29,6 +29,10 @@ _FALL_BACK_MPS2 = -1.2
 """Too near to who is ahead, the ego falls back at this rate as long as that one does not brake."""
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
+_THEN_STOP = np.array([(a, _REACT_S, min(a, _COMFORT_BRAKE_MPS2)) for a in _ACCELERATIONS])
+_THROUGH = np.array([(a, 99.0, a) for a in _ACCELERATIONS])
+_THEN_STEADY = np.array([(a, _REACT_S + 1.0, 0.0) for a in _ACCELERATIONS])
+"""Three ways to go on with each of the accelerations: it, for so many seconds, and what then."""
 _HORIZON_STEPS = 30
 _DT_S = 0.05
 _GAP_MPS = 7.0
@@ -47,6 +51,7 @@ _MANOEUVRES = np.array(
 _POLITE_MPS2, _YIELD_MPS2 = 1.8, 3.0
 """How hard who follows is expected to brake for a manoeuvre that is to begin, and for one that is under way."""
 _LEFT_ALONE_S = 0.5
+_NO_BOXES = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +81,9 @@ def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float =
     traffic, scene = now.traffic, now.scene
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
     found, driven = rollouts(
-        path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.sizes, nobody, plans, scene.limits,
-        np.zeros((0, 2)), now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _POLITE_MPS2, False,
+        path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans, scene.limits,
+        _NO_BOXES, now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _POLITE_MPS2, False,
+        traffic.forecast.shape[1] - 1,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
 
@@ -97,15 +103,15 @@ class SpeedChoice:
         v, scene = now.speed_mps, now.scene
         self._waited_s = self._waited_s + _DT_S if v < 0.5 else 0.0
         self._pushing = self._waited_s > _PATIENCE_S or (self._pushing and v < _GAP_MPS)
-        limit = min(scene.limits[int(np.clip(now.row + 0.3 * v, 0, scene.count - 1))], max(cruise_mps, 3.0))
+        limit = min(float(scene.limits[scene.index(now.row + 0.3 * v)]), max(cruise_mps, 3.0))
         trial = _SpeedTrial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
-        wanted = float(np.clip(1.2 * (limit - v), -2.5, comfort))
+        wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
         for margins, wary in trial.tiers:
-            free = trial.seconds(_ACCELERATIONS, margins, wary=wary)
+            free = trial.seconds(margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
                 break
         safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
@@ -128,10 +134,9 @@ class _SpeedTrial:
         self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
         self.leads = leaders(path, now.row, traffic.boxes)
         self.boxes = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
-        self.forecast = np.ascontiguousarray(traffic.forecast[:, : _HORIZON_STEPS + 1])
         self.horizon_s = 0.2 * _HORIZON_STEPS
-        front, rear = now.row + 0.5 * now.scene.size[0], now.row - 0.5 * now.scene.size[0]
-        inside = bool(np.any((self.boxes[:, 0] + 0.5 < front) & (rear < self.boxes[:, 1])))
+        front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
+        inside = any(first + 0.5 < front and rear < last for first, last in self.boxes.tolist())
         self.hurry = hurry or inside
         self.yields_mps2 = _YIELD_MPS2 if self.hurry or pushy else _POLITE_MPS2
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
@@ -150,29 +155,23 @@ class _SpeedTrial:
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
         return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
-    def seconds(self, accelerations: Floats, margins: Floats, *, wary: bool) -> Floats:
-        """Return the seconds until trouble for each: going through to the end, or stopping a moment later.
+    def seconds(self, margins: Floats, *, wary: bool) -> Floats:
+        """Return the seconds until trouble for each of `_ACCELERATIONS`: going through, or stopping a moment later.
 
         `wary`: those ahead may brake hard at any moment.
         """
-        count = len(accelerations)
-        then_stop = np.column_stack(
-            [accelerations, np.full(count, _REACT_S), np.minimum(accelerations, _COMFORT_BRAKE_MPS2)]
-        )
-        through = [np.column_stack([accelerations, np.full(count, 99.0), accelerations])]
-        if self.hurry:  # what was begun in a gap goes on in it: who is ahead keeps going, and so does the ego
-            through.append(np.column_stack([accelerations, np.full(count, _REACT_S + 1.0), np.zeros(count)]))
         steady = np.zeros_like(self.leads)
         leads = self.leads if wary and not self.hurry else steady
-        free = self._roll(then_stop, margins, self.leads if wary else steady)
-        for plans in through:
-            free = np.maximum(free, self._roll(plans, margins, leads))
+        free = self._roll(_THEN_STOP, margins, self.leads if wary else steady)
+        free = np.maximum(free, self._roll(_THROUGH, margins, leads))
+        if self.hurry:  # what was begun in a gap goes on in it: who is ahead keeps going, and so does the ego
+            free = np.maximum(free, self._roll(_THEN_STEADY, margins, leads))
         return free
 
     def _roll(self, plans: Floats, margins: Floats, leads: Ints) -> Floats:
         now, scene = self.now, self.now.scene
-        found, _ = rollouts(
-            self.path, now.row, now.speed_mps, scene.size, self.forecast, now.traffic.sizes, leads, plans,
-            scene.limits, self.boxes, self.stop_row, margins, self.yields_mps2, self.pushy,
-        )  # fmt: skip
-        return np.asarray(found)
+        found: Floats = rollouts(
+            self.path, now.row, now.speed_mps, scene.size, now.traffic.forecast, now.traffic.boxes, leads, plans,
+            scene.limits, self.boxes, self.stop_row, margins, self.yields_mps2, self.pushy, _HORIZON_STEPS,
+        )[0]  # fmt: skip
+        return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,8 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import Floats, speed_profile
 from drive_robust_agents._planning.tracks import lane_under
+from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.arrays import cos, sin
 from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
 
 __all__ = ["Change", "LaneGraph", "StaticScene"]
@@ -29,32 +30,25 @@ class LaneGraph:
     """All lanes that vehicles use, as the kernels want them: see `tracks.tracks`.
 
     `after` is the lane that traffic is expected to take behind each lane: the straightest one, until somebody was seen
-    on another.
+    on another (`tracks` writes that down).
     """
 
     def __init__(self, lane_map: LaneMap) -> None:
         self.lanes = lane_map.lanes
         used = [lane.kind in (LaneKind.DRIVING, LaneKind.BIKING) for lane in self.lanes]
         sizes = [len(lane.centre) if keep else 0 for lane, keep in zip(self.lanes, used, strict=True)]
+        centres = np.concatenate([lane.centre for lane, keep in zip(self.lanes, used, strict=True) if keep])
         self.first: Ints = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self.points: Floats = np.concatenate([lane.centre for lane, keep in zip(self.lanes, used, strict=True) if keep])
+        self.points: Floats = np.column_stack([centres, cos(centres[:, 2]), sin(centres[:, 2])])
         self.owner: Ints = np.repeat(np.arange(len(self.lanes), dtype=np.int64), sizes)
         self.after: Ints = np.array([_straightest(self.lanes, lane) for lane in self.lanes], dtype=np.int64)
         self._before: dict[int, list[int]] = {}
         for lane in self.lanes:
             for k in lane.successors:
                 self._before.setdefault(k, []).append(lane.index)
-
-    def learn(self, rows: Ints) -> None:
-        """Remember which way was taken at a fork: somebody drives at each of these rows of `points` (-1: nobody)."""
-        for row in rows:
-            if row < 0:
-                continue
-            lane = int(self.owner[row])
-            share = (row - self.first[lane]) / max(len(self.lanes[lane].centre), 1)
-            if self.lanes[lane].junction and share > 0.35:
-                for k in self._before.get(lane, ()):
-                    self.after[k] = lane
+        feeders = [self._before.get(lane.index, []) if lane.junction else [] for lane in self.lanes]
+        self.entries: Ints = np.cumsum([0, *map(len, feeders)], dtype=np.int64)
+        self.feeders: Ints = np.array([k for several in feeders for k in several], dtype=np.int64)
 
     def fork(self) -> LaneGraph:
         """Return the same lanes with a memory of its own."""
@@ -99,12 +93,13 @@ class StaticScene:
         self.route = _prolonged(truth.route)
         self.count = len(self.route)
         self.rows: Floats = np.arange(self.count, dtype=np.float64)
-        self.sines: Floats = np.sin(self.route[:, 2])
-        self.cosines: Floats = np.cos(self.route[:, 2])
+        self.sines: Floats = sin(self.route[:, 2])
+        self.cosines: Floats = cos(self.route[:, 2])
         self.lane_map = truth.lane_map
         self.graph = LaneGraph(truth.lane_map)
         self.limits = speed_profile(self.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
         self.size = np.array([truth.frame.ego.length_m, truth.frame.ego.width_m])
+        self.half_length_m, self.half_width_m = truth.frame.ego.length_m / 2.0, truth.frame.ego.width_m / 2.0
         self.lanes = self._lanes_under()
         self.boxes = self._boxes()
         self.stops = self._stops()
@@ -116,9 +111,13 @@ class StaticScene:
         other.graph = self.graph.fork()
         return other
 
+    def index(self, row: float) -> int:
+        """Return the number of a row as an index of `route`."""
+        return int(min(max(row, 0.0), self.count - 1.0))
+
     def lane_at(self, row: float) -> Lane:
         """Return the lane under a row."""
-        return self.lane_map.lanes[int(self.lanes[int(np.clip(row, 0, self.count - 1))])]
+        return self.lane_map.lanes[int(self.lanes[self.index(row)])]
 
     def neighbour(self, row: float, side: str) -> tuple[Lane | None, bool]:
         """Return (the driving lane on that side of the one under a row or None, whether it leads the same way)."""
@@ -134,8 +133,9 @@ class StaticScene:
         keep = driving[graph.owner]
         points, owner = np.ascontiguousarray(graph.points[keep]), np.ascontiguousarray(graph.owner[keep])
         last = int(owner[0])
-        for k, (x, y, yaw) in enumerate(self.route[:, :3]):
-            row, _ = lane_under(points, owner, x, y, yaw, 4.0)
+        for k in range(self.count):
+            x, y = self.route[k, :2]
+            row, _ = lane_under(points, x, y, self.cosines[k], self.sines[k], 4.0)
             last = int(owner[row]) if row >= 0 else last
             found[k] = last
         return _longest_connector(self.lane_map, found)
@@ -151,9 +151,10 @@ class StaticScene:
         """Return (number, row) of every stop line on the route."""
         found = []
         for line in self.lane_map.stop_lines:
-            away = np.hypot(self.route[:, 0] - line.x_m, self.route[:, 1] - line.y_m)
+            dx, dy = self.route[:, 0] - line.x_m, self.route[:, 1] - line.y_m
+            away = dx * dx + dy * dy
             k = int(np.argmin(away))
-            if away[k] < 1.5 and math.cos(self.route[k, 2] - line.heading_rad) > 0.7:
+            if away[k] < 1.5 * 1.5 and scalars.cos(self.route[k, 2] - line.heading_rad) > 0.7:
                 found.append((line.index, float(k)))
         return tuple(found)
 
@@ -195,9 +196,9 @@ class StaticScene:
         dy = line[:, 1] - self.route[low:high, None, 1]
         nearest = np.argmin(dx * dx + dy * dy, axis=1)
         rows = np.arange(high - low)
-        dx, dy, yaw = dx[rows, nearest], dy[rows, nearest], self.route[low:high, 2]
-        ahead, right = dx * np.cos(yaw) + dy * np.sin(yaw), -dx * np.sin(yaw) + dy * np.cos(yaw)
-        aligned = np.cos(line[nearest, 2] - yaw) > 0.8
+        dx, dy, c, s = dx[rows, nearest], dy[rows, nearest], self.cosines[low:high], self.sines[low:high]
+        ahead, right = dx * c + dy * s, dy * c - dx * s
+        aligned = cos(line[nearest, 2] - self.route[low:high, 2]) > 0.8
         found = np.full(self.count, np.nan)
         found[low:high] = np.where((np.abs(ahead) < 1.2) & (np.abs(right) < _BESIDE_M) & aligned, right, np.nan)
         return found
@@ -207,7 +208,12 @@ def _prolonged(route: Floats) -> Floats:
     """Return the route and a straight piece behind its end."""
     x, y, yaw, limit = route[-1]
     ahead = np.arange(1.0, _BEYOND_M + 1.0)
-    more = [x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), np.full(len(ahead), yaw), np.full(len(ahead), limit)]
+    more = [
+        x + ahead * scalars.cos(yaw),
+        y + ahead * scalars.sin(yaw),
+        np.full(len(ahead), yaw),
+        np.full(len(ahead), limit),
+    ]
     return np.ascontiguousarray(np.concatenate([route, np.column_stack(more)]))
 
 

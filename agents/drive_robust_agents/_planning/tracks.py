@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.jit import entry
+from pytest_drive_robust.jit.arrays import Floats2, Ints1
+from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["STEP_S", "lane_under", "tracks"]
 
@@ -24,71 +25,73 @@ LANE_REACH_M = 3.3
 """Who is farther aside of every lane is expected to go straight on."""
 SLIP, NEIGHBOUR_M = 0.04, 3.5
 """Whose nose points aside of the lane by more than this is changing to the middle of it, or to the next one."""
-A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL = range(7)
+TAKEN = 0.35
+"""Who has come so far along a lane of a junction has taken it."""
+A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL, A_COS, A_SIN = range(9)
 
 
 @entry
-def lane_under(points: Floats, owner: Ints, x: float, y: float, yaw: float, reach_m: float) -> tuple[int, float]:
-    """Return (row of `points`, metres to its right) of the nearest lane that leads about where `yaw` does, or (-1, 0).
+def lane_under(points: Floats2, x: float, y: float, c: float, s: float, reach_m: float) -> tuple[int, float]:
+    """Return (row of `points`, metres to its right) of the nearest lane that leads about the same way, or (-1, 0).
 
-    `points` is (p, 3): the centre lines of all lanes, one after the other; `owner` is the lane of each.
+    `points` is (p, 5): the centre lines of all lanes, one after the other: x, y, yaw, cosine and sine of yaw. The
+    direction to compare with is (`c`, `s`).
     """
     best, at = reach_m * reach_m, -1
-    co, so = math.cos(yaw), math.sin(yaw)
     for k in range(len(points)):
         dx = x - points[k, 0]
         if dx > reach_m or dx < -reach_m:
             continue
         dy = y - points[k, 1]
         d = dx * dx + dy * dy
-        if d < best and math.cos(points[k, 2]) * co + math.sin(points[k, 2]) * so > 0.8:
+        if d < best and points[k, 3] * c + points[k, 4] * s > 0.8:
             best, at = d, k
     if at < 0:
         return -1, 0.0
-    heading = points[at, 2]
-    return at, -(x - points[at, 0]) * math.sin(heading) + (y - points[at, 1]) * math.cos(heading)
+    return at, (y - points[at, 1]) * points[at, 3] - (x - points[at, 0]) * points[at, 4]
 
 
 @entry
 def tracks(
-    actors: Floats, follows: Ints, points: Floats, owner: Ints, first: Ints, after: Ints, steps: int
-) -> tuple[Floats, Ints]:
-    """Predict where everybody will be.
+    actors: Floats2, follows: Ints1, points: Floats2, owner: Ints1, first: Ints1, after: Ints1,
+    entries: Ints1, feeders: Ints1, steps: int,
+) -> Floats:  # fmt: skip
+    """Predict where everybody will be: (k, steps + 1, 6) of x, y, yaw, speed, cosine and sine of yaw every `STEP_S`.
 
-    Gives (k, steps + 1, 4) of x, y, yaw, speed every `STEP_S`, and the row of the lane of each.
+    `actors` is (k, 9) as `Traffic.boxes`. Who has `follows` 1 goes along the lane underneath (`points` as in
+    `lane_under`; `owner` is the lane of each point, `first` where each lane begins in `points`, `after` the lane that
+    is taken behind it, or -1), keeping or finishing a sideways movement. Everybody else goes straight on.
 
-    Who has `follows` 1 goes along the lane underneath (`points`, `owner` as in `lane_under`; `first` is where each lane
-    begins in `points`, `after` the lane that is taken behind it, or -1), keeping or finishing a sideways movement.
-    Everybody else goes straight on.
+    Then it learns which way was taken at forks: who drives on a lane of a junction makes it the one `after` those that
+    lead into it, the `feeders` from `entries[lane]` to `entries[lane + 1]` (none for lanes outside of junctions).
     """
-    found = np.empty((len(actors), steps + 1, 4))
+    found = np.empty((len(actors), steps + 1, 6))
     under = np.full(len(actors), -1, dtype=np.int64)
     for i in range(len(actors)):
         x, y, yaw, v = actors[i, A_X], actors[i, A_Y], actors[i, A_YAW], actors[i, A_SPEED]
-        accel = actors[i, A_ACCEL]
-        row, lat = -1, 0.0
+        accel, c, s = actors[i, A_ACCEL], actors[i, A_COS], actors[i, A_SIN]
+        row, lat, rate, target = -1, 0.0, 0.0, 0.0
+        at, lane = 0.0, -1
         if follows[i] == 1 and v > 0.05:
-            row, lat = lane_under(points, owner, x, y, yaw, LANE_REACH_M)
-        under[i] = row
-        rate, target = 0.0, lat
+            row, lat = lane_under(points, x, y, c, s, LANE_REACH_M)
+        under[i], target = row, lat
         if row >= 0:
-            slip = math.sin(yaw - points[row, 2])
+            slip = s * points[row, 3] - c * points[row, 4]
             if abs(slip) > SLIP:
                 rate = abs(v * slip)
                 target = 0.0 if lat * slip < 0.0 else math.copysign(NEIGHBOUR_M, slip)
-        at, lane = 0.0, -1
-        if row >= 0:
             lane = owner[row]
-            at = float(row - first[lane])
-            at += (x - points[row, 0]) * math.cos(points[row, 2]) + (y - points[row, 1]) * math.sin(points[row, 2])
+            at = (
+                float(row - first[lane]) + (x - points[row, 0]) * points[row, 3] + (y - points[row, 1]) * points[row, 4]
+            )
         for step in range(steps + 1):
-            found[i, step, 0], found[i, step, 1], found[i, step, 2], found[i, step, 3] = x, y, yaw, v
+            found[i, step, 0], found[i, step, 1], found[i, step, 2] = x, y, yaw
+            found[i, step, 3], found[i, step, 4], found[i, step, 5] = v, c, s
             if step * STEP_S < ACCELERATE_S:
                 v = min(max(v + accel * STEP_S, 0.0), max(v, FASTEST_MPS))
             ds = v * STEP_S
             if lane < 0:
-                x += ds * math.cos(yaw)
-                y += ds * math.sin(yaw)
+                x, y = x + ds * c, y + ds * s
                 continue
             at += ds
             size = first[lane + 1] - first[lane]
@@ -97,11 +100,14 @@ def tracks(
                 lane = after[lane]
                 size = first[lane + 1] - first[lane]
             k = first[lane] + int(min(max(at, 0.0), size - 1.0))
-            away = min(max(target - lat, -rate * STEP_S), rate * STEP_S)
-            lat += away
-            heading = points[k, 2]
+            lat += min(max(target - lat, -rate * STEP_S), rate * STEP_S)
             rest = at - (k - first[lane])
-            x = points[k, 0] + rest * math.cos(heading) - lat * math.sin(heading)
-            y = points[k, 1] + rest * math.sin(heading) + lat * math.cos(heading)
-            yaw = heading
-    return found, under
+            yaw, c, s = points[k, 2], points[k, 3], points[k, 4]
+            x, y = points[k, 0] + rest * c - lat * s, points[k, 1] + rest * s + lat * c
+    for i in range(len(actors)):
+        if under[i] >= 0:
+            lane = owner[under[i]]
+            if under[i] - first[lane] > TAKEN * (first[lane + 1] - first[lane]):
+                for k in range(entries[lane], entries[lane + 1]):
+                    after[feeders[k]] = lane
+    return found

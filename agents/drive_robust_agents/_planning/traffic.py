@@ -5,84 +5,96 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
+from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
+from pytest_drive_robust.jit.arrays import Floats2
+from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["HORIZON_S", "Traffic"]
 
+Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0
+_STEPS = round(HORIZON_S / STEP_S)
 _DT_S = 0.05
-_BOX = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
+_LEAST_MPS2, _MOST_MPS2 = 0.3, 8.0
+_BICYCLE, _DIRT = int(ActorKind.BICYCLE), int(ActorKind.DIRT)
+_ID, _KIND, _X, _Y, _YAW = WorldState.ID, WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
+_SPEED, _LENGTH, _WIDTH = WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH
 
 
 class Traffic:
     """The other actors of this moment, one row each in every array.
 
-    `boxes` (k, 7) is x, y, yaw, speed, length, width, acceleration; `kinds`, `ids` (k,); `stood_s` (k,) seconds without
-    moving; `forecast` (k, steps, 4) and `sizes` (k, 2) are what `forecast.rollouts` wants.
+    `boxes` (k, 9) is x, y, yaw, speed, length, width, acceleration, cosine and sine of yaw; `kinds`, `ids` (k,);
+    `stood_s` (k,) seconds without moving; `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is
+    there twice, the second time at constant speed: he may also stop doing so.
     """
 
     def __init__(self) -> None:
-        self._speeds = np.full(0, np.nan)
-        self._stood = np.zeros(0)
-        self.boxes: Floats = np.zeros((0, 7))
+        self._memory: Floats = np.zeros((0, 2))
+        self.boxes: Floats = np.zeros((0, 9))
         self.kinds: Ints = np.zeros(0, dtype=np.int64)
         self.ids: Ints = np.zeros(0, dtype=np.int64)
         self.stood_s: Floats = np.zeros(0)
-        self.sizes: Floats = np.zeros((0, 2))
-        self.forecast: Floats = np.zeros((0, 2, 4))
+        self.forecast: Floats = np.zeros((0, 2, 6))
 
     def update(self, world: WorldState, graph: LaneGraph) -> None:
         """See the actors of a new tick."""
-        rows = world.actors
-        near = (
-            np.abs(rows[:, WorldState.X] - world.ego.x_m) + np.abs(rows[:, WorldState.Y] - world.ego.y_m)
-            < 1.4 * _RANGE_M
-        )
-        rows = rows[near & (rows[:, WorldState.KIND] != ActorKind.DIRT)]
-        self.kinds = rows[:, WorldState.KIND].astype(np.int64)
-        self.ids = rows[:, WorldState.ID].astype(np.int64)
-        speed = rows[:, WorldState.SPEED]
-        self._remember(speed)
-        self.boxes = np.empty((len(rows), 7))
-        self.boxes[:, :6] = rows[:, _BOX]
-        self.boxes[:, 6] = np.where(self.kinds < ActorKind.BICYCLE, self._accelerations, 0.0)
-        self._doubt()
-        self.sizes = np.ascontiguousarray(self.boxes[:, 4:6])
-        follows = ((self.kinds <= ActorKind.BICYCLE) & (self.boxes[:, 3] > 0.05)).astype(np.int64)
-        self.forecast, under = tracks(
-            self.boxes, follows, graph.points, graph.owner, graph.first, graph.after, round(HORIZON_S / STEP_S)
-        )
-        graph.learn(under)
+        actors = np.array(world.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
+        self._memory, self.boxes, self.stood_s, about = _look(actors, world.ego.x_m, world.ego.y_m, self._memory)
+        self.kinds, self.ids, follows = about
+        self.forecast = tracks(
+            self.boxes, follows, graph.points, graph.owner, graph.first, graph.after, graph.entries, graph.feeders,
+            _STEPS,
+        )  # fmt: skip
 
-    def _doubt(self) -> None:
-        """List those who accelerate hard twice, the second time at constant speed: they may also stop doing so."""
-        hard = np.abs(self.boxes[:, 6]) > _HARD_MPS2
-        if hard.any():
-            steady = self.boxes[hard]
-            steady[:, 6] = 0.0
-            self.boxes = np.concatenate([self.boxes, steady])
-            self.kinds = np.concatenate([self.kinds, self.kinds[hard]])
-            self.ids = np.concatenate([self.ids, self.ids[hard]])
-            self.stood_s = np.concatenate([self.stood_s, self.stood_s[hard]])
 
-    def _remember(self, speed: Floats) -> None:
-        most = int(self.ids.max(initial=-1)) + 1
-        if most > len(self._speeds):
-            more = most - len(self._speeds)
-            self._speeds = np.concatenate([self._speeds, np.full(more, np.nan)])
-            self._stood = np.concatenate([self._stood, np.zeros(more)])
-        gained = np.nan_to_num((speed - self._speeds[self.ids]) / _DT_S)
-        self._accelerations = np.where(np.abs(gained) > 0.3, np.clip(gained, -8.0, 8.0), 0.0)
-        stood = np.where(speed < 0.1, self._stood[self.ids] + _DT_S, 0.0)
-        self._speeds[:] = np.nan
-        self._speeds[self.ids] = speed
-        self._stood[:] = 0.0
-        self._stood[self.ids] = stood
-        self.stood_s = stood
+@entry
+def _look(actors: Floats2, x_m: float, y_m: float, memory: Floats2) -> tuple[Floats, Floats, Floats, Ints]:
+    """Return (memory for the next tick, boxes, seconds without moving, (3, k) of kind, id, follows a lane).
+
+    `memory` (n, 2) is speed (NaN: not seen) and seconds without moving in the last tick, by the actor's id.
+    """
+    most = -1
+    for i in range(len(actors)):
+        most = max(most, int(actors[i, _ID]))
+    now = np.empty((max(most + 1, len(memory)), 2))
+    for i in range(len(now)):
+        now[i, 0], now[i, 1] = np.nan, 0.0
+    boxes, stood_s = np.empty((2 * len(actors), 9)), np.empty(2 * len(actors))
+    about = np.empty((3, 2 * len(actors)), dtype=np.int64)
+    count = 0
+    for doubted in range(2):
+        for i in range(len(actors)):
+            kind, number = int(actors[i, _KIND]), int(actors[i, _ID])
+            far = abs(actors[i, _X] - x_m) + abs(actors[i, _Y] - y_m) >= 1.4 * _RANGE_M
+            if far or kind == _DIRT:
+                continue
+            speed, gained, stood = actors[i, _SPEED], 0.0, 0.0
+            if number < len(memory) and memory[number, 0] == memory[number, 0]:
+                gained = (speed - memory[number, 0]) / _DT_S
+            gained = min(max(gained, -_MOST_MPS2), _MOST_MPS2) if abs(gained) > _LEAST_MPS2 else 0.0
+            if kind >= _BICYCLE:
+                gained = 0.0
+            if doubted == 1:
+                if abs(gained) <= _HARD_MPS2:
+                    continue
+                gained = 0.0
+            if speed < 0.1:
+                stood = _DT_S + (memory[number, 1] if number < len(memory) else 0.0)
+            now[number, 0], now[number, 1] = speed, stood
+            boxes[count, 0], boxes[count, 1], boxes[count, 2] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
+            boxes[count, 3], boxes[count, 4], boxes[count, 5] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
+            boxes[count, 6] = gained
+            boxes[count, 7], boxes[count, 8] = cos(actors[i, _YAW]), sin(actors[i, _YAW])
+            stood_s[count] = stood
+            about[0, count], about[1, count] = kind, number
+            about[2, count] = 1 if kind <= _BICYCLE and speed > 0.05 else 0
+            count += 1
+    return now, boxes[:count], stood_s[:count], about[:, :count]

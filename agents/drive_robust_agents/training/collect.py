@@ -33,7 +33,9 @@ _DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", 
 
 @dataclass(frozen=True, slots=True)
 class Collection:
-    """What to collect. `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
+    """What to collect.
+
+    `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
     `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
     that shares the driving, each episode under one of `settings` (none: clean).
     """

@@ -20,7 +20,7 @@ from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
-from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["add_arguments", "evaluate", "run"]

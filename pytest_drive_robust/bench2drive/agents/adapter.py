@@ -96,15 +96,14 @@ class OfficialAgent:
 
 
 def _config(given: str, route: str) -> str:
-    """Return what `setup` is given; with Bench2Drive's switch on, a name to save under follows, as its evaluator does
-    it."""
+    """Return what `setup` is given; with Bench2Drive's switch on, a name to save under follows, as officially."""
     if not os.environ.get("IS_BENCH2DRIVE"):
         return given
     return f"{given}+drive_robust_{route}_{os.getpid()}_{next(_EPISODES)}"
 
 
 def _quietly(destroy: Callable[[], object]) -> None:
-    """The episode is over and scored: what goes wrong in `destroy` belongs to none."""
+    """Call `destroy` and print what goes wrong: the episode is over and scored, so it belongs to none."""
     try:
         destroy()
     except (Exception, SystemExit) as error:

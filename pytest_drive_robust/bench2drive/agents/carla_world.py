@@ -78,15 +78,15 @@ class Actor:
         return self.get_transform().location
 
     def get_velocity(self) -> Any:
-        """Metres per second in the world's axes."""
+        """Return metres per second in the world's axes."""
         return self._turned(self.speed_mps, 0.0)
 
     def get_acceleration(self) -> Any:
-        """Metres per second squared in the world's axes."""
+        """Return metres per second squared in the world's axes."""
         return self._turned(*self.acceleration)
 
     def get_angular_velocity(self) -> Any:
-        """Degrees per second, as CARLA gives it."""
+        """Return degrees per second, as CARLA gives it."""
         return _carla().Vector3D(x=0.0, y=0.0, z=math.degrees(self.yaw_rate_radps))
 
     def get_control(self) -> Any:
@@ -107,7 +107,7 @@ class Actor:
         return self.world
 
     def get_speed_limit(self) -> float:
-        """Kilometres per hour."""
+        """Return kilometres per hour."""
         return 3.6 * self.get_world().speed_limit_mps()
 
     def _turned(self, forward: float, right: float) -> Any:
@@ -168,8 +168,9 @@ class SeenWorld:
         return ActorList([self.hero, *others])
 
     def get_map(self) -> Any:
-        """Return a real `carla.Map` of the roads here. Raises `RuntimeError` without the carla package or the ground
-        truth."""
+        """Return a real `carla.Map` of the roads here.
+
+        Raises `RuntimeError` without the carla package or the ground truth."""
         if self._truth is None:
             raise RuntimeError("the map of the world is given only to agents whose file imports CarlaDataProvider")
         if is_stand_in(_carla()):

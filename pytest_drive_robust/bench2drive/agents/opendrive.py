@@ -56,8 +56,9 @@ def opendrive_of(lane_map: LaneMap) -> str:
 
 
 def _with_ends(lanes: Sequence[Lane]) -> list[Lane]:
-    """Return the same with the last stretch of each lane without a successor cut off; its number is `_FIRST_END`
-    higher."""
+    """Return the same with the last stretch of each lane without a successor cut off.
+
+    Its number is `_FIRST_END` higher."""
     cut = {lane.index for lane in lanes if not lane.successors and len(lane.centre) > 2 * _END_ROWS}
     found: list[Lane] = []
     for lane in lanes:
@@ -134,7 +135,7 @@ def _lane(lane: Lane, number: int, road: int, links: _Links) -> Iterator[str]:
 
 
 def _geometry(lane: Lane) -> tuple[list[str], float]:
-    """Straight pieces along the left edge of the lane."""
+    """Return straight pieces along the left edge of the lane, and their length in metres."""
     x, y, yaw = np.asarray(lane.centre, dtype=float).T
     left_x, left_y = x + np.sin(yaw) * lane.width_m / 2.0, y - np.cos(yaw) * lane.width_m / 2.0
     pieces, s = [], 0.0

@@ -65,7 +65,7 @@ def frame_number(tick: int) -> int:
 
 
 def game_time_s(tick: int) -> float:
-    """Seconds since the start of the route at 20 Hz, as the leaderboard counts them: 0.05 in the first step."""
+    """Return seconds since the start of the route at 20 Hz, as the leaderboard counts them: 0.05 in the first step."""
     return frame_number(tick) * _DT_S
 
 

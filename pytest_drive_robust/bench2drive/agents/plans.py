@@ -49,5 +49,5 @@ def _points(plan: GlobalPlan) -> tuple[PlanPoint, ...]:
 
 
 def _options() -> Any:
-    """CARLA's own enumeration where its Python API is there, else ours: agents compare with what they import."""
+    """Return CARLA's own enumeration where its Python API is there, else ours: agents compare with what they import."""
     return importlib.import_module("agents.navigation.local_planner").RoadOption

@@ -148,7 +148,7 @@ def _routes(spec: str) -> tuple[Path, list[str]]:
 
 
 def _claim(folder: Path, setup: EvaluatorSetup) -> None:
-    """Results of different drives must not get into one folder. Raises `UsageError`."""
+    """Refuse a folder with the results of another drive, else note this one in it. Raises `UsageError`."""
     own = setup.identity
     path = folder / "run.json"
     if path.is_file():

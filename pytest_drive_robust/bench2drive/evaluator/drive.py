@@ -151,7 +151,7 @@ def _digest(path: Path) -> str:
 
 
 def _stamp(path: Path) -> str:
-    """Weights are too large to be read each time."""
+    """Return size and time of a file: weights are too large to be read each time."""
     try:
         status = path.stat()
     except OSError:

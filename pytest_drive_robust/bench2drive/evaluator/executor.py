@@ -92,7 +92,7 @@ class Bench2DriveExecutor:
         return self._pool.submit(self._drive, request)
 
     def close(self, *, cancel: bool = False) -> None:
-        """With `cancel`, evaluators and servers are killed at once; without, they come to their end first."""
+        """Kill evaluators and servers at once with `cancel`; without, let them come to their end first."""
         if cancel:
             self._stop.set()
         self._pool.shutdown(wait=True, cancel_futures=cancel)

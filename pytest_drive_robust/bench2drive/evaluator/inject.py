@@ -69,6 +69,195 @@ class SettingRefusedError(Exception):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# Elementary functions: `arithmetic/series.py` and `arithmetic/scalars.py`, so far as they are used here
+# ---------------------------------------------------------------------------------------------------------------------
+
+_LARGEST_ANGLE_RAD = 1.0e6
+_ROUNDER = 6755399441055744.0  # 1.5 * 2**52: a double of that size has no room for a fraction
+_PER_QUARTER = 0.6366197723675814  # 2 / pi
+# pi / 2 in three parts: the first two have 33 bits, so that their products with a whole number below 2**20 are exact
+_QUARTER_1, _QUARTER_2, _QUARTER_3 = 1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21
+_LN2_HIGH, _LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # the first has 33 bits
+_ROOT_OF_HALF = 0.7071067811865476
+
+
+def nearest_whole(x: float) -> float:
+    """Return the whole number nearest to `x`, |x| < 2**51, ties to even."""
+    return (x + _ROUNDER) - _ROUNDER
+
+
+def quarter_turns(x: float) -> tuple[float, float, float]:
+    """Return (quarter, y, tail): `x` is `y + tail` and some quarter turns, `quarter` of them beyond whole turns.
+
+    `x` in rad, at most `_LARGEST_ANGLE_RAD`; `quarter` from -2 to 2, |y| <= pi / 4.
+    """
+    count = nearest_whole(x * _PER_QUARTER)
+    first, part = x - count * _QUARTER_1, count * _QUARTER_2
+    rest = first - part
+    back = rest - first
+    lost = (first - (rest - back)) - (part + back)  # rest + lost is first - part without an error
+    low = count * _QUARTER_3 - lost
+    y = rest - low
+    return count - 4.0 * nearest_whole(0.25 * count), y, (rest - y) - low
+
+
+def sine(y: float, tail: float) -> float:
+    """Return the sine of `y + tail`, |y| <= pi / 4."""
+    z = y * y
+    odd = 8.33333333332248946124e-03 + z * (
+        -1.98412698298579493134e-04
+        + z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10))
+    )
+    cube = z * y
+    return y - ((z * (0.5 * tail - cube * odd) - tail) - cube * -1.66666666666666324348e-01)
+
+
+def cosine(y: float, tail: float) -> float:
+    """Return the cosine of `y + tail`, |y| <= pi / 4."""
+    z = y * y
+    even = z * (
+        4.16666666666666019037e-02
+        + z
+        * (
+            -1.38888888888741095749e-03
+            + z
+            * (
+                2.48015872894767294178e-05
+                + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))
+            )
+        )
+    )
+    half = 0.5 * z
+    near = 1.0 - half
+    return near + (((1.0 - near) - half) + (z * even - y * tail))
+
+
+def arctangent(t: float, high: float, low: float) -> float:
+    """Return the arctangent of `t` plus `high + low`, |t| <= 7 / 16."""
+    z = t * t
+    w = z * z
+    odd = z * (
+        3.33333333333329318027e-01
+        + w
+        * (
+            1.42857142725034663711e-01
+            + w
+            * (
+                9.09088713343650656196e-02
+                + w * (6.66107313738753120669e-02 + w * (4.97687799461593236017e-02 + w * 1.62858201153657823623e-02))
+            )
+        )
+    )
+    even = w * (
+        -1.99999999998764832476e-01
+        + w
+        * (
+            -1.11111104054623557880e-01
+            + w * (-7.69187620504482999495e-02 + w * (-5.83357013379057348645e-02 + w * -3.65315727442169155270e-02))
+        )
+    )
+    return high - ((t * (odd + even) - low) - t)
+
+
+def exponential(x: float) -> tuple[float, float]:
+    """Return (y, twos): the exponential of `x` is `y * 2**twos`, |x| < 800, `twos` a whole number."""
+    twos = nearest_whole(x * 1.4426950408889634)
+    high, low = x - twos * _LN2_HIGH, twos * _LN2_LOW
+    rest = high - low
+    z = rest * rest
+    c = rest - z * (
+        1.66666666666666019037e-01
+        + z
+        * (
+            -2.77777777770155933842e-03
+            + z * (6.61375632143793436117e-05 + z * (-1.65339022054652515390e-06 + z * 4.13813679705723846039e-08))
+        )
+    )
+    return 1.0 - ((low - (rest * c) / (2.0 - c)) - high), twos
+
+
+def logarithm(f: float, twos: float) -> float:
+    """Return the natural logarithm of `(1 + f) * 2**twos`, `1 + f` between the square roots of 0.5 and 2."""
+    s = f / (2.0 + f)
+    z = s * s
+    w = z * z
+    even = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01))
+    odd = z * (
+        6.666666666666735130e-01
+        + w * (2.857142874366239149e-01 + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01))
+    )
+    half = 0.5 * f * f
+    return twos * _LN2_HIGH - ((half - (s * (half + (odd + even)) + twos * _LN2_LOW)) - f)
+
+
+def _usual_angle(x: float) -> float:
+    """Return an angle within the usual range that is `x` but for whole turns; NaN for what has none."""
+    return x if abs(x) <= _LARGEST_ANGLE_RAD else x % _TURN
+
+
+def sin(x: float) -> float:
+    """Return the sine of `x` rad."""
+    quarter, y, tail = quarter_turns(_usual_angle(float(x)))
+    value = sine(y, tail) if quarter * quarter != 1.0 else cosine(y, tail)
+    return value if quarter == 0.0 or quarter == 1.0 else -value
+
+
+def cos(x: float) -> float:
+    """Return the cosine of `x` rad."""
+    quarter, y, tail = quarter_turns(_usual_angle(float(x)))
+    value = cosine(y, tail) if quarter * quarter != 1.0 else sine(y, tail)
+    return value if quarter == 0.0 or quarter == -1.0 else -value
+
+
+def tan(x: float) -> float:
+    """Return the tangent of `x` rad."""
+    quarter, y, tail = quarter_turns(_usual_angle(float(x)))
+    above, below = sine(y, tail), cosine(y, tail)
+    return above / below if quarter * quarter != 1.0 else -below / above
+
+
+def atan(x: float) -> float:
+    """Return the arctangent of `x` in rad, from -pi / 2 to pi / 2."""
+    x = float(x)
+    size = abs(x)
+    if size < 0.4375:
+        t, high, low = size, 0.0, 0.0
+    elif size < 0.6875:
+        t, high, low = (2.0 * size - 1.0) / (2.0 + size), 0.4636476090008061, 2.2698777452961687e-17
+    elif size < 1.1875:
+        t, high, low = (size - 1.0) / (size + 1.0), 0.7853981633974483, 3.061616997868383e-17
+    elif size < 2.4375:
+        t, high, low = (size - 1.5) / (1.0 + 1.5 * size), 0.982793723247329, 1.3903311031230998e-17
+    else:
+        t, high, low = -1.0 / size, 1.5707963267948966, 6.123233995736766e-17
+    return math.copysign(arctangent(t, high, low), x)
+
+
+def exp(x: float) -> float:
+    """Return e to the power of `x`."""
+    x = float(x)
+    if x > 709.782712893384:
+        return math.inf
+    if x < -745.2:
+        return 0.0
+    if x != x:
+        return x
+    y, twos = exponential(x)
+    return math.ldexp(y, int(twos))
+
+
+def log(x: float) -> float:
+    """Return the natural logarithm of `x`."""
+    x = float(x)
+    if not 0.0 < x < math.inf:
+        return -math.inf if x == 0.0 else (x if x > 0.0 else math.nan)
+    part, twos = math.frexp(x)
+    if part < _ROOT_OF_HALF:
+        part, twos = 2.0 * part, twos - 1
+    return logarithm(part - 1.0, float(twos))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 # Random numbers: `perturbations/draws.py`
 # ---------------------------------------------------------------------------------------------------------------------
 
@@ -99,8 +288,8 @@ class InjectedDraws:
     def normal(self, sensor: str, tick: int) -> tuple[float, float]:
         """Return two numbers of the standard normal distribution."""
         u, v, _, _ = self.uniform(sensor, tick)
-        first = math.sqrt(-2.0 * math.log(1.0 - u))
-        return first * math.cos(_TURN * v), first * math.sin(_TURN * v)
+        first = math.sqrt(-2.0 * log(1.0 - u))
+        return first * cos(_TURN * v), first * sin(_TURN * v)
 
 
 def _key(names: Iterable[str]) -> int:
@@ -118,7 +307,7 @@ def whole_ticks(duration_s: float, dt_s: float) -> int:
 
 
 def delay_ticks(name: str, duration_ms: float, dt_s: float) -> int:
-    """As `whole_ticks`; a delay that is none is refused."""
+    """Count whole ticks as `whole_ticks` does, but refuse a delay between 0 and one tick."""
     ticks = whole_ticks(duration_ms / 1000.0, dt_s)
     if ticks == 0 and duration_ms > 0.0:
         raise SettingRefusedError(f"{name} is {duration_ms:g} ms, expected 0 or at least one tick of {dt_s:g} s")
@@ -134,13 +323,15 @@ EARTH_RADIUS_M = 6378137.0
 
 def to_geodetic(x_m: float, y_m: float) -> tuple[float, float]:
     """Return (latitude, longitude) in degrees of a point (x east, y south) in metres."""
-    latitude = 2.0 * math.atan(math.exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
+    latitude = 2.0 * atan(exp(-y_m / EARTH_RADIUS_M)) - math.pi / 2.0
     return math.degrees(latitude), math.degrees(x_m / EARTH_RADIUS_M)
 
 
 def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """Return (x east, y south) in metres of a latitude and longitude in degrees."""
-    y = -EARTH_RADIUS_M * math.log(math.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
+    if not -90.0 < latitude_deg < 90.0:
+        raise ValueError(f"latitude {latitude_deg!r} degrees, expected more than -90 and less than 90")
+    y = -EARTH_RADIUS_M * log(tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
     return EARTH_RADIUS_M * math.radians(longitude_deg), y
 
 
@@ -162,7 +353,7 @@ class GnssFix:
     def ground_scale(self) -> float:
         """Mercator metres of a metre on the ground: 1 at the equator, where nearly all towns are."""
         latitude = float(self._payload[0])
-        return 1.0 if abs(latitude) < 1.0 else 1.0 / math.cos(math.radians(latitude))
+        return 1.0 if abs(latitude) < 1.0 else 1.0 / cos(math.radians(latitude))
 
     def at(self, x_m: float, y_m: float) -> GnssFix:
         """Return the same fix elsewhere."""
@@ -272,7 +463,7 @@ class InjectedBursts(InjectedFailure):
     observes = True
 
     def begin(self, p: dict[str, Any]) -> None:
-        """Raises when a burst is shorter than it can be."""
+        """Take the severities. Raises when a burst is shorter than it can be."""
         self._probability = p["probability"]
         self._uniform = p["length"] == "uniform"
         self._longest = whole_ticks(p["length_s"], self.dt_s)
@@ -389,7 +580,7 @@ _TAPS = (20, 20, 19, 17, 15, 13, 10, 7, 6, 4, 3, 2, 1, 0, 1)
 
 
 def blurred(image: Any) -> Any:
-    """Gaussian blur of 31 x 31 pixels of a uint8 image, mirrored at its edges; to the bit `cv2.GaussianBlur`."""
+    """Blur a uint8 image by a Gaussian of 31 x 31 pixels, mirrored at its edges; to the bit `cv2.GaussianBlur`."""
     reach = len(_TAPS) - 1
     rows, columns = image.shape[:2]
     wide = image[:, _mirrored(columns, reach)].astype(np.uint16)
@@ -471,7 +662,7 @@ class InjectedDelay(InjectedFailure):
     observes = True
 
     def begin(self, p: dict[str, Any]) -> None:
-        """Raises for a delay between 0 and one tick."""
+        """Take the severities. Raises for a delay between 0 and one tick."""
         self._camera_ticks = delay_ticks("camera_ms", p["camera_ms"], self.dt_s)
         ego_ms = p["camera_ms"] if p["ego_ms"] is None else p["ego_ms"]
         self._ego_ticks = delay_ticks("ego_ms", ego_ms, self.dt_s)
@@ -571,7 +762,7 @@ class InjectedLatency(InjectedFailure):
     defaults: ClassVar[Mapping[str, Any]] = {"ms": None, "mode": "fifo", "warmup_ticks": 0, "replay_s": ()}
 
     def begin(self, p: dict[str, Any]) -> None:
-        """Raises for a latency between 0 and one tick."""
+        """Take the severities. Raises for a latency between 0 and one tick."""
         self._mode, self._warmup_ticks, self._replay_s = p["mode"], p["warmup_ticks"], tuple(p["replay_s"])
         self._ticks = delay_ticks("ms", p["ms"] or 0.0, self.dt_s)
         self._buffer: LatencyPipe | LatencyHold = LatencyPipe(self._ticks) if self._mode == "fifo" else LatencyHold()
@@ -747,7 +938,7 @@ class PaperVariables:
         self._environ = environ
 
     def text(self, name: str) -> str:
-        """Without blanks around it."""
+        """Return the value without blanks around it, `""` when not set."""
         return self._environ.get(name, "").strip()
 
     def switch(self, name: str) -> bool:

@@ -1,5 +1,6 @@
-"""Official Bench2Drive results: read (`results_file`, `record`), scored (`scores`), written (`export`).
+"""Official Bench2Drive results: read, scored, written.
 
-`episodes` turns a record into an episode, so that requirements are judged on results that were produced elsewhere
-(`supply`). `motion_log` is the per-tick file of a route, `statuses` and `messages` are the words of the records.
+`results_file` and `official_record` read, `official_totals` scores, `export` writes. `episode_from_record` turns a
+record into an episode, so that requirements are judged on results that were produced elsewhere (`supply`). `motion_log`
+is the per-tick file of a route, `statuses` and `messages` are the words of the records.
 """

@@ -68,7 +68,7 @@ def _road(
     before: _Link,
     after: _Link,
 ) -> None:
-    """A straight road with one driving lane to the right of its reference line."""
+    """Add a straight road with one driving lane to the right of its reference line."""
     length = f"{length_m}"
     given = {"name": f"road {number}", "length": length, "id": f"{number}", "junction": f"{junction}"}
     road = ElementTree.SubElement(root, "road", given)

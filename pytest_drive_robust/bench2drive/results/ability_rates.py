@@ -40,7 +40,9 @@ def ability_rates(
     official: bool,
     junctions: Mapping[str, float] | None = None,
 ) -> dict[str, AbilityRate]:
-    """`scenarios`: only these routes, of these types. `official`: of a route the first record counts.
+    """Count the successes of each ability.
+
+    `scenarios`: only these routes, of these types. `official`: of a route the first record counts.
 
     `junctions`: the share of each route after which its first junction is passed, where it is known.
     """

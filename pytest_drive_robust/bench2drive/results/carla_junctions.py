@@ -27,7 +27,7 @@ _STEP_M = 1.0
 
 
 def junction_shares(routes: Iterable[Route], carla_root: Path) -> dict[str, float]:
-    """For each route the share of it (0..1, above 1 too) after which its first junction is passed.
+    """Return for each route its share (0..1, above 1 too) after which its first junction is passed.
 
     Raises `UsageError` when CARLA's packages or a town's map are not there, or a route has no junction: the official
     tool stops there too.
@@ -43,7 +43,7 @@ def junction_shares(routes: Iterable[Route], carla_root: Path) -> dict[str, floa
 
 
 def _package(name: str) -> Any:
-    """By name, because nothing else in this package needs CARLA."""
+    """Import by name, because nothing else in this package needs CARLA."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -24,7 +24,7 @@ class Comforts:
         return self.with_quirks(record, COMFORT_QUIRKS if mode == "bench2drive" else ())
 
     def with_quirks(self, record: OfficialRecord, quirks: tuple[str, ...]) -> float | None:
-        """As `value`, with some of the quirks. With any of them the samples are taken as they come."""
+        """Compute `value` with some of the quirks. With any of them the samples are taken as they come."""
         path = self.path(record)
         if path is None:
             return None

@@ -25,12 +25,12 @@ def true_efficiency(record: OfficialRecord) -> float:
 
 
 def official_ratios_pct(record: OfficialRecord) -> list[float]:
-    """As the official tool reads them. Raises `UsageError` where it stops with an error."""
+    """Read the ratios as the official tool does. Raises `UsageError` where it stops with an error."""
     return [_required(official_speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
 
 
 def ratios_pct(record: OfficialRecord) -> list[float]:
-    """As they are meant. Raises `UsageError` for a sentence without a number."""
+    """Read the ratios as they are meant. Raises `UsageError` for a sentence without a number."""
     return [_required(speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
 
 

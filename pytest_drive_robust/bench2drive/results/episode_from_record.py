@@ -59,7 +59,7 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
 
 
 def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
-    """Lists that we do not know make a route a failure officially, so a record with something in one is refused."""
+    """Return the infractions. A record with something in an unknown list, a failure officially, is refused."""
     unknown = [name for name, messages in record.infractions.items() if messages and name not in LISTS]
     if unknown:
         raise UsageError(f"{record.where} has infractions of a kind that is not known: {unknown[0]!a}.")
@@ -98,7 +98,7 @@ def _own(
 
 
 def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
-    """Raises `UsageError` when the official part was changed after the export: which of the two is true?"""
+    """Raise `UsageError` when the official part was changed after the export: which of the two is true?"""
     written = record_of(result, index=0, town="", stamp="")
     scores = record.route_pct, record.penalty, record.score
     same = (

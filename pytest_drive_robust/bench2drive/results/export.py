@@ -162,7 +162,7 @@ def _file_name(text: str) -> str:
 
 
 def _stamp(document: Mapping[str, Any]) -> str:
-    """When the run was stored, as the evaluator writes it; a plain JSON file does not say."""
+    """Return when the run was stored, as the evaluator writes it; a plain JSON file does not say."""
     stored = document.get("stored")
     date = stored.get("date") if isinstance(stored, dict) else None
     try:

@@ -30,8 +30,9 @@ _WIDTH = 3 * len(_VECTORS)
 
 
 def find_log(folder: Path, save_name: str) -> Path | None:
-    """Return the log of a record, in the folder of its name or in the only one whose name ends with it; None without
-    one."""
+    """Return the log of a record, or None without one.
+
+    It is in the folder of its name or in the only one whose name ends with it."""
     if not save_name or Path(save_name).name != save_name or "\0" in save_name or save_name in (".", ".."):
         return None
     try:

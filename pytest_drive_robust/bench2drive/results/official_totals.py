@@ -71,8 +71,10 @@ def score_results(
     scenarios: Mapping[str, str] | None = None,
     junctions: Mapping[str, float] | None = None,
 ) -> OfficialTotals:
-    """Return the totals. `scenarios` are the planned routes, id to scenario type, as a route file tells them;
-    `junctions` is what `junctions.junction_shares` knows about some of them.
+    """Return the totals.
+
+    `scenarios` are the planned routes, id to scenario type, as a route file tells them; `junctions` is what
+    `carla_junctions.junction_shares` knows about some of them.
 
     Raises `UnknownNameError` for a mode, `UsageError` for a damaged log of motion or a sentence without its number.
     """
@@ -118,7 +120,7 @@ def _over_records(values: Values) -> float | None:
 
 
 def _over_routes(values: Values) -> float | None:
-    """Repetitions of a route averaged first."""
+    """Return the mean over routes, the repetitions of a route averaged first."""
     found: dict[str, list[float]] = {}
     for record, value in values:
         found.setdefault(record.route, []).append(value)

@@ -17,7 +17,7 @@ __all__ = ["episode_from_fields", "fields_of"]
 
 
 def fields_of(result: EpisodeResult) -> dict[str, Any]:
-    """As a `--drive-json` file tells an episode, with the seconds of inference."""
+    """Return an episode as a `--drive-json` file tells it, with the seconds of inference."""
     return {
         "agent": result.episode.agent,
         "route_id": result.episode.route_id,
@@ -103,7 +103,7 @@ def _reception(fields: Mapping[str, Any] | None) -> Reception | None:
 
 
 def _plain(fields: dict[str, Any]) -> dict[str, Any]:
-    """Enumerations by value, numpy scalars as Python numbers: simulators compute with numpy."""
+    """Return enumerations by value, numpy scalars as Python numbers: simulators compute with numpy."""
     return {
         name: value.value if isinstance(value, InfractionKind) else value.item() if hasattr(value, "item") else value
         for name, value in fields.items()

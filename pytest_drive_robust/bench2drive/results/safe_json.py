@@ -52,7 +52,7 @@ def finite(value: object) -> float | None:
 
 
 def shown(text: object, *, quotes: bool = True) -> str:
-    """Foreign text for a message: one line that every terminal can print, cut when it is long."""
+    """Return foreign text for a message: one line that every terminal can print, cut when it is long."""
     try:
         plain = str(text) if isinstance(text, (str, int, float, Path)) else type(text).__name__
     except ValueError:  # Python refuses to write whole numbers of thousands of digits

@@ -24,7 +24,7 @@ def follows_from_infractions(record: OfficialRecord) -> bool:
 
 
 def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
-    """The exact share of each sentence about lanes: as the sentences say, the last one such that the score comes out.
+    """Return the share of each sentence about lanes: as it says, but of the last one what makes the score come out.
 
     None when the score does not follow from the infractions.
     """

@@ -50,7 +50,7 @@ def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = No
 
 
 def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
-    """As `Setting.parse`; `latency 200 ms` is understood as `200 ms latency` too."""
+    """Read as `Setting.parse` does; `latency 200 ms` is understood as `200 ms latency` too."""
     try:
         return Setting.parse(sentence, known)
     except RequirementError:
@@ -180,7 +180,7 @@ class ResultsExecutor:
         return future
 
     def close(self, *, cancel: bool = False) -> None:
-        """There is nothing to free."""
+        """Do nothing: there is nothing to free."""
 
     def _unknown(self, setting: str) -> UsageError:
         hint = f'Name them with --drive-results "...,{setting}=FOLDER".'

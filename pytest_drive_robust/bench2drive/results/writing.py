@@ -134,7 +134,7 @@ def _worst(statuses: Sequence[str]) -> str:
 
 
 def _deviation(values: Sequence[float]) -> float:
-    """Over n - 1, as the leaderboard does; 0 for one route."""
+    """Return the standard deviation over n - 1, as the leaderboard does; 0 for one route."""
     if len(values) < 2:
         return 0.0
     average = sum(values) / len(values)
@@ -142,7 +142,7 @@ def _deviation(values: Sequence[float]) -> float:
 
 
 def _events_per_km(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Events per driven kilometre; for the lanes the kilometres outside of them, out of the sentences."""
+    """Return events per driven kilometre; for the lanes the kilometres outside of them, out of the sentences."""
     driven_km = sum(item["meta"]["route_length"] / 1000.0 * item["scores"]["score_route"] / 100.0 for item in records)
     rates = {name: sum(len(item["infractions"][name]) for item in records) / max(driven_km, 0.001) for name in LISTS}
     lanes = InfractionKind.OUTSIDE_LANES.value

@@ -10,23 +10,18 @@ import sys
 import tempfile
 import threading
 from collections.abc import Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
-from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.fork_server import Stopped
-from pytest_drive_robust.engine.messages import refusal
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.rescore import bare_result
-from pytest_drive_robust.store.record import CorruptRecordError, decode_episode
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.ray.worker import ClusterRequest
-    from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["LOCAL", "ClusterConnection"]
 
@@ -47,12 +42,12 @@ class ClusterConnection:
         self.nodes: tuple[tuple[float, float], ...] = ()
         self.is_lost = False
         self._address = cluster["address"]
-        self._pending: dict[int, tuple[EpisodeRequest, Future[EpisodeResult]]] = {}
+        self._pending: dict[int, tuple[ClusterRequest, Future[EpisodeResult]]] = {}
         self._numbers = itertools.count()
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._closing = False
         self._has_ended = False
-        self._refused: str | None = None
+        self._refused: UsageError | None = None
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process that writes it
         self._connection, theirs = Pipe()
         with theirs:
@@ -68,26 +63,22 @@ class ClusterConnection:
         self._reader = threading.Thread(target=self._read_all, name="drive-robust-ray", daemon=True)
         self._reader.start()
 
-    def send(
-        self, request: EpisodeRequest, needs: tuple[float, float], cluster_request: ClusterRequest
-    ) -> Future[EpisodeResult]:
+    def send(self, asked: ClusterRequest, needs: tuple[float, float]) -> Future[EpisodeResult]:
         """Begin an episode that takes these cores and GPUs."""
         future: Future[EpisodeResult] = Future()
         number = next(self._numbers)
-        with self._changed:
-            if self._has_ended:
-                self._give_up(request, future)
-            else:
-                self._pending[number] = request, future
-        self._write((number, needs, cluster_request))
+        with self._lock:
+            self._pending[number] = asked, future
+        self._write((number, needs, asked))
+        if self._has_ended:
+            self._give_up()
         return future
 
     def close(self, *, cancel: bool) -> None:
         """End the process, with `cancel` at once, and with it a cluster of our own."""
-        with self._changed:
-            if not cancel:
-                self._changed.wait_for(lambda: not self._pending)
-            self._closing = True
+        if not cancel:
+            wait([future for _, future in self._pending.values()])
+        self._closing = True
         self._write(None)
         try:
             self._process.wait(_SHUTDOWN_S)
@@ -104,57 +95,52 @@ class ClusterConnection:
             self._connection.send(message)
 
     def _read_all(self) -> None:
+        """Take what the driver says (see `ray.driver`) until it ends, and answer for it then."""
         with suppress(OSError, EOFError):
             while True:
-                self._read(*self._connection.recv())
-        with self._changed:
-            self._has_ended = True
-            self.is_lost = self._refused is None
-            pending, self._pending = self._pending, {}
-            self._changed.notify_all()
-        for request, future in pending.values():
-            self._give_up(request, future)
+                number, content = self._connection.recv()
+                if number is not None:
+                    with self._lock:
+                        _, future = self._pending.pop(number)
+                    _settle(future, content)
+                elif isinstance(content, str):
+                    self._refused = _no_cluster(str(self._address), content)
+                else:
+                    self.nodes = content
+        self.is_lost = self._refused is None
+        self._has_ended = True
+        self._give_up()
 
-    def _read(self, kind: str, number: int, content: Any) -> None:
-        """Take a message of the driver (see `ray.driver`)."""
-        if kind == "nodes":
-            self.nodes = content
-            return
-        if kind == "no cluster":
-            self._refused = _no_cluster(str(self._address), content)
-            return
-        with self._changed:
-            request, future = self._pending.pop(number)
-            self._changed.notify_all()
-        if kind == "refused":
-            future.set_exception(refusal(content))
-        elif kind == "lost":
-            future.set_result(_lost(request, content))
-        else:
-            try:
-                future.set_result(decode_episode(content))
-            except CorruptRecordError as error:
-                future.set_result(_lost(request, str(error)))
-
-    def _give_up(self, request: EpisodeRequest, future: Future[EpisodeResult]) -> None:
+    def _give_up(self) -> None:
         """Answer for a process that ended."""
-        if self._closing:
-            future.set_exception(Stopped())
-        elif self._refused is not None:
-            future.set_exception(UsageError(self._refused))
-        else:
-            self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - _SAID_BYTES))
-            said = " ".join(self._log.read().decode(errors="replace").split()[-60:])
-            future.set_result(_lost(request, f"the connection to the cluster ended. {said}"))
+        with self._lock:
+            pending, self._pending = self._pending, {}
+        for asked, future in pending.values():
+            if self._closing:
+                future.set_exception(Stopped())
+            else:
+                _settle(future, self._refused or asked.lost(f"the connection to the cluster ended. {self._said()}"))
+
+    def _said(self) -> str:
+        """Return the last words of the process."""
+        self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - _SAID_BYTES))
+        return " ".join(self._log.read().decode(errors="replace").split()[-60:])
 
 
-def _no_cluster(address: str, problem: str) -> str:
+def _settle(future: Future[EpisodeResult], content: EpisodeResult | UsageError) -> None:
+    if isinstance(content, UsageError):
+        future.set_exception(content)
+    else:
+        future.set_result(content)
+
+
+def _no_cluster(address: str, problem: str) -> UsageError:
     if address == LOCAL:
-        return (
+        return UsageError(
             f"Ray does not start on this machine: {problem}. Without a cluster, --drive-executor processes uses all "
             "cores of this machine."
         )
-    return (
+    return UsageError(
         f"no Ray cluster can be used at {address!r}: {problem}. Start one with 'ray start --head' and give its "
         "host:port as --drive-ray-address, or give 'local' to use this machine alone."
     )
@@ -165,10 +151,3 @@ def _environment() -> dict[str, str]:
     package = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, (package, os.environ.get("PYTHONPATH"))))
     return {**os.environ, "PYTHONPATH": path, "RAY_USAGE_STATS_ENABLED": "0"}
-
-
-def _lost(request: EpisodeRequest, why: str) -> EpisodeResult:
-    detail = f"the episode was lost on the cluster: {why}"
-    return bare_result(
-        request.route, request.episode, outcome=Outcome.INFRA_ERROR, end=End.SIMULATION_CRASHED, detail=detail
-    )

@@ -5,8 +5,8 @@ that may happen to pytest, so it happens here. When this process ends, however t
 is cancelled and a cluster of our own is taken down.
 
 It hears through its standard input: the arguments of `ray.init`, then `(number, needs, ClusterRequest)` per episode,
-None as the last. It says `(kind, number, content)`: what `drive_on_node` returns, or `"lost"` and why; and about no
-episode `"nodes"`, or `"no cluster"` and why.
+None as the last. It says `(number, what drive_on_node returned)`, and with None as the number what the nodes have, or
+why there is no cluster. All that is pickled: no agent runs in the processes that write it.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ import time
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.ray.worker import ClusterRequest, drive_on_node
 from pytest_drive_robust.errors import UsageError
 
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+
 __all__ = ["main"]
 
-_NO_EPISODE = -1
 _POLL_S = 1.0
 _CONNECT_S = 10.0
 _PATIENCE_S = 60.0
@@ -48,7 +49,7 @@ class _Driver:
         self._saying = threading.Lock()
         self._ray: Any = None
         self._drive: Any = None
-        self._running: dict[int, tuple[Any, tuple[float, float]]] = {}
+        self._running: dict[int, tuple[Any, tuple[float, float], ClusterRequest]] = {}
         self._nodes: tuple[tuple[float, float], ...] = ()
         self._fitted_s: dict[tuple[float, float], float] = {}
 
@@ -66,7 +67,7 @@ class _Driver:
             self._ray, self._drive = ray, ray.remote(drive_on_node)
             self._update()
         except (Exception, SystemExit) as error:
-            self._say("no cluster", _NO_EPISODE, _brief(error))
+            self._say(None, _brief(error))
             return False
         return True
 
@@ -84,7 +85,7 @@ class _Driver:
     def close(self) -> None:
         """Kill what is under way and leave the cluster."""
         running, self._running = self._running, {}
-        for ref, _ in running.values():
+        for ref, *_ in running.values():
             self._ray.cancel(ref, force=True)
         self._ray.shutdown()
 
@@ -94,42 +95,41 @@ class _Driver:
         nodes = tuple((node.get("CPU", 0.0), node.get("GPU", 0.0)) for node in alive)
         if nodes != self._nodes:
             self._nodes = nodes
-            self._say("nodes", _NO_EPISODE, nodes)
-        for number, (ref, needs) in tuple(self._running.items()):
+            self._say(None, nodes)
+        for number, (ref, needs, asked) in tuple(self._running.items()):
             if self._fits(needs):
                 self._fitted_s[needs] = time.monotonic()
             elif time.monotonic() - self._fitted_s[needs] > _PATIENCE_S:
-                self._end("lost", number, f"no node of the cluster has {_in_words(needs)} any more")
+                self._end(number, asked.lost(f"no node of the cluster has {_in_words(needs)} any more"))
                 self._ray.cancel(ref, force=True)
 
     def _begin(self, number: int, needs: tuple[float, float], asked: ClusterRequest) -> None:
         if not self._fits(needs):
             nodes = "; ".join(map(_in_words, self._nodes)) or "no node at all"
             text = f"an episode of this agent takes {_in_words(needs)}, and no node of the cluster has that: {nodes}."
-            self._say("refused", number, refusal_bytes(UsageError(text)))
+            self._say(number, UsageError(text))
             return
         self._fitted_s[needs] = time.monotonic()
         cores, gpus = needs
         ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(asked)
-        self._running[number] = ref, needs
-        ref.future().add_done_callback(partial(self._done, number))
+        self._running[number] = ref, needs, asked
+        ref.future().add_done_callback(partial(self._done, number, asked))
 
-    def _done(self, number: int, future: Any) -> None:
+    def _done(self, number: int, asked: ClusterRequest, future: Any) -> None:
         error = future.exception()
         if error is None:
-            kind, content = future.result()
-            self._end(kind, number, content)
+            self._end(number, future.result())
         elif _is_setup(error):
             text = f"the nodes of the cluster cannot run our code: {_last_line(error)}. {_INSTALL}"
-            self._end("refused", number, refusal_bytes(UsageError(text)))
+            self._end(number, UsageError(text))
         else:
-            self._end("lost", number, f"{type(error).__name__}: {_brief(error)}")
+            self._end(number, asked.lost(f"{type(error).__name__}: {_brief(error)}"))
         if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
             _kill_own_group(_LAST_MESSAGES_S)
 
-    def _end(self, kind: str, number: int, content: bytes | str) -> None:
+    def _end(self, number: int, result: EpisodeResult | UsageError) -> None:
         if self._running.pop(number, None) is not None:  # otherwise it was cancelled or given up
-            self._say(kind, number, content)
+            self._say(number, result)
 
     def _hear(self) -> Any:
         try:
@@ -137,9 +137,9 @@ class _Driver:
         except (EOFError, OSError):
             return None
 
-    def _say(self, kind: str, number: int, content: object) -> None:
+    def _say(self, number: int | None, content: object) -> None:
         with self._saying, suppress(OSError):  # nobody listens: our input ends in this moment, too
-            self._connection.send((kind, number, content))
+            self._connection.send((number, content))
 
     def _fits(self, needs: tuple[float, float]) -> bool:
         return any(cores >= needs[0] and gpus >= needs[1] for cores, gpus in self._nodes)

@@ -8,16 +8,16 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.messages import PickledRequest
+from pytest_drive_robust.engine.contents import contents_of
+from pytest_drive_robust.engine.messages import WorkerRequest
 from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
-from pytest_drive_robust.engine.ray.packages import NodePackages, contents_of
 from pytest_drive_robust.engine.ray.worker import ClusterRequest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import available_cores
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.runner.cache_key.object_code import SESSION
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -29,6 +29,22 @@ if TYPE_CHECKING:
 __all__ = ["RayExecutor", "needs_of"]
 
 _OBJECT_STORE_BYTES = 100 << 20
+_EXCLUDED = (
+    ".git",
+    ".drive-robust",
+    ".venv",
+    "venv",
+    ".tox",
+    ".nox",
+    ".mypy_cache",
+    ".pytest_cache",
+    ".ruff_cache",
+    ".hypothesis",
+    "__pycache__",
+    "*.py[co]",
+    "*.nb[ci]",
+)
+"""What is not copied with the folder of the run."""
 
 
 class RayExecutor:
@@ -38,6 +54,10 @@ class RayExecutor:
     None means the variable `RAY_ADDRESS`, or a cluster of our own. `slots` bounds the number of episodes; for a cluster
     of our own it is the number of cores. The classes or functions that make agents may say what an episode takes, as
     attributes `num_cpus` (1 when they do not) and `num_gpus` (0).
+
+    The folder of the run is copied to the nodes of a cluster. What lies elsewhere must be installed there in the same
+    version; the process that drives checks that (`engine.contents`), because a result must not be stored under the name
+    of code that did not drive it.
 
     An episode that was lost with its node is driven again, twice at most, and is an `infra_error` after that. Nothing
     is started, and `worker_setup` not called, before the first episode. Raises `UsageError` when Ray is not installed.
@@ -54,19 +74,15 @@ class RayExecutor:
     ) -> None:
         _require_ray()
         self._make_setup = worker_setup
+        self._setup: WorkerSetup | None = None
         self._limits = limits
         self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
         self._most = slots
         self._registry = default_registry() if registry is None else registry
-        self._packages: NodePackages | None = None
         self._needs: dict[str, tuple[float, float]] = {}
         self._latest: tuple[float, float] = (1.0, 0.0)
         self._link: ClusterConnection | None = None
         self._closed = False
-
-    @cached_property
-    def _setup(self) -> WorkerSetup:
-        return self._make_setup()
 
     @property
     def slots(self) -> int:
@@ -79,17 +95,17 @@ class RayExecutor:
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
         agent = request.episode.agent
-        if agent not in self._needs:
-            self._needs[agent] = self._needs_of_new(agent)
+        setup = self._setup
+        if setup is None or agent not in self._needs:
+            setup = self._setup = self._setup_for(agent, setup or self._make_setup())
         self._latest = self._needs[agent]
         if self._link is not None and self._link.is_lost:
             self._link.close(cancel=True)
             self._link = None
         if self._link is None:
-            self._link = self._connected()
-        pickled = PickledRequest.of(request)
-        cluster_request = ClusterRequest(self._setup, self._limits, pickled, request.identity, self._packages)
-        return self._link.send(request, self._latest, cluster_request)
+            self._link = self._connected(setup.folder)
+        asked = ClusterRequest(setup, self._limits, WorkerRequest.of(request), self._address != LOCAL)
+        return self._link.send(asked, self._latest)
 
     def close(self, *, cancel: bool = False) -> None:
         """Leave the cluster. With `cancel`, what is under way there is killed; without, it comes to its end first."""
@@ -99,24 +115,28 @@ class RayExecutor:
         if self._link is not None:
             self._link.close(cancel=cancel)
 
-    def _needs_of_new(self, agent: str) -> tuple[float, float]:
-        """Return what an episode of this agent takes, and have its code travel with every episode from now on."""
+    def _setup_for(self, agent: str, setup: WorkerSetup) -> WorkerSetup:
+        """Note what an episode of a new agent takes; return a setup by which no node drives another version of it."""
         factory = self._registry.entry("agents", agent).load()
         needs = needs_of(factory, agent)
         if self._address != LOCAL:
-            if self._packages is None:
-                agents = self._setup.preload_agents
-                others = (self._registry.entry("agents", other).load() for other in agents)
-                self._packages = NodePackages.of(self._setup, (factory, *others))
-            known = (*self._packages.contents, (agent, contents_of(self._registry, agent, worker_setup=self._setup)))
-            self._packages = replace(self._packages, contents=known)
-        return needs
+            world = self._registry.simulator(setup.simulator, setup.options)
+            try:
+                contents = contents_of(self._registry, agent, worker_setup=setup, world=world)
+            finally:
+                world.close()
+            setup = replace(setup, contents=(*setup.contents, (agent, contents)))
+        self._needs[agent] = needs
+        return setup
 
-    def _connected(self) -> ClusterConnection:
-        if self._packages is not None:
-            return ClusterConnection({"address": self._address, "runtime_env": self._packages.runtime_env()})
-        own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
-        return ClusterConnection({"address": LOCAL, "include_dashboard": False, **own})
+    def _connected(self, folder: str) -> ClusterConnection:
+        """Return a new connection. To another cluster the folder of the run is copied, and what it finds is checked."""
+        if self._address == LOCAL:
+            own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
+            return ClusterConnection({"address": LOCAL, "include_dashboard": False, **own})
+        session = {"PYTEST_XDIST_TESTRUNUID": SESSION}  # stands in the contents of agents for code that cannot be known
+        env = {"working_dir": folder, "excludes": list(_EXCLUDED), "env_vars": session}
+        return ClusterConnection({"address": self._address, "runtime_env": env})
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:

@@ -8,23 +8,23 @@ from __future__ import annotations
 
 import os
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.store.record import encode_episode
+from pytest_drive_robust.runner.episode.rescore import bare_result
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.messages import PickledRequest
-    from pytest_drive_robust.engine.ray.packages import NodePackages
+    from pytest_drive_robust.engine.messages import WorkerRequest
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
 
-__all__ = ["ClusterRequest", "drive_on_node"]
+__all__ = ["ClusterRequest", "drive_on_node", "setup_on_node"]
 
 _DEVICES = "CUDA_VISIBLE_DEVICES"
 
@@ -33,53 +33,57 @@ _DEVICES = "CUDA_VISIBLE_DEVICES"
 class ClusterRequest:
     """One episode for another process, perhaps on another machine.
 
-    `packages` is None on the machine where the run was started.
+    `is_copied`: Ray copied the folder of the run to the node.
     """
 
     worker_setup: WorkerSetup
     limits: Limits
-    request: PickledRequest
-    identity: str
-    packages: NodePackages | None = None
+    request: WorkerRequest
+    is_copied: bool = False
+
+    def lost(self, why: str) -> EpisodeResult:
+        """Return the result of an episode that the cluster lost."""
+        detail, end = f"the episode was lost on the cluster: {why}", End.SIMULATION_CRASHED
+        return bare_result(
+            self.request.route, self.request.episode, outcome=Outcome.INFRA_ERROR, end=end, detail=detail
+        )
 
 
-class _NodeSupervisor:
-    """The supervisor of this process, for one setup and one set of devices."""
-
-    def __init__(self, asked: ClusterRequest) -> None:
-        packages = asked.packages
-        self._setup = asked.worker_setup if packages is None else packages.unpacked(asked.worker_setup)
-        before = tuple(sys.path)
-        self._registry = self._setup.registry()
-        sys.path += [path for path in before if path not in sys.path]  # Ray itself lives there
-        self._checked: set[str] = set()
-        self._fork_server = ForkServer(self._setup)
-        self._supervisor = Supervisor(self._fork_server, asked.limits)
-
-    def drive(self, asked: ClusterRequest) -> bytes:
-        episode, route = asked.request.episode, asked.request.route
-        if asked.packages is not None and episode.agent not in self._checked:
-            asked.packages.check(self._setup, episode.agent)
-            self._checked.add(episode.agent)
-        request = EpisodeRequest(episode, route, asked.request.read_setting(self._registry), asked.identity)
-        return encode_episode(self._supervisor.drive(request))
-
-    def close(self) -> None:
-        self._supervisor.close()
-        self._fork_server.close()
+_supervisors: dict[tuple[WorkerSetup, Limits, str | None], tuple[ForkServer, Supervisor]] = {}
+"""Of this process, at most one: for one setup and one set of devices."""
 
 
-_supervisors: dict[tuple[WorkerSetup, Limits, str | None], _NodeSupervisor] = {}
-
-
-def drive_on_node(asked: ClusterRequest) -> tuple[str, bytes]:
-    """Return `"record"` with the record, or `"refused"` with a usage error as JSON. A task of Ray's."""
+def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
+    """Return what came of an episode, or why it cannot be driven. A task of Ray's."""
     place = asked.worker_setup, asked.limits, os.environ.get(_DEVICES)
     try:
         if place not in _supervisors:
             while _supervisors:  # Ray gave this process other devices: children that saw the old ones are of no use
-                _supervisors.popitem()[1].close()
-            _supervisors[place] = _NodeSupervisor(asked)
-        return "record", _supervisors[place].drive(asked)
+                fork_server, supervisor = _supervisors.popitem()[1]
+                supervisor.close()
+                fork_server.close()
+            fork_server = ForkServer(setup_on_node(asked.worker_setup) if asked.is_copied else asked.worker_setup)
+            _supervisors[place] = fork_server, Supervisor(fork_server, asked.limits)
+        return _supervisors[place][1].drive_pickled(asked.request)
     except UsageError as error:
-        return "refused", refusal_bytes(error)
+        return error
+
+
+def setup_on_node(setup: WorkerSetup) -> WorkerSetup:
+    """Return the setup with its paths as they are on this node, where a copy of its folder is the current one.
+
+    What lies elsewhere is installed here as there, or else its import says what is missing.
+    """
+    home = Path(setup.folder).resolve()
+
+    def on_node(path: str) -> str:
+        place = Path(path).resolve()
+        return str(Path.cwd() / place.relative_to(home)) if place.is_relative_to(home) else path
+
+    moved = [here for path in setup.python_path if (here := on_node(path)) != path]
+    return replace(
+        setup,
+        python_path=(*moved, *(path for path in sys.path if path not in moved)),
+        folder=os.getcwd(),
+        plugins=tuple((module, on_node(file)) for module, file in setup.plugins),
+    )

@@ -26,9 +26,11 @@ from pytest_drive_robust.engine.worker.serve import serve
 from pytest_drive_robust.engine.worker.system import adopt_orphans, child_processes, die_with_parent, no_core_files
 from pytest_drive_robust.engine.worker_process import Descriptors
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.routes import resolve_routes
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
     from pytest_drive_robust.registry.registry import Registry
@@ -49,7 +51,7 @@ def serve_forks(control: int, parent: int) -> NoReturn:
     setup: WorkerSetup = pickle.load(sys.stdin.buffer)
     with socket.socket(fileno=control) as channel:
         try:
-            registry = _loaded(setup)
+            registry = _loaded(setup, lambda done, total: _say(channel, {"compiling": [done, total]}))
         except UsageError as error:
             channel.sendall(refusal_bytes(error) + b"\n")
             os._exit(0)
@@ -58,7 +60,7 @@ def serve_forks(control: int, parent: int) -> NoReturn:
         gc.collect()
         gc.freeze()  # what is shared with the workers is not touched by their collectors
         forks = sys.platform == "linux" and len(os.listdir("/proc/self/task")) <= setup.threads
-        channel.sendall(json.dumps({"forks": forks}).encode() + b"\n")
+        _say(channel, {"forks": forks})
         _Server(channel, setup, registry, forks=forks).run(parent)
     os._exit(0)
 
@@ -178,16 +180,25 @@ def _be_worker_of(server: int) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # pytest may have been started to ignore it
 
 
-def _loaded(setup: WorkerSetup) -> Registry:
+def _loaded(setup: WorkerSetup, tell: Callable[[int, int], None]) -> Registry:
+    """Import everything and compile what the cache lacks; `tell(done, total)` hears of functions being compiled."""
     registry = setup.registry()
     registry.require("simulators", setup.simulator)
-    if setup.simulator == "embedded":
-        _warm_up(registry, setup)
     for name in setup.preload_agents:
         with suppress(UsageError):  # the worker that needs it says so
             registry.require("agents", name)
+    if setup.simulator == "embedded":
+        from pytest_drive_robust.simulators.embedded.compiling import compile_kernels  # loads numba
+
+        compile_kernels(tell)
+        _warm_up(registry, setup)
     setup.limit_threads()
     return registry
+
+
+def _say(channel: socket.socket, words: dict[str, object]) -> None:
+    """Tell the process that started us something, as a line of JSON."""
+    channel.sendall(json.dumps(words).encode() + b"\n")
 
 
 def _warm_up(registry: Registry, setup: WorkerSetup) -> None:

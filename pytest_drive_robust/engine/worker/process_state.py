@@ -15,10 +15,10 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from typing import Any, NamedTuple
 
-from pytest_drive_robust.engine.worker.system import child_processes
+from pytest_drive_robust.engine.worker.system import child_processes, resident_bytes
 
 __all__ = ["Leftovers", "read_process_state", "restore_process_state"]
 
@@ -32,59 +32,55 @@ _TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 class _Item(NamedTuple):
     """One thing to look after. `module`: only when that one is loaded."""
 
-    name: str
     read: Callable[[], Any]
     write: Callable[[Any], object]
     module: str = "builtins"
 
 
-def read_process_state() -> Mapping[str, Any]:
-    """Return how things are now."""
-    return {item.name: item.read() for item in _ITEMS if item.module in sys.modules}
+def read_process_state() -> Mapping[int, Any]:
+    """Return how things are now; `restore_process_state` makes them so again."""
+    return {number: item.read() for number, item in enumerate(_ITEMS) if item.module in sys.modules}
 
 
-def restore_process_state(wanted: Mapping[str, Any]) -> tuple[str, ...]:
-    """Make things as they were; return the names of those that cannot be."""
-    stuck = []
-    for item in _ITEMS:
-        if item.name not in wanted:
-            continue
-        value = wanted[item.name]
-        try:
-            if item.read() != value:
-                item.write(value)
-                if item.read() != value:
-                    stuck.append(item.name)
-        except Exception:  # the folder is gone, a handler cannot be installed, ...: another process can
-            stuck.append(item.name)
-    return tuple(stuck)
+def restore_process_state(wanted: Mapping[int, Any]) -> bool:
+    """Make things as they were; return whether all of them are."""
+    return all([_restore(_ITEMS[number], value) for number, value in wanted.items()])  # noqa: C419 - each of them
+
+
+def _restore(item: _Item, value: Any) -> bool:
+    try:
+        if item.read() == value:
+            return True
+        item.write(value)
+        return bool(item.read() == value)
+    except Exception:  # the folder is gone, a handler cannot be installed, ...: another process can
+        return False
 
 
 class Leftovers:
-    """What is not as it was when this was made and cannot be put back: then the process is replaced.
+    """What an episode leaves that cannot be put back: then the process is replaced.
 
-    `descriptors` are ours and must stay what they are.
+    `descriptors` are ours and must stay what they are. The process may grow by `growth_bytes` after its first episode.
     """
 
-    def __init__(self, descriptors: Sequence[int]) -> None:
+    def __init__(self, descriptors: Sequence[int], *, growth_bytes: int) -> None:
         self._threads = _thread._count()
         self._descriptors = {number: _identity(number) for number in descriptors}
         self._files = _open_files()
+        self._growth_bytes = growth_bytes
+        self._first_bytes = 0
 
-    def found(self) -> tuple[str, ...]:
-        """Return what is not as it was, in words; empty when the next episode may be driven here."""
-        problems = []
-        threads = max(_thread._count() - self._threads, threading.active_count() - 1 - self._threads)
-        if threads > 0:
-            problems.append(f"{threads} threads that still run")
-        children = child_processes()  # with those of children that ended: a worker is a subreaper
-        if children:
-            problems.append(f"{len(children)} child processes")
-        if any(_identity(number) != known for number, known in self._descriptors.items()):
-            problems.append("descriptors that were closed")
-        if _open_files() - self._files > _MOST_FILES:
-            problems.append(f"more than {_MOST_FILES} open files")
-        return tuple(problems)
+    def found(self) -> bool:
+        """Return whether there are any after an episode."""
+        size_bytes = resident_bytes()
+        self._first_bytes = self._first_bytes or size_bytes
+        return (
+            max(_thread._count(), threading.active_count() - 1) > self._threads
+            or bool(child_processes())  # with those of children that ended: a worker is a subreaper
+            or any(_identity(number) != known for number, known in self._descriptors.items())
+            or _open_files() - self._files > _MOST_FILES
+            or size_bytes - self._first_bytes > self._growth_bytes
+        )
 
 
 def _identity(number: int) -> tuple[int, int] | None:
@@ -102,17 +98,17 @@ def _open_files() -> int:
         return 0
 
 
-def _attributes(name: str, owner: Any, *attributes: str) -> _Item:
+def _attributes(owner: Any, *attributes: str) -> _Item:
     """Look after attributes of a module."""
 
     def write(wanted: tuple[Any, ...]) -> None:
         for attribute, value in zip(attributes, wanted, strict=True):
             setattr(owner, attribute, value)
 
-    return _Item(name, lambda: tuple(getattr(owner, attribute) for attribute in attributes), write)
+    return _Item(lambda: tuple(getattr(owner, attribute) for attribute in attributes), write)
 
 
-def _settings(name: str, module: str, *pairs: tuple[str, str]) -> _Item:
+def _settings(module: str, *pairs: tuple[str, str]) -> _Item:
     """Look after what pairs of functions of a module read and write; a dictionary is written as keywords."""
 
     def read() -> tuple[Any, ...]:
@@ -124,22 +120,27 @@ def _settings(name: str, module: str, *pairs: tuple[str, str]) -> _Item:
             function = getattr(sys.modules[module], setter)
             function(**value) if isinstance(value, dict) else function(value)
 
-    return _Item(name, read, write, module)
+    return _Item(read, write, module)
 
 
-def _list(name: str, owner: Any, attribute: str) -> _Item:
+def _list(owner: Any, attribute: str) -> _Item:
     """Look after the elements of a list that stays the same object."""
 
     def write(wanted: list[Any]) -> None:
         getattr(owner, attribute)[:] = wanted
 
-    return _Item(name, lambda: list(getattr(owner, attribute)), write)
+    return _Item(lambda: list(getattr(owner, attribute)), write)
 
 
-def _set_environment(wanted: dict[str, str]) -> None:
-    for name in set(os.environ) - set(wanted):
-        del os.environ[name]
-    os.environ.update(wanted)
+def _mapping(owner: MutableMapping[str, Any]) -> _Item:
+    """Look after the content of a mapping that stays the same object."""
+
+    def write(wanted: dict[str, Any]) -> None:
+        for key in set(owner) - set(wanted):
+            del owner[key]
+        owner.update(wanted)
+
+    return _Item(lambda: dict(owner), write)
 
 
 def _handlers() -> dict[int, Any]:
@@ -173,17 +174,6 @@ def _set_logging(wanted: tuple[Any, ...]) -> None:
     root.handlers[:], root.filters[:] = handlers, filters
 
 
-def _set_builtins(wanted: dict[str, Any]) -> None:
-    names = vars(builtins)
-    for name in set(names) - set(wanted):
-        del names[name]
-    names.update(wanted)
-
-
-def _builtins() -> dict[str, Any]:
-    return {name: value for name, value in vars(builtins).items() if name != "_"}
-
-
 def _umask() -> int:
     now = os.umask(0o077)
     os.umask(now)
@@ -207,38 +197,36 @@ def _set_priority(wanted: tuple[int, frozenset[int]]) -> None:
 
 
 _ITEMS = (
-    _Item("the current folder", os.getcwd, os.chdir),
-    _Item("the environment", lambda: dict(os.environ), _set_environment),
-    _list("sys.path", sys, "path"),
-    _list("warning filters", warnings, "filters"),
-    _attributes("warnings.showwarning", warnings, "showwarning"),
-    _Item("timers", _has_timer, _stop_timers),
-    _Item("signal handlers", _handlers, _set_handlers),
+    _Item(os.getcwd, os.chdir),
+    _mapping(os.environ),
+    _list(sys, "path"),
+    _list(warnings, "filters"),
+    _attributes(warnings, "showwarning"),
+    _Item(_has_timer, _stop_timers),
+    _Item(_handlers, _set_handlers),
     _Item(
-        "the signal mask",
         lambda: signal.pthread_sigmask(signal.SIG_BLOCK, ()),
         lambda wanted: signal.pthread_sigmask(signal.SIG_SETMASK, wanted),
     ),
-    _Item("logging", _logging, _set_logging),
-    _attributes("standard streams", sys, *_STREAMS),
-    _attributes("hooks of sys", sys, *_HOOKS),
-    _attributes("threading.excepthook", threading, "excepthook"),
-    _Item("builtins", _builtins, _set_builtins),
-    _settings("tracing", "sys", ("gettrace", "settrace"), ("getprofile", "setprofile")),
-    _settings("the recursion limit", "sys", ("getrecursionlimit", "setrecursionlimit")),
-    _settings("the switch interval", "sys", ("getswitchinterval", "setswitchinterval")),
-    _Item("the file mode mask", _umask, os.umask),
-    _Item("the priority", _priority, _set_priority),
-    _Item("the garbage collector", lambda: (gc.isenabled(), gc.get_threshold()), _set_collector),
-    _Item("the locale", lambda: locale.setlocale(locale.LC_ALL), lambda value: locale.setlocale(locale.LC_ALL, value)),
-    _settings("numpy", "numpy", ("geterr", "seterr"), ("get_printoptions", "set_printoptions")),
+    _Item(_logging, _set_logging),
+    _attributes(sys, *_STREAMS),
+    _attributes(sys, *_HOOKS),
+    _attributes(threading, "excepthook"),
+    _mapping(vars(builtins)),
+    _settings("sys", ("gettrace", "settrace"), ("getprofile", "setprofile")),
+    _settings("sys", ("getrecursionlimit", "setrecursionlimit")),
+    _settings("sys", ("getswitchinterval", "setswitchinterval")),
+    _Item(_umask, os.umask),
+    _Item(_priority, _set_priority),
+    _Item(lambda: (gc.isenabled(), gc.get_threshold()), _set_collector),
+    _Item(lambda: locale.setlocale(locale.LC_ALL), lambda value: locale.setlocale(locale.LC_ALL, value)),
+    _settings("numpy", ("geterr", "seterr"), ("get_printoptions", "set_printoptions")),
     _settings(
-        "torch",
         "torch",
         ("get_default_dtype", "set_default_dtype"),
         ("get_num_threads", "set_num_threads"),
         ("is_grad_enabled", "set_grad_enabled"),
         ("are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
     ),
-    _settings("OpenCV", "cv2", ("getNumThreads", "setNumThreads")),
+    _settings("cv2", ("getNumThreads", "setNumThreads")),
 )

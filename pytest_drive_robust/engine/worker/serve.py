@@ -9,20 +9,19 @@ import sys
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.messages import TOGETHER, answer_message, receive, send
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.engine.messages import Answer, receive, send
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
 from pytest_drive_robust.engine.worker.process_state import Leftovers, read_process_state, restore_process_state
-from pytest_drive_robust.engine.worker.system import limit_memory, resident_bytes
+from pytest_drive_robust.engine.worker.system import limit_memory
 from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
 from pytest_drive_robust.runner.episode.machine import machine_facts
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.engine.limits import Limits
     from pytest_drive_robust.engine.worker_process import Descriptors
     from pytest_drive_robust.engine.worker_setup import WorkerSetup
-    from pytest_drive_robust.errors import UsageError
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["serve"]
@@ -39,34 +38,30 @@ def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, r
     state = SharedState(descriptors.state)
     os.close(descriptors.state)
     limit_memory(limits.memory_bytes)
-    handler = RequestHandler(worker_setup, registry, state, connection.fileno())
+    handler = RequestHandler(worker_setup, registry, state, connection)
     start = read_process_state()
-    leftovers = Leftovers((0, 1, 2, connection.fileno(), faults))
+    leftovers = Leftovers((0, 1, 2, connection.fileno(), faults), growth_bytes=limits.growth_bytes)
     machine_facts()  # before an agent can change what numpy does
     own = os.getpid()
-
-    def answer(token: bytes, result: EpisodeResult | UsageError, *, over: bool = True) -> None:
-        if os.getpid() != own:  # the agent forked, and this is the copy: one answer is enough
-            os._exit(0)
-        left = [*(restore_process_state(start) if over else ()), *leftovers.found()]
-        try:
-            send(connection, answer_message(token, result, rss=resident_bytes(), leftovers=left))
-        except OSError:
-            os._exit(CUT_OFF)
-
     while True:
         try:
-            request = receive(connection)
+            token, payload = receive(connection)
         except EOFError:
             handler.close()
             return
         except (OSError, ValueError):
             return
         _tell_faults(faults)
-        if request.kind == TOGETHER:
-            handler.lockstep.drive_together(request, connection, answer)
-        else:
-            answer(request.token, handler.result_of(request))
+        for reply in handler.replies(token, payload):
+            if os.getpid() != own:  # the agent forked, and this is the copy: one answer is enough
+                os._exit(0)
+            is_as_before = restore_process_state(start) if reply.is_last else True
+            is_broken = getattr(reply.result, "outcome", None) is Outcome.INFRA_ERROR
+            is_spent = leftovers.found() or is_broken or not is_as_before
+            try:
+                send(connection, reply.token, Answer(reply.result, is_spent).to_bytes())
+            except OSError:
+                os._exit(CUT_OFF)
 
 
 def _tell_faults(fd: int) -> None:

@@ -12,11 +12,10 @@ from pytest_drive_robust.domain.agent import Agent, consumed_signals, is_privile
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.shared_state import SharedState
 from pytest_drive_robust.runner.episode.rescore import AgentRig
 
-__all__ = ["CUT_OFF", "WatchedAgent", "call_contained"]
+__all__ = ["CUT_OFF", "WatchedAgent"]
 
 CUT_OFF = 71
 """The exit code of a worker that can no longer answer, because its agent closed the connection."""
@@ -35,34 +34,40 @@ class WatchedAgent:
         self._state = state
         self._descriptor = descriptor
         self._inode = os.fstat(descriptor).st_ino
-        self._cameras: tuple[CameraSpec, ...] = ()
-        self._asked: Control | None = None
+        self._cameras: Sequence[CameraSpec] | None = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._agent, name)  # `consumes` and `privileged`, where the agent has them
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Return the agent's cameras."""
-        cameras: Any = call_contained(self._agent.sensors)
-        self._cameras = cameras
+        """Return the agent's cameras: it drives an episode of its own."""
+        self._cameras = _contained(self._agent.sensors)
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """Keep the rig, which the loop has checked by now, and reset the agent."""
-        consumes = tuple(sorted(consumed_signals(self._agent)))
-        self._state.equip(AgentRig(tuple(self._cameras), consumes, is_privileged(self._agent)))
-        call_contained(self._agent.reset, route, seed)
+        """Keep the rig, which the loop has checked by now, and reset the agent.
+
+        One that stands in for others in a batch is not asked for its cameras, and leaves the rig as it is.
+        """
+        if self._cameras is not None:
+            consumes = tuple(sorted(consumed_signals(self._agent)))
+            self._state.equip(AgentRig(tuple(self._cameras), consumes, is_privileged(self._agent)))
+            self._cameras = None
+        _contained(self._agent.reset, route, seed)
 
     def act(self, observation: Observation) -> Control:
         """Return the agent's control and keep it."""
-        self._asked = control = call_contained(self._agent.act, observation)
+        self._state.asked = control = _contained(self._agent.act, observation)
         self._check_connection()
         return control
 
-    def ticked(self, tick: int, world: WorldState, observation: Observation, applied: Control) -> None:
-        """Note a tick that was driven (see `on_tick` of `runner.episode.loop.drive_episode`)."""
-        self._state.add(tick, self._asked, applied, world.ego)
-        self._asked = None
+    def act_batch(self, rows: Sequence[WatchedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
+        """Return the agents' own answers. The first is kept: that of an episode which is driven alone."""
+        agents: list[Any] = [row._agent for row in rows]
+        answers: Sequence[Control] = _contained(agents[0].act_batch, agents, observations)
+        self._check_connection()
+        self._state.asked = answers[0] if isinstance(answers, Sequence) and answers else None
+        return answers
 
     def _check_connection(self) -> None:
         """End the process when the connection is closed, at once, so that it always ends in the same tick."""
@@ -74,7 +79,7 @@ class WatchedAgent:
             os._exit(CUT_OFF)
 
 
-def call_contained(function: Callable[..., T], *arguments: object) -> T:
+def _contained(function: Callable[..., T], *arguments: object) -> T:
     """Return what the function returns; whatever it raises is an `Exception` or a `SystemExit`.
 
     The whole traceback is printed, among what the agent printed: a result holds one line of it.

@@ -104,7 +104,7 @@ class EpisodePane:
             self._age(picture, moment.state.tick - images[main][1])
 
     def _age(self, picture: Pixels, ticks: int) -> None:
-        """Say it when the picture is old and something else was there; a slow camera is no failure."""
+        """Write it when the picture is old and something else was there; a slow camera is no failure."""
         if ticks < 2:
             return
         box = self.camera_box

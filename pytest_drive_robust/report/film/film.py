@@ -68,7 +68,7 @@ class Film:
         return self.story.showing(self.dt_s)
 
     def pictures(self) -> Iterator[Pixels]:
-        """Give the pictures in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
+        """Yield the pictures in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
         shown, picture = -1, self._empty
         for position in self.positions:
             if position != shown:

@@ -7,19 +7,20 @@ store: what is not in it may change without an episode being driven again.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust import domain, perturbations, simulators
+from pytest_drive_robust import arithmetic, domain, jit, perturbations, simulators
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import Entry
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
 from pytest_drive_robust.runner.cache_key.object_code import code_of
 from pytest_drive_robust.runner.cache_key.source_files import code_digest, file_of, hex_of, module_digest, source_digest
-from pytest_drive_robust.runner.episode import contract, generators, loop, make_agent, recorder, witness
+from pytest_drive_robust.runner.episode import contract, driver, generators, loop, recorder, witness
 from pytest_drive_robust.runner.lockstep import batch, lockstep
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
 
-_DECIDING = (domain, perturbations, loop, contract, recorder, witness, generators, make_agent, base)
+_DECIDING = (arithmetic, jit, domain, perturbations, driver, loop, contract, recorder, witness, generators, base)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
 _LOCKSTEP = (lockstep, batch)
 
@@ -88,7 +89,8 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     `sources` of a world are names of modules beside its own whose code counts, such as that of an environment.
     """
     factory = registry.entry("simulators", name).load()
-    others = [_module_code(module) for module in getattr(world, "sources", ())]
+    modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
+    others = [module_digest(file_of(module), module.__name__) for module in modules]
     facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
     return digest_of(facts, sys.version_info[:2], _own_code(factory), others)
 
@@ -130,10 +132,3 @@ def _own_code(factory: object) -> object:
     # Every other world may use the sensors and criteria of `embedded`.
     package = embedded if module.startswith(f"{embedded.__name__}.") else simulators
     return [code_digest((*_DECIDING, package)), "" if own else code_of(factory)]
-
-
-def _module_code(name: str) -> str:
-    import importlib
-
-    module = importlib.import_module(name)
-    return module_digest(file_of(module), name)

@@ -102,6 +102,7 @@ class _Walk:
         self._found: dict[str, str] = {}
         self._tops: set[str] = set()
         self._files: set[Path] = set()
+        self._specs: dict[str, importlib.machinery.ModuleSpec | None] = {}  # many files import the same few
 
     def digest(self) -> str:
         lines = "\n".join(f"{name} {content}" for name, content in sorted(self._found.items()))
@@ -138,7 +139,9 @@ class _Walk:
         top = imported.partition(".")[0]
         if top == _OWN or top in sys.stdlib_module_names:
             return
-        spec = _find(top)
+        if top not in self._specs:
+            self._specs[top] = _find(top)
+        spec = self._specs[top]
         if spec is None or spec.origin in ("built-in", "frozen"):
             return
         if spec.origin is None:
@@ -173,7 +176,7 @@ class _Walk:
 
 
 def _imports(content: bytes) -> Iterator[str]:
-    """Give dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
+    """Yield the dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
     for match in _IMPORT.finditer(content):
         words = (match["names"] or match["list"]).decode(errors="replace").strip(" \t()\\").split(",")
         names = [word.split()[0] for word in words if word.split()]

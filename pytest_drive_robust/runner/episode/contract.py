@@ -144,19 +144,15 @@ def _blamed(call: str) -> Iterator[None]:
 
 def _place(error: BaseException) -> str:
     """Return the deepest line of the package that was called first: where its author would look."""
-    frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_ours(frame)]
+    frames = [found for found in traceback.walk_tb(error.__traceback__) if not _module(found[0]).startswith(_CALLERS)]
+    packages = [_module(frame).partition(".")[0] for frame, _ in frames]
     if not frames:
         return ""
-    package = _package(frames[0][0])
-    frame, line = [(frame, line) for frame, line in frames if _package(frame) == package][-1]
+    frame, line = [found for found, package in zip(frames, packages, strict=True) if package == packages[0]][-1]
     path = Path(frame.f_code.co_filename)
     shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
     return f" ({shown}:{line} in {frame.f_code.co_name})"
 
 
-def _is_ours(frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__", "")).startswith(_CALLERS)
-
-
-def _package(frame: FrameType) -> str:
-    return str(frame.f_globals.get("__name__", "")).partition(".")[0]
+def _module(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", ""))

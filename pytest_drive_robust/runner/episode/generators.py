@@ -19,17 +19,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.episode import Episode
 
-__all__ = ["borrowed_for", "borrowed_generators", "seed_for", "seed_generators"]
-
-
-def seed_for(episode: Episode) -> None:
-    """Seed the global generators for an episode: the same, whatever was driven before it."""
-    seed_generators(repr(episode))
+__all__ = ["borrowed_for", "borrowed_generators", "seed_generators"]
 
 
 @contextmanager
 def borrowed_for(episode: Episode) -> Iterator[None]:
-    """Do what `seed_for` does in a process that is not only ours: afterwards the generators are as they were."""
+    """Seed the global generators for an episode: the same, whatever was driven before it. Put them back afterwards."""
     with borrowed_generators(repr(episode)):
         yield
 
@@ -70,7 +65,7 @@ def _torch_state() -> Any:
 
 
 def _put_torch_back(state: Any, late_seed: int | None) -> None:
-    """`state` is None when torch was not loaded before; `late_seed` is then what it was to be seeded with."""
+    """Undo `seed_generators` for torch. `state` is None where it was not loaded: it was to get `late_seed`, if any."""
     torch: Any = sys.modules.get("torch")
     if torch is None:
         _LATE_TORCH.wait(late_seed)

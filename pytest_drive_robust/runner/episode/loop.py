@@ -93,6 +93,7 @@ class RunningEpisode:
     three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
 
     `view` is a camera for people, mounted where the agent has none: its images are in `images`, and nowhere else.
+    `asked` is the tick of the agent's newest answer with that answer.
     """
 
     def __init__(
@@ -123,6 +124,7 @@ class RunningEpisode:
         self.stack: RunningStack | None = None
         self.state: WorldState | None = None
         self.images: Mapping[str, Image] = {}
+        self.asked: tuple[int, Control] | None = None
         self._watch = watch
         self._view = () if view is None else (view,)
         self._seen: Observation | None = None
@@ -130,7 +132,7 @@ class RunningEpisode:
 
     @property
     def over(self) -> bool:
-        """True once nothing more can be driven."""
+        """Return True once nothing more can be driven."""
         return self._done or self.crash is not None
 
     def attempt(self, action: Callable[[], _Given]) -> _Given | None:
@@ -196,6 +198,7 @@ class RunningEpisode:
         asked_s = time.perf_counter()
         control = agent_act(self.agent, given)
         inference_s = time.perf_counter() - asked_s
+        self.asked = self.recorder.ticks, control
         self._enter("sim")
         return control, inference_s
 

@@ -1,8 +1,8 @@
-"""What this machine computes: a digest of a few fixed results, stored with every episode.
+"""What this machine computes: digests of a few fixed results, stored with the episodes of agents that depend on it.
 
-Same versions and same key give the same bits on the same kind of machine. Another processor may round differently, and
-libraries choose their code by what it can do, so bits may differ where this digest does; scores agree to a tolerance.
-It is no part of any key.
+The world, the perturbations and agents with `portable_bits` give the same bits on every machine. What other agents do
+is computed by numpy, the C library and torch, which choose their code by what the processor can do: their episodes may
+differ where these digests do. They are no part of any key.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.domain.result import MACHINE_FACTS
+from pytest_drive_robust.domain.agent import has_portable_bits
+from pytest_drive_robust.domain.result import ANY_MACHINE, MACHINE_FACTS
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -36,9 +37,12 @@ def with_machine(result: EpisodeResult, agent: object) -> EpisodeResult:
 def machine_facts(agent: object = None) -> Mapping[str, str]:
     """Return 12 hex digits of what numpy and the C library compute here, and of torch when the agent holds any of it.
 
-    Nothing is imported for it but numpy: an agent that holds something of torch has imported it. What other agents
-    imported does not matter, so that an episode gets the same entries in every process and order.
+    For an agent whose bits do not depend on them that is `ANY_MACHINE`. Nothing is imported for it but numpy: an agent
+    that holds something of torch has imported it. What other agents imported does not matter, so that an episode gets
+    the same entries in every process and order.
     """
+    if has_portable_bits(agent):
+        return {_NAME: ANY_MACHINE}
     facts = {_NAME: _of_numpy()}
     if agent is not None and "torch" in sys.modules and _holds_torch(agent):
         facts[_TORCH] = _of_torch()
@@ -70,23 +74,19 @@ def _of_torch() -> str:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return _of_torch_in_one_thread(torch)
+        with torch.no_grad():
+            line = torch.linspace(-3.0, 3.0, _SIZE, dtype=torch.float32, device="cpu")
+            square = torch.sin(torch.outer(line, line + 0.1))
+            image = square[: _SIZE - 1].reshape(1, 3, 12, _SIZE)
+            kernel = square[:9, :9].reshape(3, 3, 3, 3)
+            results = [
+                torch.tanh(line), torch.exp(line), torch.sigmoid(line), torch.softmax(square, 1), square @ line,
+                square @ square, torch.nn.functional.conv2d(image, kernel),
+                torch.nn.functional.layer_norm(square, (_SIZE,)),
+            ]  # fmt: skip
+            return _digest(result.contiguous().numpy().tobytes() for result in results)
     finally:
         torch.set_num_threads(threads)
-
-
-def _of_torch_in_one_thread(torch: Any) -> str:
-    with torch.no_grad():
-        line = torch.linspace(-3.0, 3.0, _SIZE, dtype=torch.float32, device="cpu")
-        square = torch.sin(torch.outer(line, line + 0.1))
-        image = square[: _SIZE - 1].reshape(1, 3, 12, _SIZE)
-        kernel = square[:9, :9].reshape(3, 3, 3, 3)
-        results = [
-            torch.tanh(line), torch.exp(line), torch.sigmoid(line), torch.softmax(square, 1), square @ line,
-            square @ square, torch.nn.functional.conv2d(image, kernel),
-            torch.nn.functional.layer_norm(square, (_SIZE,)),
-        ]  # fmt: skip
-        return _digest(result.contiguous().numpy().tobytes() for result in results)
 
 
 def _digest(pieces: Iterable[bytes]) -> str:

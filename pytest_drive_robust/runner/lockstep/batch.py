@@ -36,7 +36,7 @@ class LockstepEpisode:
 
     @property
     def measures_inference(self) -> bool:
-        """Whether the setting needs the seconds that one call of `act` took, which no row of a batch has."""
+        """Return whether the setting needs the seconds of one call of `act`, which no row of a batch has."""
         return any(getattr(item, "measures_inference", False) for item in self.request.setting.perturbations)
 
     def sense(self) -> Observation | None:

@@ -41,7 +41,7 @@ class Recording:
 
     @property
     def backwards(self) -> Recording:
-        """The same observations in the other order: another episode for whoever remembers the last one."""
+        """Return the same observations in the other order: another episode for whoever remembers the last one."""
         return Recording(self.plan, self.seed, self.observations[::-1])
 
 

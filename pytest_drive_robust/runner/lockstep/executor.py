@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import typing
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -11,23 +12,27 @@ from typing import TYPE_CHECKING, Protocol
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.lockstep.admission import Admissions
+from pytest_drive_robust.runner.episode.driver import make_agent
+from pytest_drive_robust.runner.executors import InlineExecutor
+from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.runner.executors import Executor
     from pytest_drive_robust.runner.plan import EpisodeRequest
+    from pytest_drive_robust.simulators.base import SimulatorOptions
 
-__all__ = ["BatchDriver", "LockstepExecutor"]
+__all__ = ["BatchDriver", "LockstepExecutor", "factory_offers_lockstep", "lockstep_inline"]
 
 
 class BatchDriver(Protocol):
-    """Drives one batch at a time, here (`runner.lockstep.lockstep`) or in a process (`engine.lockstep.supervisor`)."""
+    """Drives one batch at a time, here (`runner.lockstep.lockstep`) or in a process (`engine.supervisor`)."""
 
     output: str
     """What was printed by the time of the latest result."""
 
     def check(self, request: EpisodeRequest) -> bool:
-        """May the agent of `request` be driven in lockstep? False: it broke before it could be asked.
+        """Return whether the agent of `request` may be driven in lockstep, False when it broke before it was asked.
 
         Raises `UsageError` when it must not, or cannot be made.
         """
@@ -38,16 +43,13 @@ class BatchDriver(Protocol):
     ) -> Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]:
         """Drive what `take` gives, each with its result as soon as it ends, until none is under way.
 
-        `take` may give none now and another one later. No result (None): it wants to be driven alone.
+        `take` is asked again and again: it may give none now and another one later. No result (None): it wants to be
+        driven alone.
         """
         ...
 
     def drive(self, request: EpisodeRequest) -> EpisodeResult:
         """Drive one in a batch of its own, again when its end was not the agent's doing. Raises `UsageError`."""
-        ...
-
-    def wake(self) -> None:
-        """Take again: there may be another request. From any thread."""
         ...
 
     def stop(self) -> None:
@@ -64,7 +66,7 @@ class LockstepExecutor:
 
     Episodes of agents for which `shares(agent)` is false are driven by `one_by_one`, each in the place of a batch.
     `make_drivers` is called at the first episode of another agent. With `threads` each driver works in one of its own;
-    without, there is one driver, which works in `work`.
+    without, there is one driver, which works in `work`. Every driver takes what waits whenever it has room.
     """
 
     def __init__(
@@ -86,29 +88,44 @@ class LockstepExecutor:
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="drive-robust-lockstep") if threads else None
         self.work = None if threads else self._work
         self._singles: set[Future[EpisodeResult]] = set()
-        self._admissions = Admissions()
-        self._queues: list[_Queue] = []
+        self._drivers: Sequence[BatchDriver] = ()
+        self._steps: Generator[None, None, None] = (None for _ in ())
+        self._lock = threading.Lock()
+        self._idle: set[BatchDriver] = set()
+        self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
+        self._checking = threading.Lock()
+        self._refusals: dict[str, UsageError | None] = {}
         self._closed = False
 
     @property
     def slots(self) -> int:
-        """Episodes at this moment: one that is driven alone takes the place of a whole batch until it is collected."""
+        """Return how many episodes fit: one that is driven alone takes the place of a batch until it is collected."""
         if self._pool is not None:
             self._singles = {future for future in self._singles if not future.done()}
         return self._workers * self._width - (self._width - 1) * len(self._singles)
 
+    @property
+    def compiling(self) -> tuple[int, int]:
+        """How many functions are compiled, of how many that episodes wait for."""
+        told: tuple[int, int] = getattr(self._one_by_one, "compiling", (0, 0))
+        return told
+
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Let an episode join the emptiest batch. Raises `UsageError` when no process could be made like this one."""
+        """Let an episode join a batch. Raises `UsageError` when no process could be made like this one."""
         if not self._shares(request.episode.agent):
             single = self._one_by_one.submit(request)
             self._singles.add(single)
             return single
-        if not self._queues:
-            self._queues += [_Queue(driver, self._admissions, self._heard) for driver in self._make_drivers()]
-        queue = min(self._queues, key=len)
-        future, begins = queue.add(request)
-        if begins and self._pool is not None:
-            self._pool.submit(queue.drive_all)
+        if not self._drivers:
+            self._drivers = self._make_drivers()
+            self._idle.update(self._drivers)
+            self._steps = self._drive(self._drivers[0])
+        future: Future[EpisodeResult] = Future()
+        with self._lock:
+            self._waiting.append((request, future))
+            idle = self._idle.pop() if self._idle and self._pool is not None else None
+        if idle is not None and self._pool is not None:
+            self._pool.submit(deque, self._drive(idle), maxlen=0)
         return future
 
     def close(self, *, cancel: bool = False) -> None:
@@ -117,133 +134,143 @@ class LockstepExecutor:
             return
         self._closed = True
         if cancel:
-            for queue in self._queues:
-                queue.driver.stop()
+            for driver in self._drivers:
+                driver.stop()
         elif self._pool is None:
-            for queue in self._queues:
-                queue.drive_all()
+            deque(self._steps, maxlen=0)
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=cancel)
-        for queue in self._queues:
-            queue.close()
+        self._steps.close()
+        for driver in self._drivers:
+            driver.close()
         self._one_by_one.close(cancel=cancel)  # last: it may hold what the drivers' processes live in
 
     def last_words(self) -> tuple[tuple[str, str], ...]:
-        """(episode, what it printed at its end) of the first episodes that broke since this was asked last."""
+        """Return (episode, what it printed at its end) of the first episodes that broke since this was asked last."""
         told: Callable[[], tuple[tuple[str, str], ...]] = getattr(self._one_by_one, "last_words", tuple)
         return told()
 
     def _work(self) -> None:
-        """Drive in the caller's thread until an episode has ended."""
+        """Drive in the caller's thread until an episode has ended or none is left."""
         self._singles.clear()
-        for queue in self._queues:
-            queue.drive_on()
-
-
-class _Queue:
-    """The episodes of one driver. `len` is how many of them have no result yet."""
-
-    def __init__(
-        self, driver: BatchDriver, admissions: Admissions, heard: Callable[[EpisodeResult, str], object]
-    ) -> None:
-        self.driver = driver
-        self._admissions = admissions
-        self._heard = heard
-        self._lock = threading.Lock()
-        self._waiting: list[EpisodeRequest] = []
-        self._alone: list[EpisodeRequest] = []
-        self._futures: dict[str, Future[EpisodeResult]] = {}
-        self._busy = False
-        self._steps: Generator[None, None, None] | None = None
-
-    def __len__(self) -> int:
-        return len(self._futures)
-
-    def add(self, request: EpisodeRequest) -> tuple[Future[EpisodeResult], bool]:
-        """One more, which joins the batch under way when it is of its agent; True when somebody must begin to drive."""
-        future: Future[EpisodeResult] = Future()
-        with self._lock:
-            self._futures[request.key] = future
-            self._waiting.append(request)
-            begins, self._busy = not self._busy, True
-        self.driver.wake()
-        return future, begins
-
-    def drive_on(self) -> None:
-        """Drive until an episode has ended or none is left."""
-        steps, self._steps = self._steps or self._drive(), None
-        for _ in steps:
-            self._steps = steps
+        for _ in self._steps:
             return
+        self._steps = self._drive(self._drivers[0]) if self._drivers else self._steps
 
-    def drive_all(self) -> None:
-        """Drive until none is left."""
-        deque(self._steps or self._drive(), maxlen=0)
-
-    def close(self) -> None:
-        """Forget what is under way, and free what drives it."""
-        if self._steps is not None:
-            self._steps.close()
-        self.driver.close()
-
-    def _drive(self) -> Generator[None, None, None]:
-        """Batch after batch; a step for every episode that has ended."""
-        while (agent := self._next_agent()) is not None:
-            yield from self._drive_agent(agent)
-
-    def _drive_agent(self, agent: str) -> Generator[None, None, None]:
-        try:
-            yield from self._drive_batch(agent)
-        except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
-            self._fail(agent, error)
-            yield
-
-    def _drive_batch(self, agent: str) -> Generator[None, None, None]:
-        first = self._waiting[0]
-        if not self._admissions.may_share(agent, lambda: self.driver.check(first)):
-            self._alone += filter(None, [self._take(agent)])  # it breaks at once: the next one tells more of its agent
-        for request, result in self.driver.drive_batch(agent, lambda: self._take(agent)) if not self._alone else ():
-            if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
-                self._alone.append(request)
-            else:
-                self._end(request, result)
-                yield
-        while self._alone:
-            request = self._alone.pop(0)
+    def _drive(self, driver: BatchDriver) -> Generator[None, None, None]:
+        """Drive batch after batch until nothing waits; a step for every episode that has ended."""
+        while (first := self._first_waiting(driver)) is not None:
+            taken: dict[str, Future[EpisodeResult]] = {}
             try:
-                self._end(request, self.driver.drive(request))
+                yield from self._drive_batch(driver, first, taken)
+            except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
+                self._fail(first.episode.agent, taken, error)
+                yield
+
+    def _drive_batch(
+        self, driver: BatchDriver, first: EpisodeRequest, taken: dict[str, Future[EpisodeResult]]
+    ) -> Generator[None, None, None]:
+        """Drive `first` and others of its agent. `taken` holds those that have no result yet, by key."""
+        alone: list[EpisodeRequest] = []
+
+        def take() -> EpisodeRequest | None:
+            with self._lock:
+                for number, (request, future) in enumerate(() if alone else self._waiting):
+                    if request.episode.agent == first.episode.agent:
+                        del self._waiting[number]
+                        taken[request.key] = future
+                        return request
+            return None
+
+        def end(request: EpisodeRequest, result: EpisodeResult | UsageError) -> None:
+            future = taken.pop(request.key)
+            if isinstance(result, EpisodeResult):
+                self._heard(result, driver.output)
+                future.set_result(result)
+            else:
+                future.set_exception(result)
+
+        if not self._may_share(driver, first):
+            alone += filter(None, [take()])  # it breaks at once: the next one tells more of its agent
+        else:
+            for request, result in driver.drive_batch(first.episode.agent, take):
+                if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
+                    alone.append(request)
+                else:
+                    end(request, result)
+                    yield
+        for request in alone:
+            try:
+                end(request, driver.drive(request))
             except UsageError as error:
-                self._end(request, error)
+                end(request, error)
             yield
 
-    def _take(self, agent: str) -> EpisodeRequest | None:
-        """The first that waits and is of this agent; None while others are to be driven alone."""
-        with self._lock:
-            for number, request in enumerate(() if self._alone else self._waiting):
-                if request.episode.agent == agent:
-                    return self._waiting.pop(number)
-        return None
+    def _may_share(self, driver: BatchDriver, first: EpisodeRequest) -> bool:
+        """Return whether the agent of `first` may be driven in lockstep, False when that is still unknown.
 
-    def _next_agent(self) -> str | None:
-        with self._lock:
-            self._busy = bool(self._waiting)
-            return self._waiting[0].episode.agent if self._waiting else None
+        It is found out once for all drivers. Raises `UsageError` for one that must not.
+        """
+        agent = first.episode.agent
+        with self._checking:
+            if agent not in self._refusals:
+                try:
+                    if not driver.check(first):
+                        return False
+                    self._refusals[agent] = None
+                except UsageError as error:
+                    self._refusals[agent] = error
+        refusal = self._refusals[agent]
+        if refusal is not None:
+            raise refusal
+        return True
 
-    def _end(self, request: EpisodeRequest, result: EpisodeResult | UsageError) -> None:
+    def _first_waiting(self, driver: BatchDriver) -> EpisodeRequest | None:
         with self._lock:
-            future = self._futures.pop(request.key)
-        if isinstance(result, EpisodeResult):
-            self._heard(result, self.driver.output)
-            future.set_result(result)
-        else:
-            future.set_exception(result)
+            if not self._waiting:
+                self._idle.add(driver)
+            return self._waiting[0][0] if self._waiting else None
 
-    def _fail(self, agent: str, error: Exception) -> None:
-        """Whatever is known of this agent has no result."""
-        self._alone.clear()
+    def _fail(self, agent: str, taken: dict[str, Future[EpisodeResult]], error: Exception) -> None:
+        """End whatever is known of this agent without a result."""
         with self._lock:
-            others = {request.key for request in self._waiting if request.episode.agent != agent}
-            self._waiting[:] = [request for request in self._waiting if request.key in others]
-            lost = [self._futures.pop(key) for key in tuple(self._futures) if key not in others]
-        for future in lost:
+            lost = [future for request, future in self._waiting if request.episode.agent == agent]
+            self._waiting = [item for item in self._waiting if item[0].episode.agent != agent]
+        for future in (*taken.values(), *lost):
             future.set_exception(error)
+
+
+def lockstep_inline(
+    registry: Registry, *, simulator: str, options: SimulatorOptions, ticked: Callable[[], object], width: int
+) -> LockstepExecutor:
+    """Return the executor of lockstep in this process, where nothing protects the run from the agent.
+
+    `ticked` is called after every tick of each episode.
+    """
+    driver = Lockstep(
+        lambda: registry.simulator(simulator, options),
+        lambda name: make_agent(registry, name),
+        width=width,
+        on_tick=lambda *_: ticked(),
+    )
+    return LockstepExecutor(
+        InlineExecutor(registry, simulator=simulator, options=options, ticked=ticked),
+        lambda: [driver],
+        width=width,
+        shares=lambda agent: factory_offers_lockstep(agent, registry),
+    )
+
+
+def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
+    """Return whether what makes the agent has an `act_batch`, or says that it returns a class that has one.
+
+    No agent is made: that belongs in the process that drives it. Raises `UnknownNameError` or `PluginError`.
+    """
+    factory = registry.entry("agents", agent).load()
+    if callable(getattr(factory, "act_batch", None)):
+        return True
+    try:
+        made = typing.get_type_hints(factory).get("return")
+    except Exception:  # an annotation that names something imported for type checkers only, or no function at all
+        return False
+    return callable(getattr(made, "act_batch", None))

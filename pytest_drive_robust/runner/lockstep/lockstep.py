@@ -119,9 +119,6 @@ class Lockstep:
                 break
         return result
 
-    def wake(self) -> None:
-        """Do nothing: requests are looked for in every tick."""
-
     def stop(self) -> None:
         """Do nothing: between two calls nothing is under way."""
 

@@ -73,7 +73,6 @@ class _Recording:
     def __init__(self, running: RunningEpisode) -> None:
         self._running = running
         self._moments: list[TapeTick] = []
-        self._asked: Control | None = None
         self._planned: PlannedPath | None = None
         self._plan_problem = ""
 
@@ -83,7 +82,7 @@ class _Recording:
         running.attempt(running.start)
         truth = None if running.state is None else running.attempt(running.simulator.truth)
         while not running.over:
-            running.attempt(self._tick)
+            running.attempt(running.tick)
             if running.last_tick is not None:
                 self._keep(*running.last_tick)
                 ticked(running.last_tick[0])
@@ -95,27 +94,20 @@ class _Recording:
         moments = (*self._moments, last)
         return Tape(result, moments, truth.lane_map, truth.route, running.shows_view, self._plan_problem)
 
-    def _tick(self) -> None:
-        """Do what `RunningEpisode.tick` does, with a look at what the agent asks for and plans."""
-        running = self._running
-        given = running.sense()
-        if given is None:
-            running.advance(None, 0.0)
-            return
-        self._asked, inference_s = running.ask(given)
-        self._look_at_plan()
-        running.advance(self._asked, inference_s)
-
-    def _look_at_plan(self) -> None:
+    def _look_at_plan(self, ego: EgoState) -> None:
+        """Keep the plan that the agent made in this tick, where the ego was then."""
         plan: Any = getattr(self._running.agent, "plan", None)
-        if callable(plan) and self._running.state is not None and not self._plan_problem:
+        if callable(plan) and not self._plan_problem:
             try:
-                self._planned = _in_world(plan(), self._running.state.ego)
+                self._planned = _in_world(plan(), ego)
             except (Exception, SystemExit) as error:  # a broken overlay is no reason to lose the film, nor the episode
                 self._planned, self._plan_problem = None, blame("plan", error)
 
     def _keep(self, tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
         images = observation.cameras or self._running.images
+        asked_tick, asked = self._running.asked or (None, None)
+        if asked_tick == tick:
+            self._look_at_plan(state.ego)
         self._moments.append(
             TapeTick(
                 state=replace(state, actors=state.actors.copy(), lights=state.lights.copy()),
@@ -123,7 +115,7 @@ class _Recording:
                 real=self._unlike(observation.cameras),
                 gps=(observation.gps.x_m, observation.gps.y_m),
                 speed_mps=observation.speed.mps,
-                asked=self._asked,
+                asked=asked,
                 applied=applied,
                 plan=self._planned,
             )

@@ -55,7 +55,7 @@ def draw_bev(
     trail: NDArray[np.float64] | None = None,
     line_px: int = 1,
 ) -> Pixels:
-    """A square of `metres` around `centre` (the ego when None) as (size_px, size_px, 3) uint8 RGB: x right, y down.
+    """Draw a square of `metres` around `centre` (None: the ego) as (size_px, size_px, 3) uint8 RGB: x right, y down.
 
     `route` (n, 2 or more) and `trail` (m, 2 or more: where the ego has been) are points in metres; either may be empty;
     `line_px` is how thick they are drawn.
@@ -92,7 +92,7 @@ def _path(picture: Pixels, region: Region, points: Floats, colour: Colour, line_
 
 
 def _corners(place: Floats) -> Floats:
-    """The corners (4, 2) of a rectangle x, y, yaw, length, width: front right, front left, rear left, rear right."""
+    """Return the corners (4, 2) of a rectangle x, y, yaw, length, width: front right and left, rear left and right."""
     x, y, yaw, length, width = (float(value) for value in place)
     c, s = math.cos(yaw), math.sin(yaw)
     along, across = np.array((c, s)) * length / 2.0, np.array((-s, c)) * width / 2.0

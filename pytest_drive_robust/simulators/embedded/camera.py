@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.arrays import exp
 from pytest_drive_robust.errors import SimulationError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BOX_COLUMNS
@@ -101,7 +102,7 @@ class CameraRig:
         self._ends = np.zeros(1, np.int64)
         texture = ground_texture(lane_map, np.asarray(around, np.float64))
         depths_m = (np.arange(_FARTHEST_M * CLEAR_STEPS_PER_M) + 0.5) / CLEAR_STEPS_PER_M
-        clear = np.exp(-self._air.haze_per_m * depths_m).astype(np.float32)
+        clear = exp(-self._air.haze_per_m * depths_m).astype(np.float32)
         self._eyes = tuple(_Eye.of(camera, self._air, texture, clear) for camera in cameras)
 
     def render(self, state: WorldState, due: Collection[str] | None = None) -> dict[str, Pixels]:

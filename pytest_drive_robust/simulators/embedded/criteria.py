@@ -12,11 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic.compiled import cos, cos_sin, hypot, wrap_angle
 from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
-from pytest_drive_robust.simulators.embedded.jit import inner
-from pytest_drive_robust.simulators.embedded.state import State, Statics
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["finish", "judge", "nearest_lane"]
 
@@ -45,110 +46,109 @@ _RED = int(LightState.RED)
 @inner
 def _between(angle: float, other: float) -> float:
     """Return the unsigned difference of two angles, 0..pi."""
-    turn = angle - other
-    return abs(turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5))
+    return abs(wrap_angle(angle - other))
 
 
 @inner
-def _nearest_point(statics: Statics, lane: int, x: float, y: float, best: float, at: int) -> tuple[float, int]:
-    """(`best`, `at`), or distance and row of the first point of the usable lane that is nearer than `best` and all."""
-    k, end = statics.lane_start[lane], statics.lane_start[lane + 1]
+def _nearest_point(world: WorldArrays, lane: int, x: float, y: float, best: float, at: int) -> tuple[float, int]:
+    """Return distance and row of the usable lane's first nearest point, or `best` and `at` when none is nearer."""
+    k, end = world.lane_start[lane], world.lane_start[lane + 1]
     while k < end:
-        dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
+        dx, dy = x - world.lanes[k, 0], y - world.lanes[k, 1]
         d = math.sqrt(dx * dx + dy * dy)
         if d < best:
             best, at = d, k
         # no point can be nearer than `best` before the lane has gone the difference
-        k += max(1, int((d - best) / statics.lane_step_m))
+        k += max(1, int((d - best) / world.lane_step_m))
     return best, at
 
 
 @inner
-def nearest_lane(statics: Statics, x: float, y: float, last: int) -> tuple[int, float, float]:
+def nearest_lane(world: WorldArrays, x: float, y: float, last: int) -> tuple[int, float, float]:
     """Return (lane, distance to its centre line [m], heading there) of the nearest driving or parking lane.
 
     `last` is a lane that may well be near, or -1: it changes nothing but how many points are looked at.
     """
     best, at = 1e18, 0
-    for lane in range(len(statics.lane_start) - 1):
-        if statics.lane_of[statics.lane_start[lane]] == last:
-            best, at = _nearest_point(statics, lane, x, y, best, at)
+    for lane in range(len(world.lane_start) - 1):
+        if world.lane_of[world.lane_start[lane]] == last:
+            best, at = _nearest_point(world, lane, x, y, best, at)
             best += _HAIR_M  # of points that are equally near the first one counts
             break
-    for lane in range(len(statics.lane_start) - 1):
-        best, at = _nearest_point(statics, lane, x, y, best, at)
-    heading = statics.lanes[at, 2]
-    dx, dy = x - statics.lanes[at, 0], y - statics.lanes[at, 1]
-    along = dx * math.cos(heading) + dy * math.sin(heading)
-    beside = abs(-dx * math.sin(heading) + dy * math.cos(heading))
+    for lane in range(len(world.lane_start) - 1):
+        best, at = _nearest_point(world, lane, x, y, best, at)
+    heading = world.lanes[at, 2]
+    dx, dy = x - world.lanes[at, 0], y - world.lanes[at, 1]
+    ch, sh = cos_sin(heading)
+    along, beside = dx * ch + dy * sh, abs(-dx * sh + dy * ch)
     if abs(along) > 1.0:  # beyond the end of the lane
-        beside = math.hypot(beside, abs(along))
-    return statics.lane_of[at], beside, heading
+        beside = hypot(beside, abs(along))
+    return world.lane_of[at], beside, heading
 
 
 @inner
-def _progress(statics: Statics, state: State) -> float:
-    """Pass waypoints; returns the metres gained in this tick."""
-    ints, ego = state.criteria_ints, state.ego
+def _progress(world: WorldArrays) -> float:
+    """Pass waypoints; return the metres gained in this tick."""
+    ints, ego = world.criteria_ints, world.ego
     before = ints[c.CI_PROGRESS]
     reached = before
-    for k in range(before, min(before + ROUTE_WINDOW, len(statics.route))):
-        yaw = statics.route[k, 2]
-        dx, dy = ego[c.EGO_X] - statics.route[k, 0], ego[c.EGO_Y] - statics.route[k, 1]
-        if dx * math.cos(yaw) + dy * math.sin(yaw) > 0.0:
+    for k in range(before, min(before + ROUTE_WINDOW, len(world.route))):
+        ch, sh = cos_sin(world.route[k, 2])
+        dx, dy = ego[c.EGO_X] - world.route[k, 0], ego[c.EGO_Y] - world.route[k, 1]
+        if dx * ch + dy * sh > 0.0:
             reached = k
     ints[c.CI_PROGRESS] = reached
-    return float(statics.route_s[reached] - statics.route_s[before])
+    return float(world.route_s[reached] - world.route_s[before])
 
 
 @inner
-def _wake_scenario(statics: Statics, state: State) -> None:
-    s = statics.route_s[state.criteria_ints[c.CI_PROGRESS]]
-    if state.clock[1] < 0 and s >= statics.trigger_m - TRIGGER_RADIUS_M:
-        state.clock[1] = state.clock[0]
-    if state.clock[1] >= 0 and s >= statics.scenario_end_m:
-        state.criteria_ints[c.CI_SCENARIO_OVER] = 1
+def _wake_scenario(world: WorldArrays) -> None:
+    s = world.route_s[world.criteria_ints[c.CI_PROGRESS]]
+    if world.clock[1] < 0 and s >= world.trigger_m - TRIGGER_RADIUS_M:
+        world.clock[1] = world.clock[0]
+    if world.clock[1] >= 0 and s >= world.scenario_end_m:
+        world.criteria_ints[c.CI_SCENARIO_OVER] = 1
 
 
 @inner
-def _scenario_runs(state: State) -> bool:
-    return bool(state.clock[1] >= 0 and state.criteria_ints[c.CI_SCENARIO_OVER] == 0)
+def _scenario_runs(world: WorldArrays) -> bool:
+    return bool(world.clock[1] >= 0 and world.criteria_ints[c.CI_SCENARIO_OVER] == 0)
 
 
 @inner
-def _lane_keeping(statics: Statics, state: State, gained: float) -> None:
+def _lane_keeping(world: WorldArrays, gained: float) -> None:
     """Count the metres of route that are passed outside lanes or against the traffic."""
-    ego, ints = state.ego, state.criteria_ints
+    ego, ints = world.ego, world.criteria_ints
     last = ints[c.CI_LAST_LANE]
-    lane, beside, heading = nearest_lane(statics, ego[c.EGO_X], ego[c.EGO_Y], last)
-    outside = beside > statics.lane_width[lane] / 2.0 + OUTSIDE_M
-    if statics.lane_junction[lane] == 1:
+    lane, beside, heading = nearest_lane(world, ego[c.EGO_X], ego[c.EGO_Y], last)
+    outside = beside > world.lane_width[lane] / 2.0 + OUTSIDE_M
+    if world.lane_junction[lane] == 1:
         ints[c.CI_WRONG_WAY] = 0
     elif last >= 0 and lane != last:
-        if statics.lane_junction[last] == 1:
+        if world.lane_junction[last] == 1:
             ints[c.CI_WRONG_WAY] = 1 if _between(ego[c.EGO_YAW], heading) >= WRONG_WAY_AFTER_JUNCTION_RAD else 0
         else:
-            _, _, before = nearest_lane_heading(statics, last, ego[c.EGO_X], ego[c.EGO_Y])
+            _, _, before = nearest_lane_heading(world, last, ego[c.EGO_X], ego[c.EGO_Y])
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
-    allowed = statics.two_ways == 1 and _scenario_runs(state)
+    allowed = world.two_ways == 1 and _scenario_runs(world)
     if outside or (ints[c.CI_WRONG_WAY] == 1 and not allowed):
-        state.criteria[c.C_OUTSIDE_M] += gained
+        world.criteria[c.C_OUTSIDE_M] += gained
 
 
 @inner
-def nearest_lane_heading(statics: Statics, lane: int, x: float, y: float) -> tuple[float, float, float]:
+def nearest_lane_heading(world: WorldArrays, lane: int, x: float, y: float) -> tuple[float, float, float]:
     """Return (x, y, heading) of the centre point of one lane that is nearest to (x, y)."""
     best, at = 1e18, 0
-    for k in range(len(statics.lanes)):
-        if statics.lane_of[k] != lane:
+    for k in range(len(world.lanes)):
+        if world.lane_of[k] != lane:
             continue
-        dx, dy = x - statics.lanes[k, 0], y - statics.lanes[k, 1]
+        dx, dy = x - world.lanes[k, 0], y - world.lanes[k, 1]
         d = dx * dx + dy * dy
         if d < best:
             best, at = d, k
-    return statics.lanes[at, 0], statics.lanes[at, 1], statics.lanes[at, 2]
+    return world.lanes[at, 0], world.lanes[at, 1], world.lanes[at, 2]
 
 
 @inner
@@ -162,37 +162,39 @@ def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, q
 
 
 @inner
-def _red_lights(statics: Statics, state: State) -> None:
+def _red_lights(world: WorldArrays) -> None:
     """Note when the tail of the ego crosses the stop line of a red light, heading with it."""
-    ego = state.ego
-    half = statics.ego_length_m / 2.0
-    ch, sh = math.cos(ego[c.EGO_YAW]), math.sin(ego[c.EGO_YAW])
+    ego = world.ego
+    half = world.ego_length_m / 2.0
+    ch, sh = cos_sin(ego[c.EGO_YAW])
     ax, ay = ego[c.EGO_X] - 0.8 * half * ch, ego[c.EGO_Y] - 0.8 * half * sh
     bx, by = ego[c.EGO_X] - (half + 1.0) * ch, ego[c.EGO_Y] - (half + 1.0) * sh
-    for k in range(len(statics.stop_lines)):
-        if statics.stop_is_light[k] == 0 or state.lights[k] != _RED or state.criteria_ints[c.CI_LAST_LIGHT] == k:
+    for k in range(len(world.stop_lines)):
+        if world.stop_is_light[k] == 0 or world.lights[k] != _RED or world.criteria_ints[c.CI_LAST_LIGHT] == k:
             continue
-        x, y, heading, width = statics.stop_lines[k]
-        if math.hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y]) > LIGHT_RADIUS_M or math.cos(heading - ego[c.EGO_YAW]) < 0.2:
+        x, y, heading, width = world.stop_lines[k]
+        if hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y]) > LIGHT_RADIUS_M or cos(heading - ego[c.EGO_YAW]) < 0.2:
             continue
-        rx, ry = -math.sin(heading) * 0.6 * width, math.cos(heading) * 0.6 * width
+        ahead_x, ahead_y = cos_sin(heading)
+        rx, ry = -ahead_y * 0.6 * width, ahead_x * 0.6 * width
         if _crosses(ax, ay, bx, by, x - rx, y - ry, x + rx, y + ry):
-            state.criteria_ints[c.CI_LAST_LIGHT] = k
-            note(state, c.EVENT_RED_LIGHT, float(k), 0.0)
+            world.criteria_ints[c.CI_LAST_LIGHT] = k
+            note(world, c.EVENT_RED_LIGHT, float(k), 0.0)
 
 
 @inner
-def _stop_signs(statics: Statics, state: State) -> None:
+def _stop_signs(world: WorldArrays) -> None:
     """Note when the ego leaves a stop sign without having come to rest."""
-    ego, ints = state.ego, state.criteria_ints
+    ego, ints = world.ego, world.criteria_ints
     current = ints[c.CI_STOP_LINE]
-    front = statics.ego_length_m / 2.0
-    fx, fy = ego[c.EGO_X] + front * math.cos(ego[c.EGO_YAW]), ego[c.EGO_Y] + front * math.sin(ego[c.EGO_YAW])
+    front = world.ego_length_m / 2.0
+    ch, sh = cos_sin(ego[c.EGO_YAW])
+    fx, fy = ego[c.EGO_X] + front * ch, ego[c.EGO_Y] + front * sh
     if current < 0:
-        for k in range(len(statics.stop_lines)):
-            x, y, heading, _ = statics.stop_lines[k]
-            near = math.hypot(x - fx, y - fy) < STOP_RADIUS_M
-            if statics.stop_is_light[k] == 0 and near and math.cos(heading - ego[c.EGO_YAW]) > 0.5:
+        for k in range(len(world.stop_lines)):
+            x, y, heading, _ = world.stop_lines[k]
+            near = hypot(x - fx, y - fy) < STOP_RADIUS_M
+            if world.stop_is_light[k] == 0 and near and cos(heading - ego[c.EGO_YAW]) > 0.5:
                 ints[c.CI_STOP_LINE], ints[c.CI_STOPPED] = k, 0
                 current = k
                 break
@@ -200,126 +202,128 @@ def _stop_signs(statics: Statics, state: State) -> None:
         return
     if ego[c.EGO_V] < STANDING_MPS:
         ints[c.CI_STOPPED] = 1
-    x, y, heading, _ = statics.stop_lines[current]
-    beyond = (ego[c.EGO_X] - x) * math.cos(heading) + (ego[c.EGO_Y] - y) * math.sin(heading)
-    away = math.hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y])
+    x, y, heading, _ = world.stop_lines[current]
+    ch, sh = cos_sin(heading)
+    beyond = (ego[c.EGO_X] - x) * ch + (ego[c.EGO_Y] - y) * sh
+    away = hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y])
     if beyond > front and away > STOP_RADIUS_M:
         if ints[c.CI_STOPPED] == 0:
-            note(state, c.EVENT_STOP_SIGN, float(current), ego[c.EGO_V])
+            note(world, c.EVENT_STOP_SIGN, float(current), ego[c.EGO_V])
         ints[c.CI_STOP_LINE] = -1
 
 
 @inner
-def _speed(statics: Statics, state: State) -> None:
+def _speed(world: WorldArrays) -> None:
     """Compare the ego's mean speed with that of the background traffic, per twentieth of the route: the efficiency."""
-    criteria, ints = state.criteria, state.criteria_ints
+    criteria, ints = world.criteria, world.criteria_ints
     total, count = 0.0, 0
-    for i in range(len(state.actors)):
-        if state.actor_ints[i, c.I_BACKGROUND] == 1 and state.actor_ints[i, c.I_ACTIVE] == 1:
-            total += state.actors[i, c.A_V]
+    for i in range(len(world.actors)):
+        if world.actor_ints[i, c.I_BACKGROUND] == 1 and world.actor_ints[i, c.I_ACTIVE] == 1:
+            total += world.actors[i, c.A_V]
             count += 1
     if count > 0:
-        criteria[c.C_EGO_SUM] += state.ego[c.EGO_V]
+        criteria[c.C_EGO_SUM] += world.ego[c.EGO_V]
         criteria[c.C_TRAFFIC_SUM] += total / count
         ints[c.CI_SAMPLES] += 1
-    s = statics.route_s[ints[c.CI_PROGRESS]]
-    if s - criteria[c.C_CHECKPOINT_M] > statics.route_s[-1] / CHECKPOINTS:
+    s = world.route_s[ints[c.CI_PROGRESS]]
+    if s - criteria[c.C_CHECKPOINT_M] > world.route_s[-1] / CHECKPOINTS:
         criteria[c.C_CHECKPOINT_M] = s
-        _speed_event(state)
+        _speed_event(world)
 
 
 @inner
-def _speed_event(state: State) -> None:
-    criteria, ints = state.criteria, state.criteria_ints
+def _speed_event(world: WorldArrays) -> None:
+    criteria, ints = world.criteria, world.criteria_ints
     ratio = 100.0
     if ints[c.CI_SAMPLES] > 0 and criteria[c.C_TRAFFIC_SUM] > 0.0:
         ratio = round(100.0 * criteria[c.C_EGO_SUM] / criteria[c.C_TRAFFIC_SUM], 2)
-    note(state, c.EVENT_SPEED, -1.0, ratio)
+    note(world, c.EVENT_SPEED, -1.0, ratio)
     criteria[c.C_EGO_SUM], criteria[c.C_TRAFFIC_SUM] = 0.0, 0.0
     ints[c.CI_SAMPLES] = 0
 
 
 @inner
-def _yield_test(statics: Statics, state: State) -> None:
+def _yield_test(world: WorldArrays) -> None:
     """Note when the emergency vehicle is not ahead of the ego ten seconds after it came within 50 m."""
-    e = statics.emergency_actor
-    if e < 0 or state.actor_ints[e, c.I_ACTIVE] != 1 or state.criteria_ints[c.CI_YIELD_SEEN] == 2:
+    e = world.emergency_actor
+    if e < 0 or world.actor_ints[e, c.I_ACTIVE] != 1 or world.criteria_ints[c.CI_YIELD_SEEN] == 2:
         return
-    dx, dy = state.actors[e, c.A_X] - state.ego[c.EGO_X], state.actors[e, c.A_Y] - state.ego[c.EGO_Y]
-    if math.hypot(dx, dy) < YIELD_NEAR_M:
-        state.criteria_ints[c.CI_YIELD_SEEN] = 1
-    if state.criteria_ints[c.CI_YIELD_SEEN] == 1:
-        state.criteria[c.C_YIELD_TIMER_S] += statics.dt_s
-        if state.criteria[c.C_YIELD_TIMER_S] >= YIELD_S:
-            _close_yield(statics, state)
-            state.criteria_ints[c.CI_SCENARIO_OVER] = 1
+    dx, dy = world.actors[e, c.A_X] - world.ego[c.EGO_X], world.actors[e, c.A_Y] - world.ego[c.EGO_Y]
+    if hypot(dx, dy) < YIELD_NEAR_M:
+        world.criteria_ints[c.CI_YIELD_SEEN] = 1
+    if world.criteria_ints[c.CI_YIELD_SEEN] == 1:
+        world.criteria[c.C_YIELD_TIMER_S] += world.dt_s
+        if world.criteria[c.C_YIELD_TIMER_S] >= YIELD_S:
+            _close_yield(world)
+            world.criteria_ints[c.CI_SCENARIO_OVER] = 1
 
 
 @inner
-def _close_yield(statics: Statics, state: State) -> None:
-    e, ego = statics.emergency_actor, state.ego
-    dx, dy = state.actors[e, c.A_X] - ego[c.EGO_X], state.actors[e, c.A_Y] - ego[c.EGO_Y]
-    ahead = dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW])
-    if ahead <= 0.0 and state.actor_ints[e, c.I_ACTIVE] == 1:
-        note(state, c.EVENT_YIELD, float(e), ahead)
-    state.criteria_ints[c.CI_YIELD_SEEN] = 2
+def _close_yield(world: WorldArrays) -> None:
+    e, ego = world.emergency_actor, world.ego
+    dx, dy = world.actors[e, c.A_X] - ego[c.EGO_X], world.actors[e, c.A_Y] - ego[c.EGO_Y]
+    ch, sh = cos_sin(ego[c.EGO_YAW])
+    ahead = dx * ch + dy * sh
+    if ahead <= 0.0 and world.actor_ints[e, c.I_ACTIVE] == 1:
+        note(world, c.EVENT_YIELD, float(e), ahead)
+    world.criteria_ints[c.CI_YIELD_SEEN] = 2
 
 
 @inner
-def _off_route_m(statics: Statics, state: State) -> float:
+def _off_route_m(world: WorldArrays) -> float:
     """Return the distance to the nearest of the next five waypoints [m]."""
-    first = state.criteria_ints[c.CI_PROGRESS]
+    first = world.criteria_ints[c.CI_PROGRESS]
     best = 1e18
-    for k in range(first, min(first + 5, len(statics.route))):
-        d = math.hypot(state.ego[c.EGO_X] - statics.route[k, 0], state.ego[c.EGO_Y] - statics.route[k, 1])
+    for k in range(first, min(first + 5, len(world.route))):
+        d = hypot(world.ego[c.EGO_X] - world.route[k, 0], world.ego[c.EGO_Y] - world.route[k, 1])
         best = min(best, d)
     return best
 
 
 @inner
-def _end(statics: Statics, state: State) -> int:
-    ego, criteria, ints = state.ego, state.criteria, state.criteria_ints
-    away = _off_route_m(statics, state)
+def _end(world: WorldArrays) -> int:
+    ego, criteria, ints = world.ego, world.criteria, world.criteria_ints
+    away = _off_route_m(world)
     if away > DEVIATION_SOFT_M:
-        criteria[c.C_OFFROUTE_M] += ego[c.EGO_V] * statics.dt_s
-    criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + statics.dt_s if ego[c.EGO_V] < STANDING_MPS else 0.0
-    last = statics.route[-1]
-    done_pct = 100.0 * statics.route_s[ints[c.CI_PROGRESS]] / statics.route_s[-1]
-    if done_pct > COMPLETE_PCT and math.hypot(ego[c.EGO_X] - last[0], ego[c.EGO_Y] - last[1]) < COMPLETE_M:
+        criteria[c.C_OFFROUTE_M] += ego[c.EGO_V] * world.dt_s
+    criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + world.dt_s if ego[c.EGO_V] < STANDING_MPS else 0.0
+    last = world.route[-1]
+    done_pct = 100.0 * world.route_s[ints[c.CI_PROGRESS]] / world.route_s[-1]
+    if done_pct > COMPLETE_PCT and hypot(ego[c.EGO_X] - last[0], ego[c.EGO_Y] - last[1]) < COMPLETE_M:
         return c.END_COMPLETED
-    if away >= DEVIATION_M or criteria[c.C_OFFROUTE_M] > DEVIATION_SHARE * statics.route_s[-1]:
+    if away >= DEVIATION_M or criteria[c.C_OFFROUTE_M] > DEVIATION_SHARE * world.route_s[-1]:
         return c.END_DEVIATED
-    sleeping = statics.blocked_test_off == 1 and _scenario_runs(state)
+    sleeping = world.blocked_test_off == 1 and _scenario_runs(world)
     if criteria[c.C_STILL_S] > BLOCKED_S and not sleeping:
         return c.END_BLOCKED
-    if criteria[c.C_STILL_S] > statics.stuck_stop_s:
+    if criteria[c.C_STILL_S] > world.stuck_stop_s:
         return c.END_STUCK
-    if state.clock[0] >= statics.tick_cap:
+    if world.clock[0] >= world.tick_cap:
         return c.END_TICK_CAP
     return c.END_NONE
 
 
 @inner
-def judge(statics: Statics, state: State) -> None:
+def judge(world: WorldArrays) -> None:
     """Judge all criteria of one tick, after everybody moved; write `CI_END` when the episode is over."""
-    gained = _progress(statics, state)
-    _wake_scenario(statics, state)
-    _lane_keeping(statics, state, gained)
-    _red_lights(statics, state)
-    _stop_signs(statics, state)
-    _speed(statics, state)
-    _yield_test(statics, state)
-    state.criteria_ints[c.CI_END] = _end(statics, state)
+    gained = _progress(world)
+    _wake_scenario(world)
+    _lane_keeping(world, gained)
+    _red_lights(world)
+    _stop_signs(world)
+    _speed(world)
+    _yield_test(world)
+    world.criteria_ints[c.CI_END] = _end(world)
 
 
 @inner
-def finish(statics: Statics, state: State) -> None:
+def finish(world: WorldArrays) -> None:
     """Close what is only known at the end: the last speed checkpoint, the emergency vehicle that never got past."""
-    share = statics.route_s[state.criteria_ints[c.CI_PROGRESS]] / statics.route_s[-1]
-    if share > 0.95 and state.criteria_ints[c.CI_SAMPLES] > 0:
-        _speed_event(state)
-    if state.criteria_ints[c.CI_YIELD_SEEN] == 1:
-        _close_yield(statics, state)
+    share = world.route_s[world.criteria_ints[c.CI_PROGRESS]] / world.route_s[-1]
+    if share > 0.95 and world.criteria_ints[c.CI_SAMPLES] > 0:
+        _speed_event(world)
+    if world.criteria_ints[c.CI_YIELD_SEEN] == 1:
+        _close_yield(world)
 
 
 def criteria_arrays() -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import groupby, islice, pairwise
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
@@ -58,7 +59,7 @@ class DenseRoute:
         return (*head, *used, *tail)
 
     def driven_line(self) -> tuple[Floats, float]:
-        """(road before the start + the route with its lane changes + road after its end, where the route starts)."""
+        """Return road before the start + route with its lane changes + road after its end, and the start on it [m]."""
         head, used, tail = self._parts()
         before = join(self.lane_map, (*head, used[0]))
         after = join(self.lane_map, (used[-1], *tail))
@@ -163,7 +164,7 @@ def _contains(inside: tuple[int, ...], driven: tuple[int, ...]) -> bool:
 
 
 def _turn_command(lane_map: LaneMap, inside: tuple[int, ...]) -> RoadOption:
-    turn = sum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in inside)
+    turn = fsum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in inside)
     if abs(turn) < _TURN_RAD:
         return RoadOption.STRAIGHT
     return RoadOption.RIGHT if turn > 0.0 else RoadOption.LEFT
@@ -177,7 +178,7 @@ def lay_route(route: Route) -> DenseRoute:
     if len(route.waypoints) < 2:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
     steps = pairwise(route.waypoints)
-    length = sum(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in steps)
+    length = fsum(scalars.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in steps)
     if not length <= _LONGEST_M:
         raise RouteError(
             f"route {route.id}: its waypoints are {length:.3g} m long, expected {_LONGEST_M:.0f} m at most"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
@@ -184,4 +184,4 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def _local(self, observation: Observation, index: int) -> tuple[float, float]:
         point, yaw = self._plan.points[index], observation.compass.yaw_rad
         dx, dy = point.x_m - observation.gps.x_m, point.y_m - observation.gps.y_m
-        return dx * math.cos(yaw) + dy * math.sin(yaw), -dx * math.sin(yaw) + dy * math.cos(yaw)
+        return dx * scalars.cos(yaw) + dy * scalars.sin(yaw), -dx * scalars.sin(yaw) + dy * scalars.cos(yaw)

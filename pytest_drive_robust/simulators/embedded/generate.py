@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
@@ -53,10 +54,10 @@ class _Draw:
     seed: int
     attempt: int
 
-    def generator(self) -> np.random.Generator:
+    def generator(self) -> RandomNumbers:
         text = f"{self.seed}\x1f{self.kind.name}\x1f{self.number}\x1f{self.attempt}".encode()
-        key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
-        return np.random.Generator(np.random.Philox(key=key))
+        key = hashlib.blake2b(text, digest_size=16).digest()
+        return RandomNumbers(key)
 
 
 def draw_routes(*, seed: int, per_type: int) -> list[Route]:
@@ -101,12 +102,12 @@ def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> 
 def _attempt(draw: _Draw, route_id: str) -> Route:
     kind, rng = draw.kind, draw.generator()
     site = kind.sites[draw.number % len(kind.sites)]
-    town_name = f"{site.style}{1 + TOWNS_PER_SEED * draw.seed + int(rng.integers(TOWNS_PER_SEED))}"
+    town_name = f"{site.style}{1 + TOWNS_PER_SEED * draw.seed + rng.below(TOWNS_PER_SEED)}"
     line = _line(compile_town(town_name), site, rng)
     length = float(arc_lengths(line)[-1])
     at = np.append(np.arange(0.0, length - 0.1, _WAYPOINT_STEP_M), length)
     waypoints = tuple(Waypoint(*(round(v, 3) for v in place(line, s)[:2])) for s in at)
-    x, y, heading = place(line, float(rng.uniform(*site.trigger_m)))
+    x, y, heading = place(line, rng.uniform(*site.trigger_m))
     trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
     # the first route of a type is in fair weather, later ones go through all of them
     weather = str(rng.choice(_FAIR if draw.number == 0 else tuple(WEATHERS)))
@@ -114,7 +115,7 @@ def _attempt(draw: _Draw, route_id: str) -> Route:
     return Route(route_id, town_name, waypoints, spec, WEATHERS[weather])
 
 
-def _line(town: CompiledTown, site: Site, rng: np.random.Generator) -> Floats:
+def _line(town: CompiledTown, site: Site, rng: RandomNumbers) -> Floats:
     """Return the route's line, a point every metre."""
     chains = site.chain.split(">")
     if len(chains) - 1 != len(site.changes_m):
@@ -122,13 +123,13 @@ def _line(town: CompiledTown, site: Site, rng: np.random.Generator) -> Floats:
             f"site {site.style} {site.chain!r} changes lanes {len(chains) - 1} time(s), but its changes_m has "
             f"{len(site.changes_m)} range(s): expected one for each '>'"
         )
-    length = float(rng.uniform(*site.length_m))
+    length = rng.uniform(*site.length_m)
     start = _start(town, site, chains[0], length, rng)
-    changes = [float(rng.uniform(*limits)) for limits in site.changes_m]
+    changes = [rng.uniform(*limits) for limits in site.changes_m]
     return resample(weave(town, chains, start_m=start, changes_m=changes, length_m=length))
 
 
-def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: np.random.Generator) -> float:
+def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: RandomNumbers) -> float:
     """Return where on its first chain the route starts."""
     total = float(arc_lengths(town.chain(chain))[-1])
     if site.before_m is None:
@@ -139,14 +140,14 @@ def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: np.ra
             f"site {site.style} {site.chain!r} has before_m, but chain {chain!r} has no junction, bend or ramp to "
             "measure from: leave before_m out"
         )
-    start = anchor - float(rng.uniform(*site.before_m))
+    start = anchor - rng.uniform(*site.before_m)
     if start < 0.0:
         raise RouteError(f"site {site.style} {site.chain!r}: before_m is longer than the {anchor:.0f} m of road")
     return start
 
 
-def _parameters(kind: ScenarioType, rng: np.random.Generator) -> dict[str, dict[str, float]]:
-    drawn = {name: {"value": round(float(rng.uniform(*limits)), 2)} for name, limits in kind.parameters.items()}
+def _parameters(kind: ScenarioType, rng: RandomNumbers) -> dict[str, dict[str, float]]:
+    drawn = {name: {"value": round(rng.uniform(*limits), 2)} for name, limits in kind.parameters.items()}
     for name, (low, high) in kind.intervals.items():
         first = round(float(rng.uniform(low, low + 0.3 * (high - low))), 1)
         drawn[name] = {"from": first, "to": round(float(rng.uniform(first + 0.5 * (high - low), high)), 1)}

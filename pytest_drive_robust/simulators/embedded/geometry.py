@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.signals import interpolate
+
 __all__ = ["arc_lengths", "place", "project", "resample"]
 
 Floats = NDArray[np.float64]
@@ -12,20 +15,23 @@ Floats = NDArray[np.float64]
 
 def arc_lengths(points: Floats) -> Floats:
     """Return the distance along the line of each point, (n,)."""
-    steps = np.hypot(np.diff(points[:, 0]), np.diff(points[:, 1]))
+    steps = arrays.hypot(np.diff(points[:, 0]), np.diff(points[:, 1]))
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
-    """The line through `points` (n, >=2) with equal steps of about `step_m`, headings from central differences."""
+    """Return the line through `points` (n, >=2) in equal steps of about `step_m`: (m, 3) x, y, heading.
+
+    Headings are of central differences.
+    """
     xy = np.asarray(points, dtype=float)[:, :2]
-    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > 1e-6])
+    keep = np.concatenate([[True], arrays.hypot(*np.diff(xy, axis=0).T) > 1e-6])
     xy = xy[keep]
     s = arc_lengths(xy)
     count = max(2, round(s[-1] / step_m) + 1)
     at = np.linspace(0.0, s[-1], count)
-    x, y = np.interp(at, s, xy[:, 0]), np.interp(at, s, xy[:, 1])
-    heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
+    x, y = interpolate(at, s, xy).T
+    heading = np.unwrap(arrays.atan2(np.gradient(y), np.gradient(x)))
     return np.stack([x, y, heading], axis=1)
 
 
@@ -39,16 +45,15 @@ def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float,
     share = s_m / step - index
     x, y = line[index, :2] + share * (line[index + 1, :2] - line[index, :2])
     heading = float(line[index, 2] + np.clip(share, 0.0, 1.0) * (line[index + 1, 2] - line[index, 2]))
-    return float(x - right_m * np.sin(heading)), float(y + right_m * np.cos(heading)), heading
+    cos, sin = scalars.cos_sin(heading)
+    return float(x - right_m * sin), float(y + right_m * cos), heading
 
 
 def project(line: Floats, x_m: float, y_m: float) -> tuple[float, float]:
     """Return (distance along the line, distance to its right) of the point of the line that is nearest to (x, y)."""
-    away = np.hypot(line[:, 0] - x_m, line[:, 1] - y_m)
+    away = arrays.hypot(line[:, 0] - x_m, line[:, 1] - y_m)
     index = int(np.argmin(away))
     step = arc_lengths(line)[-1] / (len(line) - 1)
-    dx, dy, heading = x_m - line[index, 0], y_m - line[index, 1], line[index, 2]
-    return (
-        float(index * step + dx * np.cos(heading) + dy * np.sin(heading)),
-        float(-dx * np.sin(heading) + dy * np.cos(heading)),
-    )
+    dx, dy = x_m - line[index, 0], y_m - line[index, 1]
+    cos, sin = scalars.cos_sin(line[index, 2])
+    return float(index * step + dx * cos + dy * sin), float(-dx * sin + dy * cos)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class CompiledTown:
         return join(self.lane_map, self.lanes_of(name))
 
     def anchor_m(self, name: str) -> float | None:
-        """Where on a chain its first junction begins, or else what the style is about (a bend, a parallel lane)."""
+        """Return where on a chain its first junction begins, or else its style's feature: a bend, a parallel lane."""
         before = 0.0
         for k in self.lanes_of(name):
             if self.lane_map.lanes[k].junction:
@@ -93,7 +94,7 @@ def _straightest(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
 
 def _turn(lane_map: LaneMap, chain: tuple[int, ...], way: tuple[int, ...]) -> float:
     inside = [k for k in chain if lane_map.lanes[k].junction] if lane_map.lanes[chain[-1]].junction else []
-    return sum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in (*inside, *way))
+    return fsum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in (*inside, *way))
 
 
 def _ways_on(lane_map: LaneMap, chain: tuple[int, ...], way: tuple[int, ...] = ()) -> list[tuple[int, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.errors import RouteError
 
@@ -39,7 +40,7 @@ def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
 def distance_to_lanes(lane_map: LaneMap, x_m: float, y_m: float) -> float:
     """Return the metres from a point to the middle of the nearest driving lane."""
     lanes = [lane.centre for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING]
-    return float(min(np.hypot(centre[:, 0] - x_m, centre[:, 1] - y_m).min() for centre in lanes))
+    return float(min(arrays.hypot(centre[:, 0] - x_m, centre[:, 1] - y_m).min() for centre in lanes))
 
 
 def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float, float]) -> tuple[int, ...]:
@@ -68,12 +69,12 @@ def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float,
 
 def _nearest(lanes: dict[int, Lane], point: tuple[float, float]) -> tuple[dict[int, float], dict[int, int]]:
     """Return by lane: metres from a point to it, and the row of its centre line that is nearest."""
-    away = {k: np.hypot(lane.centre[:, 0] - point[0], lane.centre[:, 1] - point[1]) for k, lane in lanes.items()}
+    away = {k: arrays.hypot(lane.centre[:, 0] - point[0], lane.centre[:, 1] - point[1]) for k, lane in lanes.items()}
     return {k: float(d.min()) for k, d in away.items()}, {k: int(d.argmin()) for k, d in away.items()}
 
 
 def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:
-    """The cheapest way through the columns of `cost` (n, k) from row to row, with `steps` (k, k) between columns."""
+    """Return the cheapest way through the columns of `cost` (n, k), row by row, with `steps` (k, k) between columns."""
     total = cost[0]
     came_from = np.zeros(cost.shape, dtype=np.int64)
     for row in range(1, len(cost)):
@@ -118,10 +119,10 @@ def _costs(driving: list[Lane], line: Floats) -> Floats:
     """Return the cost of every row on every lane, (n, lanes); infinite where the lane does not fit."""
     cost = np.full((len(line), len(driving)), np.inf)
     for k, lane in enumerate(driving):
-        away = np.hypot(line[:, :1] - lane.centre[:, 0], line[:, 1:2] - lane.centre[:, 1])
+        away = arrays.hypot(line[:, :1] - lane.centre[:, 0], line[:, 1:2] - lane.centre[:, 1])
         nearest = away.argmin(axis=1)
         distance = away[np.arange(len(line)), nearest]
-        along = np.cos(line[:, 2] - lane.centre[nearest, 2])
+        along = arrays.cos(line[:, 2] - lane.centre[nearest, 2])
         fits = (distance <= lane.width_m / 2.0 + _BEYOND_EDGE_M) & (along >= _SAME_WAY)
         cost[fits, k] = (distance + _TURN_COST_M * (1.0 - along))[fits]
     return cost

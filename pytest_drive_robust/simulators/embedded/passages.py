@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import fsum
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind
 
@@ -48,7 +49,7 @@ def find_passages(lanes: tuple[Lane, ...], junctions: Mapping[int, int]) -> tupl
 def _ways_on(
     lanes: tuple[Lane, ...], junctions: Mapping[int, int], enters: Lane, inside: tuple[int, ...]
 ) -> Iterator[Passage]:
-    turn = sum(float(lanes[k].centre[-1, 2] - lanes[k].centre[0, 2]) for k in inside)
+    turn = fsum(float(lanes[k].centre[-1, 2] - lanes[k].centre[0, 2]) for k in inside)
     if abs(turn) > _ALMOST_ROUND_RAD:
         return
     for after in lanes[inside[-1]].successors:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.domain.truth import Lane, LaneKind
 from pytest_drive_robust.errors import RouteError
@@ -38,7 +39,7 @@ class RoutePlaces:
 
     @property
     def trigger_m(self) -> float:
-        """Where the scenario wakes up, in metres of the route."""
+        """Where the scenario starts, in metres of the route."""
         return self.dense.trigger_m
 
     @property
@@ -92,7 +93,7 @@ class RoutePlaces:
     # --- paths ---
 
     def add_path(self, line: Floats) -> int:
-        """Make a line drivable for actors; its number."""
+        """Make a line drivable for actors; return its number."""
         self.paths.append(resample(line))
         return len(self.paths) - 1
 
@@ -109,7 +110,7 @@ class RoutePlaces:
         return self._lane_path(self.lane_at(ahead_m).index)
 
     def beside(self, side: str, ahead_m: float = 0.0) -> int:
-        """The path of the driving lane to the `"left"` or `"right"` of the route's lane, in its own direction."""
+        """Return the path of the driving lane `"left"` or `"right"` of the route's lane, in its own direction."""
         lane = self.lane_at(ahead_m)
         index = lane.left if side == "left" else lane.right
         if index < 0 or self.dense.lane_map.lanes[index].kind is not LaneKind.DRIVING:
@@ -142,7 +143,10 @@ class RoutePlaces:
         """
         own = self.first_passage()
         for way in self.dense.town.passages:
-            if way.junction != own.junction or np.cos(way.heading_rad - own.heading_rad - _BEARINGS_RAD[bearing]) < 0.7:
+            if (
+                way.junction != own.junction
+                or scalars.cos(way.heading_rad - own.heading_rad - _BEARINGS_RAD[bearing]) < 0.7
+            ):
                 continue
             if (into == "straight" and abs(way.turn_rad) < _STRAIGHT_RAD) or (
                 into == "exit" and way.leaves == own.leaves

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import WorldState
@@ -79,7 +80,7 @@ def _is_blocked(world: World) -> bool:
     ego, ints = world.state.ego, world.state.actor_ints
     there = (ints[:, c.I_ACTIVE] == 1) & (ints[:, c.I_SOLID] == 1)
     away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]
-    cos_yaw, sin_yaw = np.cos(ego[c.EGO_YAW]), np.sin(ego[c.EGO_YAW])
+    cos_yaw, sin_yaw = scalars.cos(ego[c.EGO_YAW]), scalars.sin(ego[c.EGO_YAW])
     ahead, right = away[:, 0] * cos_yaw + away[:, 1] * sin_yaw, away[:, 1] * cos_yaw - away[:, 0] * sin_yaw
     half = world.state.actors[there][:, c.A_LENGTH] / 2.0
     return bool(((ahead > 0.0) & (ahead - half < _KEEP_AWAY_M) & (np.abs(right) < 1.6)).any())

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
@@ -100,7 +101,7 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
             reach = (
                 actor[WorldState.SPEED]
                 * _ARROW_S
-                * np.array((math.cos(actor[WorldState.YAW]), math.sin(actor[WorldState.YAW])))
+                * np.array((scalars.cos(actor[WorldState.YAW]), scalars.sin(actor[WorldState.YAW])))
             )
             _arrow(
                 picture,
@@ -117,7 +118,7 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
 
 
 def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
-    """Centre and side of a square, metres: the route from its trigger to beyond the ego, with its first junction."""
+    """Return centre and side of a square [m]: the route from its trigger to beyond the ego, and its first junction."""
     dense = scene.world.dense
     end_m = max(dense.trigger_m + _AHEAD_M, scene.ridden_m + _BEFORE_EGO_M)
     crossed_m = dense.s[[dense.lane_map.lanes[lane].junction for lane in dense.lanes]]
@@ -133,7 +134,7 @@ def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
 def _arrow(picture: Pixels, region: Region, start: Floats, end: Floats, colour: Colour) -> None:
     _line(picture, region, start, end, colour, 2)
     away = end - start
-    length = float(np.hypot(*away))
+    length = scalars.hypot(*away)
     if length < 1.0:
         return
     along, across = away / length * 1.4, np.array((-away[1], away[0])) / length * 0.9

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
@@ -16,7 +17,7 @@ _STRAIGHT_RAD = math.radians(35.0)
 
 
 def describe_road(dense: DenseRoute) -> str:
-    """`"1 + 1 lanes, parking, left turn at 24 m, lights"`: lanes are those of the route's way and of the other."""
+    """Return `"1 + 1 lanes, parking, left turn at 24 m, lights"`: lanes of the route's way + lanes of the other."""
     lanes = dense.lane_map.lanes
     own = lanes[int(dense.lanes[int(np.searchsorted(dense.s, dense.trigger_m).clip(0, len(dense.s) - 1))])]
     if own.junction:
@@ -52,7 +53,7 @@ def _lanes(lane_map: LaneMap, own: Lane) -> str:
             if not same_way:  # seen from the other way, one goes on to the other side
                 outward = "right" if outward == "left" else "left"
     driving = [lane for lane in slice_ if lane.kind is LaneKind.DRIVING]
-    along = sum(math.cos(lane.centre[0, 2] - own.centre[0, 2]) > 0.0 for lane in driving)
+    along = sum(scalars.cos(lane.centre[0, 2] - own.centre[0, 2]) > 0.0 for lane in driving)
     others = len(driving) - along
     words = f"{along} + {others} lanes" if others else f"{along} lane{'s' * (along > 1)}, one way"
     kinds = {lane.kind for lane in slice_}

@@ -1,4 +1,4 @@
-"""What traffic lights show: a state until the scenario wakes up, then scripted phases."""
+"""What traffic lights show: a state until the scenario starts, then scripted phases."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _YELLOW_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """`before` holds until the scenario wakes up; each phase is (state, seconds after that at which it ends).
+    """`before` holds until the scenario starts; each phase is (state, seconds after that at which it ends).
 
     The last phase holds for ever, whatever its time.
     """
@@ -31,12 +31,12 @@ RED = Program(LightState.RED, ((LightState.RED, np.inf),))
 
 
 def red_then_green(red_s: float) -> Program:
-    """Return red until `red_s` seconds after the scenario woke up, green from then on."""
+    """Return a program: red until `red_s` seconds after the scenario started, green from then on."""
     return Program(LightState.RED, ((LightState.RED, red_s), (LightState.GREEN, np.inf)))
 
 
 def green_then_red(green_s: float, red_s: float) -> Program:
-    """Green until `green_s` seconds after the scenario woke up, a second of yellow, `red_s` seconds of red, green."""
+    """Return a program: green for `green_s` after the scenario started, yellow for a second, red for `red_s`, green."""
     return Program(
         LightState.GREEN,
         (

@@ -74,7 +74,7 @@ class EmbeddedSimulator:
         return self._frame
 
     def check_route(self, route: Route) -> None:
-        """Raise `UsageError` when the route's town, way or scenario cannot be built; builds it once to see.
+        """Raise `UsageError` when the route's town, way or scenario cannot be built; build it once to see.
 
         Those that we ship can be built, so that a process that only judges on them loads no world.
         """

@@ -6,6 +6,8 @@ import hashlib
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script
@@ -41,15 +43,15 @@ class Stage(RoutePlaces):
 
     # --- draws ---
 
-    def draws(self, name: str) -> np.random.Generator:
+    def draws(self, name: str) -> RandomNumbers:
         """Return a generator that depends on (seed, route, name) and on nothing else."""
         text = f"{self._seed}\x1f{self.dense.route.id}\x1f{self.dense.route.town}\x1f{name}".encode()
-        key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
-        return np.random.Generator(np.random.Philox(key=key))
+        key = hashlib.blake2b(text, digest_size=16).digest()
+        return RandomNumbers(key)
 
     def draw(self, name: str, low: float, high: float) -> float:
         """Return one number between `low` and `high`."""
-        return float(self.draws(name).uniform(low, high))
+        return self.draws(name).uniform(low, high)
 
     # --- actors ---
 
@@ -99,7 +101,7 @@ class Stage(RoutePlaces):
         They walk `walks_m` metres sideways; with a positive `slant_rad` they come towards the ego while they do.
         """
         to_right_m = from_right_m - float(np.copysign(walks_m, from_right_m))
-        lean = float(np.tan(slant_rad)) * float(np.sign(from_right_m))
+        lean = scalars.tan(slant_rad) * float(np.sign(from_right_m))
         start = self.spot(ahead_m + lean * from_right_m, from_right_m)
         end = self.spot(ahead_m + lean * to_right_m, to_right_m)
         path = self.add_path(np.array([start, end]))
@@ -127,7 +129,7 @@ class Stage(RoutePlaces):
         back from the path's end, none is. The other options are those of `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
-        gaps = self.draws(name).uniform(max(gap_m[0], 4.0), max(gap_m[1], 4.5), size=_GAPS)
+        gaps = self.draws(name).uniforms(max(gap_m[0], 4.0), max(gap_m[1], 4.5), _GAPS)
         length = max(SIZES_M[kind][0] for kind in kinds)
         dense = min(int(np.searchsorted(np.cumsum(gaps + length), dense_m)), _GAPS // 2)
         gaps[dense + 2 :: 3] *= 2.0
@@ -149,7 +151,7 @@ class Stage(RoutePlaces):
     # --- lights ---
 
     def lights(self, *, ego: Program, opposite: Program, crossing: Program = RED) -> None:
-        """Programs for the ego's light, the opposite one, and those of the crossing road, at the first junction."""
+        """Set programs for the ego's light, the opposite one, and those of the crossing road, at the first junction."""
         self.first_passage()  # says clearly when there is no junction
         self._set_lights(0, ego, opposite, crossing)
 
@@ -161,5 +163,5 @@ class Stage(RoutePlaces):
     def _set_lights(self, number: int, ego: Program, opposite: Program, crossing: Program) -> None:
         own = self.dense.passages()[number].heading_rad
         for index in self.dense.junction_stops(number):
-            towards = np.cos(self.dense.lane_map.stop_lines[index].heading_rad - own)
+            towards = scalars.cos(self.dense.lane_map.stop_lines[index].heading_rad - own)
             self.programs[index] = ego if towards > 0.7 else opposite if towards < -0.7 else crossing

@@ -7,13 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
+from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
 __all__ = ["DT_S", "EVENT_CAPACITY", "State", "Statics", "copy_state"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 DT_S = 0.05
 EVENT_CAPACITY = 256
@@ -73,51 +69,51 @@ class Statics(NamedTuple):
     dt_s: float
     tick_cap: int
     stuck_stop_s: float
-    route: Floats  # (n, 4): x, y, yaw, speed limit; about one row a metre
-    route_s: Floats  # (n,): distance along the route [m]
-    trigger_m: float  # progress at which the scenario wakes up
+    route: Floats2  # (n, 4): x, y, yaw, speed limit; about one row a metre
+    route_s: Floats1  # (n,): distance along the route [m]
+    trigger_m: float  # progress at which the scenario starts
     scenario_end_m: float  # progress at which the scenario is over
-    blocked_test_off: int  # 1: the blocked test sleeps while the scenario runs
+    blocked_test_off: int  # 1: the blocked test is off while the scenario runs
     two_ways: int  # 1: driving against the traffic is allowed while the scenario runs
     emergency_actor: int  # the actor that must be let past, or -1
     ego_length_m: float
     ego_width_m: float
-    paths: Floats  # (total, 3): all paths of actors, one after the other
-    path_start: Ints  # (paths + 1,)
-    path_step: Floats  # (paths,): distance between two points of a path [m]
-    path_stop_s: Floats  # (paths,): where the path meets a light, or infinity
-    path_stop_line: Ints  # (paths,): which stop line that is, or -1
-    lanes: Floats  # (total, 3): centre points of driving and parking lanes
-    lane_of: Ints  # (total,): lane index of each centre point
-    lane_start: Ints  # (usable lanes + 1,): where each of those lanes begins among the points
+    paths: Floats2  # (total, 3): all paths of actors, one after the other
+    path_start: Ints1  # (paths + 1,)
+    path_step: Floats1  # (paths,): distance between two points of a path [m]
+    path_stop_s: Floats1  # (paths,): where the path meets a light, or infinity
+    path_stop_line: Ints1  # (paths,): which stop line that is, or -1
+    lanes: Floats2  # (total, 3): centre points of driving and parking lanes
+    lane_of: Ints1  # (total,): lane index of each centre point
+    lane_start: Ints1  # (usable lanes + 1,): where each of those lanes begins among the points
     lane_step_m: float  # no two points of a lane that follow each other are farther apart
-    lane_width: Floats  # (lanes,)
-    lane_junction: Ints  # (lanes,)
-    stop_lines: Floats  # (stop lines, 4): x, y, heading, width
-    stop_is_light: Ints  # (stop lines,)
-    light_states: Ints  # (stop lines, phases)
-    light_until_s: Floats  # (stop lines, phases): phase ends so many seconds after the scenario woke up
-    light_before: Ints  # (stop lines,): state before the scenario wakes up
-    flow_gaps: Floats  # (flows, draws): distances between two cars [m]
-    buildings: Floats  # (b, 6)
-    patches: Floats  # (p, 2): dirt on the road
-    patch_noise: Floats  # (n, 2): throttle and steer that a patch adds, one row a tick, over and over
-    survey: Floats  # (paths, actors + 1, 5): scratch, written anew in every tick
+    lane_width: Floats1  # (lanes,)
+    lane_junction: Ints1  # (lanes,)
+    stop_lines: Floats2  # (stop lines, 4): x, y, heading, width
+    stop_is_light: Ints1  # (stop lines,)
+    light_states: Ints2  # (stop lines, phases)
+    light_until_s: Floats2  # (stop lines, phases): phase ends so many seconds after the scenario started
+    light_before: Ints1  # (stop lines,): state before the scenario starts
+    flow_gaps: Floats2  # (flows, draws): distances between two cars [m]
+    buildings: Floats2  # (b, 6)
+    patches: Floats2  # (p, 2): dirt on the road
+    patch_noise: Floats2  # (n, 2): throttle and steer that a patch adds, one row a tick, over and over
+    survey: Floats3  # (paths, actors + 1, 5): scratch, written anew in every tick
 
 
 class State(NamedTuple):
     """What a tick changes."""
 
-    clock: Ints  # (2,): tick, tick at which the scenario woke up (-1: not yet)
-    ego: Floats  # (9,)
-    actors: Floats  # (k, 29)
-    actor_ints: Ints  # (k, 17)
-    flows: Floats  # (f, 5)
-    flow_ints: Ints  # (f, 5)
-    lights: Ints  # (stop lines,)
-    criteria: Floats  # (9,)
-    criteria_ints: Ints  # (11,)
-    events: Floats  # (EVENT_CAPACITY, 6)
+    clock: Ints1  # (2,): tick, tick at which the scenario started (-1: not yet)
+    ego: Floats1  # (9,)
+    actors: Floats2  # (k, 29)
+    actor_ints: Ints2  # (k, 17)
+    flows: Floats2  # (f, 5)
+    flow_ints: Ints2  # (f, 5)
+    lights: Ints1  # (stop lines,)
+    criteria: Floats1  # (9,)
+    criteria_ints: Ints1  # (11,)
+    events: Floats2  # (EVENT_CAPACITY, 6)
 
 
 def copy_state(state: State) -> State:

@@ -1,4 +1,4 @@
-"""What wakes an actor up, once its scenario is awake."""
+"""What sets an actor off once its scenario has started."""
 
 from __future__ import annotations
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
 from pytest_drive_robust.simulators.embedded.map import CompiledTown
@@ -57,7 +60,7 @@ def _move_over(
     for step in np.arange(0.0, over_m):
         here = np.array(place(line, from_m + step)[:2])
         there = np.array(place(other, _beside(other, here, names))[:2])
-        share = 0.5 - 0.5 * np.cos(np.pi * step / over_m)
+        share = 0.5 - 0.5 * scalars.cos(math.pi * step / over_m)
         x, y = here + share * (there - here)
         moved.append((float(x), float(y)))
     return moved

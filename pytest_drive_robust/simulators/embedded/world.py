@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.series import wrap_angle
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
@@ -119,11 +121,11 @@ class World:
             raise SimulationError(f"the ego cannot be put at {given}: expected finite numbers and a speed of 0 or more")
         ego = self.state.ego
         ego[[c.EGO_X, c.EGO_Y, c.EGO_V]] = x_m, y_m, speed_mps
-        ego[c.EGO_YAW] = np.remainder(yaw_rad + np.pi, 2.0 * np.pi) - np.pi
+        ego[c.EGO_YAW] = wrap_angle(yaw_rad)
         if speed_mps == 0.0:
             ego[[c.EGO_ACCEL, c.EGO_FORWARD]] = 0.0
-        turn, slip = math.tan(ego[c.EGO_STEER]), math.atan(0.5 * math.tan(ego[c.EGO_STEER]))
-        yaw_rate = speed_mps * math.cos(slip) * turn / WHEELBASE_M
+        turn, slip = scalars.tan(ego[c.EGO_STEER]), scalars.atan(0.5 * scalars.tan(ego[c.EGO_STEER]))
+        yaw_rate = speed_mps * scalars.cos(slip) * turn / WHEELBASE_M
         if abs(yaw_rate) * speed_mps > GRIP_MPS2:
             yaw_rate = math.copysign(GRIP_MPS2 / speed_mps, yaw_rate)
         ego[[c.EGO_RIGHT, c.EGO_YAW_RATE]] = speed_mps * yaw_rate, yaw_rate
@@ -133,9 +135,8 @@ def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
     ego = np.zeros(c.EGO_COLUMNS)
     x, y, yaw = dense.rows[0, :3]
     right = stage.start_right_m
-    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]] = x - right * np.sin(yaw), y + right * np.cos(yaw), yaw
-    ego[c.EGO_V] = stage.start_mps
-    ego[c.EGO_YAW] = np.remainder(ego[c.EGO_YAW] + np.pi, 2.0 * np.pi) - np.pi
+    ego[[c.EGO_X, c.EGO_Y]] = x - right * scalars.sin(yaw), y + right * scalars.cos(yaw)
+    ego[[c.EGO_YAW, c.EGO_V]] = wrap_angle(yaw), stage.start_mps
     return ego
 
 
@@ -147,21 +148,21 @@ def _clear_start(statics: Statics, state: State) -> None:
     active = state.actor_ints[:, c.I_ACTIVE] == 1
     flowing = state.actor_ints[:, c.I_FLOW] >= 0
     placed = state.actors[active & ~flowing & (state.actor_ints[:, c.I_SOLID] == 1)]
+    placed_cos, placed_sin = arrays.cos(placed[:, c.A_YAW]), arrays.sin(placed[:, c.A_YAW])
+    cos, sin = scalars.cos(state.ego[c.EGO_YAW]), scalars.sin(state.ego[c.EGO_YAW])
     for i in np.flatnonzero(active & flowing):
-        if _runs_into(state.actors[i], placed):
+        if _runs_into(state.actors[i], placed, placed_cos, placed_sin):
             state.actor_ints[i, c.I_ACTIVE] = 0
         dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
-        beside = abs(-dx * np.sin(state.ego[c.EGO_YAW]) + dy * np.cos(state.ego[c.EGO_YAW]))
-        if np.hypot(dx, dy) < 15.0 and beside < statics.ego_width_m:
+        if scalars.hypot(dx, dy) < 15.0 and abs(-dx * sin + dy * cos) < statics.ego_width_m:
             state.actor_ints[i, c.I_ACTIVE] = 0
 
 
-def _runs_into(actor: Floats, placed: Floats) -> bool:
-    """Return whether an actor overlaps one of `placed`, or is too near along it to stop in time."""
+def _runs_into(actor: Floats, placed: Floats, cos: Floats, sin: Floats) -> bool:
+    """Return whether an actor overlaps one of `placed` (of these yaws), or is too near along it to stop in time."""
     dx, dy = actor[c.A_X] - placed[:, c.A_X], actor[c.A_Y] - placed[:, c.A_Y]
-    cos, sin = np.cos(placed[:, c.A_YAW]), np.sin(placed[:, c.A_YAW])
     long, wide = placed[:, c.A_LENGTH] + actor[c.A_LENGTH], placed[:, c.A_WIDTH] + actor[c.A_WIDTH]
-    to_stop = 2.0 + actor[c.A_V] ** 2 / (2.0 * _STOPPING_MPS2)
+    to_stop = 2.0 + actor[c.A_V] * actor[c.A_V] / (2.0 * _STOPPING_MPS2)
     inside = (np.abs(dx * cos + dy * sin) < long / 2.0 + to_stop) & (np.abs(dy * cos - dx * sin) < wide / 2.0)
     return bool(inside.any())
 
@@ -173,7 +174,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
     before, states, until = compile_programs([stage.programs.get(line.index, RED) for line in stops])
     stop_s, stop_line = _path_stops(stage.paths, dense)
     lengths = [len(path) for path in stage.paths]
-    steps = [float(np.hypot(*(path[1, :2] - path[0, :2]))) for path in stage.paths]
+    steps = [scalars.hypot(*(path[1, :2] - path[0, :2])) for path in stage.paths]
     if any(step <= 0.0 for step in steps):
         raise RouteError(f"route {dense.route.id}: an actor's path has no length")
     return Statics(
@@ -197,7 +198,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         lanes=np.concatenate([lane.centre for lane in usable]),
         lane_of=np.concatenate([np.full(len(lane.centre), lane.index) for lane in usable]).astype(np.int64),
         lane_start=np.concatenate([[0], np.cumsum([len(lane.centre) for lane in usable])]).astype(np.int64),
-        lane_step_m=max(float(np.hypot(*np.diff(lane.centre[:, :2], axis=0).T).max()) for lane in usable),
+        lane_step_m=max(float(arrays.hypot(*np.diff(lane.centre[:, :2], axis=0).T).max()) for lane in usable),
         lane_width=np.array([lane.width_m for lane in lane_map.lanes]),
         lane_junction=np.array([int(lane.junction) for lane in lane_map.lanes], dtype=np.int64),
         stop_lines=np.array([[s.x_m, s.y_m, s.heading_rad, s.width_m] for s in stops]).reshape(-1, 4),
@@ -214,14 +215,18 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
 
 
 def _patch_noise(stage: Stage) -> Floats:
-    """(n, 2): what dirt adds to throttle and steer (Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`).
+    """Draw (n, 2), what dirt adds to throttle and steer.
 
-    The side to which it pulls is drawn once per episode.
+    Source: Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`.
+
+    The side to which it pulls is drawn once per episode. Without dirt n is 0.
     """
+    if not stage.patches:
+        return np.zeros((0, 2))
     draws = stage.draws("dirt")
     side = 1.0 if draws.random() < 0.5 else -1.0
-    throttle = draws.normal(0.03, 0.01, size=_NOISE_TICKS)
-    steer = draws.normal(side * 0.055, 0.015, size=_NOISE_TICKS)
+    throttle = draws.normals(0.03, 0.01, _NOISE_TICKS)
+    steer = draws.normals(side * 0.055, 0.015, _NOISE_TICKS)
     return np.column_stack([throttle, steer])
 
 
@@ -230,11 +235,11 @@ def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray
     stop_s = np.full(len(paths), np.inf)
     stop_line = np.full(len(paths), -1, dtype=np.int64)
     for p, path in enumerate(paths):
-        step = float(np.hypot(*(path[1, :2] - path[0, :2])))
+        step = scalars.hypot(*(path[1, :2] - path[0, :2]))
         for line in dense.lane_map.stop_lines:
-            away = np.hypot(path[:, 0] - line.x_m, path[:, 1] - line.y_m)
+            away = arrays.hypot(path[:, 0] - line.x_m, path[:, 1] - line.y_m)
             k = int(np.argmin(away))
-            along = np.cos(path[k, 2] - line.heading_rad) > 0.8
+            along = scalars.cos(path[k, 2] - line.heading_rad) > 0.8
             if line.is_light and along and away[k] < 1.0 and k * step < stop_s[p]:
                 stop_s[p], stop_line[p] = k * step, line.index
     return stop_s, stop_line

@@ -3,7 +3,7 @@
 Where is what: `ids` says which environments can be driven and names their routes; `environments` makes one at 20 Hz;
 `destinations` asks it where its ego shall go, `route_line` draws the way there,
 `road_map` the lanes; `vehicles` turns a control into its action; `live_road` reads its vehicles; `criteria` judges;
-`class_attributes` keeps what it writes on classes to itself; `simulator` is the door.
+`class_attributes` keeps what it writes on classes to itself; `simulator` is what others import.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ class EpisodeCriteria:
         return not any(lane.on_lane(ego.position, margin=constants.OUTSIDE_M) for lane in lanes)
 
     def _is_wrong_way(self, state: WorldState) -> bool:
-        """Against the traffic of the nearest lane. Junctions, where lanes cross, are left out."""
+        """Return whether the ego drives against its nearest lane; junctions, where lanes cross, are left out."""
         ego = self._road.ego
         if self._lane_map.lanes[self._index[ego.lane_index]].junction:
             return False

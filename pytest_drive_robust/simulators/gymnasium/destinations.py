@@ -73,7 +73,7 @@ def _through(network: RoadNetwork, start: LaneKey, destination: str) -> tuple[La
 
 
 def _straight_on(network: RoadNetwork, start: LaneKey, length_m: float) -> tuple[LaneKey, ...]:
-    """The lanes that follow each other most smoothly, over at least `length_m`, up to a dead end or back to `start`."""
+    """Return the lanes that follow most smoothly, over at least `length_m`, up to a dead end or back to `start`."""
     lanes, total = [start], 0.0  # the ego may stand at the end of its first lane, which counts for nothing
     while True:
         key = lanes[-1]
@@ -103,7 +103,7 @@ def _bounded(network: RoadNetwork, env: Any, lanes: tuple[LaneKey, ...], length_
 
 
 def _number_on(network: RoadNetwork, key: LaneKey, node: Any) -> int:
-    """The number of the lane from `key` towards `node`: the same one on a road of as many lanes, else the nearest."""
+    """Return the number of the lane from `key` towards `node`: the same if there are as many, else the nearest."""
     lane = network.get_lane(key)
     end = lane.position(lane.length, 0.0)
     return int(network.next_lane_given_next_road(*key, node, None, end)[0])

@@ -90,7 +90,7 @@ def junction_keys(network: RoadNetwork) -> frozenset[LaneKey]:
 
 
 def sample(lane: AbstractLane, start_m: float, end_m: float) -> Floats:
-    """(n, 3): x, y, heading of the centre line from `start_m` to `end_m` along the lane, a point about every metre."""
+    """Return (n, 3) x, y, heading of the centre line between two places on the lane, about one point a metre."""
     count = max(2, round(abs(end_m - start_m)) + 1)
     at = np.linspace(start_m, end_m, count)
     return np.array([[*lane.position(s, 0.0), lane.heading_at(s)] for s in at], dtype=float)

@@ -15,8 +15,8 @@ from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.testing import FakeSimulator
 
@@ -33,6 +33,9 @@ class Good:
 
 class Secretive(Good):
     def plan(self): raise RuntimeError("not telling")
+
+class Bad(Good):
+    def act(self, observation): return None
 """
 ROUTE = resolve_routes("full")[0]
 GOOD = ("replay", ROUTE.id, "--agent", "film_agents:Good", "--sim", FAKE, "--tick-cap", "40")
@@ -232,6 +235,45 @@ def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest
     assert "200 ms latency: as in the stored episode, bit for bit" in shown
 
 
+def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["replay", ROUTE.id, "--agent", "film_agents:Good", "--sim", FAKE, "--setting", "200 ms latency"]
+    assert main([*arguments, "--seed", "5", "--no-video"]) == 0
+    shown = capsys.readouterr().out
+    assert f"film_agents:Good on {ROUTE.id} under clean, seed 5 ({ROUTE.scenario.type})" in shown
+    assert f"film_agents:Good on {ROUTE.id} under 200 ms latency, seed 5" in shown
+    assert shown.count("completed: DS ") == 2
+    assert "first divergence at " in shown
+
+
+def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", ROUTE.id, "--agent", "film_agents:Bad", "--sim", FAKE, "--no-video"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("under clean") == 1
+    assert "agent_error" in shown
+    assert "first divergence" not in shown
+
+
+def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[str]) -> None:
+    route = next(route.id for route in resolve_routes("full") if route.scenario.type == "ParkedObstacle")
+    arguments = ["replay", route, "--agent", "drive_robust_agents.constant:Constant", "--no-video", "--stuck-stop"]
+    assert main([*arguments, "5"]) == 0
+    assert "stopped early" in capsys.readouterr().out
+    assert main([*arguments, "soon"]) == 4
+    assert "--stuck-stop is 'soon', expected seconds > 0" in capsys.readouterr().err
+
+
+def test_stored_controls_are_driven_again_without_the_agent(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = stored(folder, "200 ms latency")
+    (folder / "film_agents.py").unlink()
+    monkeypatch.delitem(sys.modules, "film_agents")
+    arguments = ["replay", str(path), "--sim", FAKE, "--tick-cap", "40", "--no-video"]
+    assert main(arguments) == 4
+    assert main([*arguments, "--stored-controls"]) == 0
+    assert "200 ms latency: as in the stored episode, bit for bit" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
@@ -245,6 +287,7 @@ def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest
         ({"--run": "nowhere/"}, "no such file or folder"),
         ({"--run": "befor"}, "no stored run named 'befor'"),
         ({"--tick-cap": "0"}, "expected at least 1"),
+        ({"--seed": "0", "--stored-controls": ""}, "give its .episode file as ROUTE"),
         ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
     ],
     ids=lambda value: str(value)[:40],
@@ -257,7 +300,7 @@ def test_bad_input_exits_with_4_and_writes_nothing(
         if isinstance(place, int):
             arguments[place] = value
         else:
-            arguments += [place, value]
+            arguments += [place, value] if value else [place]
     assert main(arguments) == 4
     error = capsys.readouterr().err
     assert told in error

@@ -9,8 +9,8 @@ import cv2
 import pytest
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 
 @pytest.fixture(autouse=True)

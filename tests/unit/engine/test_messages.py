@@ -13,23 +13,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pytest_drive_robust.engine.messages import (
-    RESULT,
-    TOKEN_BYTES,
-    Answer,
-    Message,
-    answer_message,
-    receive,
-    refusal,
-    send,
-)
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, Answer, receive, refusal, send
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 TOKEN = b"t" * TOKEN_BYTES
-MESSAGE = Message(b"R", TOKEN, b"what was driven")
-MESSAGES = st.builds(
-    Message, st.binary(min_size=1, max_size=1), st.binary(min_size=16, max_size=16), st.binary(max_size=300)
-)
+MESSAGE = (TOKEN, b"what was driven")
+MESSAGES = st.tuples(st.binary(min_size=TOKEN_BYTES, max_size=TOKEN_BYTES), st.binary(max_size=300))
 
 
 @pytest.fixture
@@ -41,16 +30,18 @@ def ends() -> Iterator[tuple[Connection, Connection]]:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(messages=st.lists(MESSAGES, max_size=4))
-def test_messages_arrive_whole_and_in_order(ends: tuple[Connection, Connection], messages: list[Message]) -> None:
+def test_messages_arrive_whole_and_in_order(
+    ends: tuple[Connection, Connection], messages: list[tuple[bytes, bytes]]
+) -> None:
     ours, theirs = ends
     for message in messages:
-        send(ours, message)
+        send(ours, *message)
     assert [receive(theirs) for _ in messages] == messages
 
 
 def test_a_connection_that_ends_between_messages_is_at_its_end(ends: tuple[Connection, Connection]) -> None:
     ours, theirs = ends
-    send(ours, MESSAGE)
+    send(ours, *MESSAGE)
     ours.close()
     assert receive(theirs) == MESSAGE
     with pytest.raises(EOFError):
@@ -83,8 +74,8 @@ def test_text_is_no_message(noise: str) -> None:
             receive(theirs)
 
 
-@given(noise=st.binary(max_size=TOKEN_BYTES))
-def test_a_message_without_content_is_refused(noise: bytes) -> None:
+@given(noise=st.binary(max_size=TOKEN_BYTES - 1))
+def test_a_message_without_a_token_is_refused(noise: bytes) -> None:
     ours, theirs = Pipe()
     with ours, theirs:
         ours.send_bytes(noise)
@@ -93,13 +84,14 @@ def test_a_message_without_content_is_refused(noise: bytes) -> None:
 
 
 def test_what_is_no_answer_is_refused() -> None:
-    for payload in (b"", b"1234", b"{}", b"{}\n", b'{"rss": 1, "leftovers": []}\nno record'):
+    notes = b'{"is_spent": true, "refused": false}'
+    for payload in (b"", b"1234", b"{}", b"{}\n", notes + b"\nno record"):
         with pytest.raises(ValueError, match=r"."):
-            Answer.of(Message(RESULT, TOKEN, payload))
+            Answer.from_bytes(payload)
 
 
 def test_a_usage_error_keeps_its_class_and_its_text() -> None:
-    answer = Answer.of(answer_message(TOKEN, UnknownNameError("no such"), rss=7, leftovers=["a"]))
-    assert (answer.rss, answer.leftovers) == (7, ("a",))
+    answer = Answer.from_bytes(Answer(UnknownNameError("no such"), is_spent=True).to_bytes())
+    assert answer.is_spent
     assert (type(answer.result), str(answer.result)) == (UnknownNameError, "no such")
     assert type(refusal(b'{"type": "OSError", "text": ""}')) is UsageError

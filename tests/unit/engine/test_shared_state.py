@@ -4,46 +4,59 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.engine.shared_state import Phase, SharedState, shared_file, state_bytes
 from pytest_drive_robust.runner.episode.rescore import AgentRig
+from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 EGO = EgoState(1.5, -2.5, 0.1, 8.25, 0.0, 0.0, 0.0, 4.5, 1.9)
 ASKED, APPLIED = Control(0.5, -0.25, 0.0), Control(0.0, 0.0, 1.0)
 
 
 @pytest.fixture
-def boards() -> Iterator[tuple[SharedState, SharedState]]:
+def boards() -> tuple[SharedState, SharedState]:
     fd = shared_file("test", state_bytes(3))
     ours, theirs = SharedState(fd), SharedState(fd)
     os.close(fd)
-    yield ours, theirs
-    ours.close()
-    theirs.close()
+    return ours, theirs
+
+
+def tick(state: SharedState, number: int, applied: Control) -> None:
+    simulator = FakeSimulator()
+    world = simulator.reset(fake_route(), seed=0, cameras=())
+    state.ticked(number, WorldState(number, EGO, world.actors, world.lights), simulator.observe(), applied)
 
 
 def test_rows_arrive_as_they_were_written(boards: tuple[SharedState, SharedState]) -> None:
     ours, theirs = boards
     theirs.clear()
-    theirs.add(0, ASKED, APPLIED, EGO)
-    theirs.add(1, None, ASKED, EGO)
+    theirs.asked = ASKED
+    tick(theirs, 0, APPLIED)
+    tick(theirs, 1, ASKED)
     rows = ours.rows()
     assert ours.ticks == 2
     np.testing.assert_array_equal(rows[0], [0.5, -0.25, 0.0, 0.0, 0.0, 1.0, 1.5, -2.5, 8.25])
     assert np.isnan(rows[1, :3]).all()
 
 
+@pytest.mark.parametrize("answer", ["full throttle", Control(throttle=float("nan")), Control(throttle="full")])  # type: ignore[arg-type]
+def test_what_is_no_control_is_not_kept(boards: tuple[SharedState, SharedState], answer: object) -> None:
+    ours, theirs = boards
+    theirs.asked = answer
+    tick(theirs, 0, APPLIED)
+    assert np.isnan(ours.rows()[0, :3]).all()
+
+
 def test_more_ticks_than_there_is_room_for_are_left_out(boards: tuple[SharedState, SharedState]) -> None:
     ours, theirs = boards
-    for tick in range(10):
-        theirs.add(tick, ASKED, APPLIED, EGO)
+    for number in range(10):
+        tick(theirs, number, APPLIED)
     assert ours.ticks == len(ours.rows()) == 4
 
 

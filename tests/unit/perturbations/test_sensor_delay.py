@@ -57,7 +57,7 @@ def test_an_equal_delay_of_both_groups_is_said_once() -> None:
 
 @pytest.mark.parametrize("perturbation", [SensorDelay(camera_ms=20), SensorDelay(camera_ms=100, ego_ms=49)])
 def test_a_delay_below_one_tick_is_refused(perturbation: SensorDelay) -> None:
-    with pytest.raises(PerturbationError, match=r"expected 0 or at least one tick, which lasts 0\.05 s"):
+    with pytest.raises(PerturbationError, match=r"_ms is (20|49)\b"):
         started(perturbation)
 
 

@@ -177,9 +177,9 @@ def test_brackets_and_clean_are_explained(text: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("-100 ms latency", "InferenceLatency: ms is -100.0, expected milliseconds of at least 0"),
+        ("-100 ms latency", "InferenceLatency: ms is -100.0"),
         ("nan ms latency", "ms is nan"),
-        ("occlusion 1.5", "PartialObservation: ratio is 1.5, expected a share in 0..1"),
+        ("occlusion 1.5", "PartialObservation: ratio is 1.5"),
         ("200 ms latency (mode=holt)", "Did you mean 'hold'?"),
         ("2.5 frame blend", "FrameBlend: frames is '2.5', expected int"),
         ("speed noise 0.5 (clip=maybe)", "SpeedNoise: clip is 'maybe', expected bool"),

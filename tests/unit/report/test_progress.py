@@ -3,8 +3,8 @@ from __future__ import annotations
 import io
 from contextlib import contextmanager
 
-from pytest_drive_robust.report.progress import PlainProgress, ProgressState
-from pytest_drive_robust.store.events import Asked, Finished, Planned, Started
+from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, ProgressState
+from pytest_drive_robust.store.events import Asked, Compiling, Finished, Planned, Spared, Started
 
 
 class Clock:
@@ -47,7 +47,7 @@ def test_the_time_left_follows_from_the_time_that_passed():
     clock.now_s += 30.0
     state.see(Finished("a", 30.0))
     assert state.left_s == 90.0
-    assert state.counts() == "1/4 episodes, about 2 min left"
+    assert state.counts() == "1/4 episodes, about 90 s left"
 
 
 def test_it_says_what_is_under_way():
@@ -66,6 +66,15 @@ def test_a_setting_is_complete_when_its_last_episode_is():
     assert state.see(Finished("a", 1.0)) == []
     assert state.see(Finished("b", 1.0)) == [clean]
     assert state.see(clean) == [], "a second test that asks has nothing to wait for"
+
+
+def test_of_two_settings_that_end_together_the_perturbed_one_is_named():
+    screen = FakeScreen()
+    progress = PlainProgress(screen, Clock())
+    for event in (asked("clean", "a", "b"), asked("late", "c", "d"), Finished("a", 1.0), Finished("c", 1.0)):
+        progress.see(event)
+    progress.see(Spared(("b", "d")))
+    assert screen.stream.getvalue().startswith("drive-robust: driver under late done, 2/2 episodes")
 
 
 def test_plain_lines_are_few():
@@ -89,3 +98,39 @@ def test_a_long_setting_gives_a_sign_of_life():
         clock.now_s += 0.1
         progress.refresh()
     assert screen.stream.getvalue().count("0/1 episodes, now driver, clean, a Straight") == 2
+
+
+def test_compiling_is_said_at_once_and_then_every_five_seconds():
+    clock, screen = Clock(), FakeScreen()
+    progress = PlainProgress(screen, clock)
+    progress.see(asked("clean", "a"))
+    progress.see(started("a"))
+    for done in range(13):
+        progress.see(Compiling(done, 12))
+        progress.refresh()
+        clock.now_s += 1.0
+    said = [line.partition(": ")[2] for line in screen.stream.getvalue().splitlines()]
+    assert said == [f"compiling, {done} of 12 functions done (kept for later runs)" for done in (0, 5, 10)]
+
+
+def test_nothing_is_compiling_any_more_when_an_episode_ends():
+    state = ProgressState(Clock())
+    for event in (Compiling(0, 12), Finished("a", 1.0)):
+        state.see(event)
+    assert state.compiling() == ""
+
+
+def test_the_live_line_counts_functions_while_they_are_compiled():
+    clock, screen = Clock(), FakeScreen()
+    progress = LiveProgress(screen, clock)
+    for event in (asked("clean", "a"), started("a"), Compiling(3, 12)):
+        progress.see(event)
+    progress.refresh()
+    drawn = screen.stream.getvalue()
+    progress.see(Compiling(12, 12))
+    clock.now_s += 1.0
+    progress.refresh()
+    progress.pause()
+    assert "compiling, 3 of 12 functions done" in drawn
+    assert "0/1 episodes" not in drawn
+    assert "0/1 episodes" in screen.stream.getvalue()

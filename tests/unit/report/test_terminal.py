@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import replace
+import re
 
 from result_factory import crashed_simulation, make_result, scored
 
@@ -9,7 +9,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
-from pytest_drive_robust.store.events import Asked, Judged, Used
+from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
 
 
 def run_of(*groups, judged=()):
@@ -80,6 +80,8 @@ def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():
     assert told in run_summary(mixed, colour=False).replace("\n", " ")
     assert any(told in note for note in run_as_json(mixed)["notes"])
     assert "torch gives" not in run_summary(mixed, colour=False)
+    anywhere = run_of(("clean", [driven_on("1", "any"), driven_on("2", "aa")]))
+    assert "machines" not in run_summary(anywhere, colour=False)
 
 
 def test_a_simulation_error_has_no_numbers():
@@ -110,11 +112,28 @@ def test_a_run_that_asked_for_nothing_has_no_table():
 
 
 def test_rows_of_early_verdicts_are_not_compared_by_score():
-    early = replace(verdict("clean", "pass"), routes=1, planned=9)
-    lines = run_summary(run_of(("clean", [scored("1", 100.0)]), judged=[early]), colour=False).splitlines()
-    assert any("early verdicts rest on fewer routes" in line for line in lines)
-    late = replace(early, routes=9)
-    assert "early verdicts" not in run_summary(run_of(("clean", [scored("1", 100.0)]), judged=[late]), colour=False)
+    clean = {f"clean {number}": scored(str(number), 100.0) for number in range(9)}
+    late = {f"late {number}": scored(str(number), 50.0, setting="late") for number in range(9)}
+    asked = [
+        Asked("driver", "dev10", "clean", (0,), tuple(clean), ()),
+        Asked("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
+    ]
+    used = [Used(tuple(clean)[:6]), Used(tuple(late)[:4])]
+    events = [*asked, *used, Spared(tuple(clean)[6:]), Spared(tuple(late)[4:]), verdict("late", "pass")]
+    run = RunResult.of(RunOptions(), events, {**clean, **late}.get, versions={})
+    head, first, second, *notes = run_summary(run, colour=False).splitlines()
+    assert head.split() == ["agent", "setting", "DS", "SR", "RD", "routes", "verdict"]
+    assert re.fullmatch(r"driver +clean +100\.00 \(\d+ to 100\) +1\.00 +- +6/9 +-", first)
+    assert re.fullmatch(r"driver +late +50\.00 \(\d+ to \d+\) +0\.00 +0\.50 \(\S+ to \S+\) +4/9 +pass", second)
+    assert "Between rows compare RD" in " ".join(notes)
+    clean_row, late_row = run_as_json(run)["summaries"]
+    assert (clean_row["routes"], clean_row["routes_planned"], clean_row["rd_interval"]) == (6, 9, None)
+    assert late_row["ds_interval"][0] < 50.0 < late_row["ds_interval"][1]
+    assert late_row["rd_interval"][0] < 0.5 < late_row["rd_interval"][1]
+    whole = [*asked, Used((*clean, *late)), verdict("late", "pass")]
+    text = run_summary(RunResult.of(RunOptions(), whole, {**clean, **late}.get, versions={}), colour=False)
+    assert "efficiency" in text
+    assert "Between rows" not in text
 
 
 def test_a_clean_score_below_the_floor_has_no_degradation_to_show():

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations import InferenceLatency, Perturbation, Setting
-from pytest_drive_robust.runner.plan import Scope, planned_order
+from pytest_drive_robust.runner.plan import Scope, first_of_each_agent, planned_order, routes_in_order
 from pytest_drive_robust.testing import fake_route
 from pytest_drive_robust.verdict.requirement import requirement
 
@@ -36,6 +37,49 @@ def test_a_relative_requirement_needs_the_clean_twins_first():
 def test_an_absolute_requirement_needs_no_clean_twins():
     plan = SCOPE.plan([requirement("DS", LATENCY) >= 40])
     assert {task.episode.setting for task in plan.values()} == {str(LATENCY)}
+
+
+def many(agent="driver"):
+    return Scope(agent, "many", tuple(fake_route(str(number)) for number in range(40)), (0,))
+
+
+def test_a_reading_goes_through_the_routes_in_planned_order_clean_first():
+    scope, wanted = many(), requirement("RD", LATENCY) <= 0.3
+    reading = scope.reading(wanted, VerdictRule())
+    assert reading.kind == "evidence"
+    order = [route.perturbed[0].route.id for route in routes_in_order(scope, reading.need)]
+    asked = [(task.route.id, task.episode.setting) for task in reading.requests(0)]
+    assert asked == [(route, setting) for route in order for setting in ("clean", str(LATENCY))]
+    assert reading.requests(0, 3) == reading.requests(0)[:6]
+
+
+@pytest.mark.parametrize(("rule", "limit"), [("evidence", 0.2), ("evidence", 0.6), ("list", 0.2)])
+def test_a_verdict_that_may_stop_early_likely_takes_some_of_the_routes(rule, limit):
+    reading = many().reading(requirement("RD", LATENCY) <= limit, VerdictRule(rule))
+    assert 5 <= reading.likely_routes <= 25
+    assert reading.likely == reading.requests(0, reading.likely_routes)
+
+
+def test_a_limit_that_asks_much_likely_takes_more_routes():
+    takes = [
+        many().reading(requirement("RD", LATENCY) <= limit, VerdictRule()).likely_routes for limit in (0.1, 0.3, 0.6)
+    ]
+    assert takes == sorted(takes, reverse=True)
+    assert takes[0] > takes[-1]
+
+
+def test_a_comparison_of_values_takes_all_routes():
+    reading = many().reading(requirement("RD", LATENCY) <= 0.2, VerdictRule("point"))
+    assert reading.likely == reading.requests(0)
+
+
+def test_a_few_episodes_of_each_other_agent_come_first():
+    readings = [many(agent).reading(requirement("DS") >= 40, VerdictRule()) for agent in ("one", "two", "two", "three")]
+    first = first_of_each_agent(readings)
+    assert {task.episode.agent for task in first} == {"two", "three"}
+    likely = {task.key for reading in readings[1:] for task in reading.likely}
+    assert {task.key for task in first} <= likely
+    assert first_of_each_agent([]) == ()
 
 
 def test_requirements_share_episodes():

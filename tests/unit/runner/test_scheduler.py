@@ -10,7 +10,7 @@ from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
-from pytest_drive_robust.store.events import Finished, Reused
+from pytest_drive_robust.store.events import Compiling, Finished, Reused
 from pytest_drive_robust.testing import fake_route
 
 TASKS = (
@@ -87,6 +87,23 @@ def test_free_slots_begin_with_what_comes_next():
     scheduler.plan(TASKS)
     scheduler.ensure(TASKS[4:5], ahead=TASKS[6:7])
     assert hands.begun[:3] == ["4", "6", "0"]  # asked for, then ahead, then the plan
+
+
+def test_what_is_hardly_needed_waits_for_the_plan():
+    scheduler, hands, _ = scheduler_of(slots=4)
+    scheduler.plan(TASKS[:1])
+    scheduler.ensure(TASKS[4:5], ahead=TASKS[6:7], rest=TASKS[7:])
+    assert hands.begun[:4] == ["4", "6", "0", "7"]
+
+
+def test_the_plan_leaves_out_and_tells_what_is_stored():
+    store = MemoryStore()
+    store.put(TASKS[0].key, make_result("0"))
+    scheduler, hands, diary = scheduler_of(slots=3, store=store)
+    scheduler.plan(TASKS[:2])
+    assert diary.reused_routes == ["0"]
+    scheduler.ensure(TASKS[5:6])
+    assert hands.begun[:2] == ["5", "1"]
 
 
 def test_what_was_spared_is_not_driven_for_the_plan():
@@ -189,3 +206,35 @@ def test_closing_gives_back_what_was_claimed():
     scheduler.close()
     assert hands.cancelled
     assert released == [task.key for task in TASKS[:2]]
+
+
+class Compiles(Hands):
+    """An executor that compiles three functions, one whenever it is asked, before an episode may end."""
+
+    done = -2
+
+    @property
+    def compiling(self) -> tuple[int, int]:
+        self.done = min(self.done + 1, 3)
+        return max(0, self.done), 3
+
+
+class Notes(Diary):
+    """Remembers what was compiled, and how many episodes had begun."""
+
+    def __call__(self, event) -> None:
+        super().__call__(event)
+        if isinstance(event, Compiling):
+            self.compiled.append((event.done, event.total, len(self.hands.begun)))
+
+    def ticked(self) -> None:
+        if self.compiled[-1][0] == 3:
+            super().ticked()
+
+
+def test_what_is_compiled_is_told_before_the_first_episode_and_whenever_it_changes():
+    hands = Compiles(slots=1)
+    notes = Notes(hands)
+    notes.compiled = []
+    Scheduler(MemoryStore(), hands, notes).ensure(TASKS[:1])
+    assert notes.compiled == [(0, 3, 0), (1, 3, 1), (2, 3, 1), (3, 3, 1)]

@@ -100,10 +100,10 @@ def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> 
 
 
 def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
-    """Return (24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3), counted from beside the ego."""
+    """Return (24, 2): the points 1, 2 ... 24 m ahead along the line (n, 3 or more), counted from beside the ego."""
     at, _ = project(line, int(row) - 6, int(row) + 14, ego.x_m, ego.y_m)
     k = int(np.clip(at, 0, len(line) - 2))
-    x, y, yaw = line[-1]
+    x, y, yaw = line[-1, :3]
     beyond = np.array([[x + 100.0 * math.cos(yaw), y + 100.0 * math.sin(yaw)]])
     ahead = np.concatenate([line[k:, :2], beyond])
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(ahead, axis=0).T))]) - (at - k)

@@ -50,10 +50,10 @@ class AutonomousAgent:
         """Give back what `setup` took."""
 
     def get_hero(self) -> None:
-        """Bench2Drive's: look up the vehicle. The adapter has set `hero_actor` already."""
+        """Look up the vehicle (Bench2Drive's method). The adapter has set `hero_actor` already."""
 
     def get_metric_info(self) -> dict[str, list[float]]:
-        """Bench2Drive's: the motion of the vehicle for its comfort metric, lists of numbers in the world's frame."""
+        """Return the motion for Bench2Drive's comfort metric: lists of numbers in the world's frame."""
         hero = self.hero_actor
         transform = hero.get_transform()
         turned = transform.rotation

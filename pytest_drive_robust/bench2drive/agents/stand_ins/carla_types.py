@@ -47,7 +47,7 @@ class Location(Vector3D):
     """A place in metres."""
 
     def distance(self, other: Location) -> float:
-        """Metres to another place."""
+        """Return the metres to another place."""
         return (self - other).length()
 
 

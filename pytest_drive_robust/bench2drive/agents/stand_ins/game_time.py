@@ -16,7 +16,7 @@ class GameTime:
 
     @staticmethod
     def get_time() -> float:
-        """Simulated seconds since the start of the route."""
+        """Return simulated seconds since the start of the route."""
         return GameTime._current_game_time
 
     @staticmethod

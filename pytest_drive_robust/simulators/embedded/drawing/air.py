@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from pytest_drive_robust.arithmetic.scalars import cos, power, sin, tan
+
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Weather
 
@@ -49,15 +51,15 @@ class Air(NamedTuple):
 
     @classmethod
     def of(cls, weather: Weather) -> Air:
-        """Plain variants of CARLA's weather attributes: day, dusk and night by the sun, clouds, fog, rain, dust."""
+        """Make a plain variant of CARLA's weather: day, dusk and night by the sun, clouds, fog, rain, dust."""
         height_deg = weather.sun_altitude_angle
         day = _ramp(height_deg, -8.0, 18.0)
         clouds, rain, fog = _share(weather.cloudiness), _share(weather.precipitation), _share(weather.fog_density)
-        dust = fog**0.5 * _dust(weather)
+        dust = math.sqrt(fog) * _dust(weather)
         low_sun = (1.0 - abs(2.0 * day - 1.0)) * (1.0 - 0.6 * clouds)
         grey, night = max(0.8 * clouds, rain, fog), 1.0 - _ramp(height_deg, -6.0, 10.0)
         sky_top, haze = _sky(day, low_sun, grey, rain)
-        sky_top = _mix(_mix(sky_top, haze, fog**0.6), (0.0, 0.0, 0.0), 0.3 * rain)
+        sky_top = _mix(_mix(sky_top, haze, power(fog, 0.6)), (0.0, 0.0, 0.0), 0.3 * rain)
         dusty = _mix((0.0, 0.0, 0.0), _DUST, 0.15 + 0.85 * day)
         haze = _mix(_mix(haze, (0.0, 0.0, 0.0), 0.25 * rain), dusty, dust)
         direct = (1.0 - grey) * (1.0 - dust)
@@ -68,7 +70,7 @@ class Air(NamedTuple):
             sun=_direction(weather.sun_azimuth_angle, max(height_deg, 15.0)),
             ambient=0.62 + 0.2 * grey,
             diffuse=0.42 * (1.0 - 0.75 * grey),
-            haze_per_m=0.0018 + 0.004 * rain + 0.055 * fog**1.7,
+            haze_per_m=0.0018 + 0.004 * rain + 0.055 * power(fog, 1.7),
             shadow=0.5 + 0.25 * grey,
             night=night,
             rain=rain,
@@ -95,7 +97,7 @@ def _sky(day: float, low_sun: float, grey: float, rain: float) -> tuple[Colour, 
 
 
 def _light(weather: Weather, day: float, low_sun: float, dust: float) -> Colour:
-    """Factors of a surface's colour: the moon's blue, the low sun's gold, darker under rain clouds and when wet."""
+    """Return factors of a surface's colour: blue of the moon, gold of a low sun, darker under rain and when wet."""
     rain, clouds = _share(weather.precipitation), _share(weather.cloudiness)
     dark = 1.0 - 0.3 * rain - 0.08 * _share(weather.wetness) * (1.0 - rain)
     red, green, blue = _mix(_mix((0.16, 0.19, 0.3), (0.15, 0.145, 0.16), clouds), (1.0, 1.0, 1.0), day)
@@ -114,14 +116,14 @@ def _cast(weather: Weather, direct: float) -> tuple[float, float]:
     """Return where shadows fall: away from the sun; nowhere at night and where too little `direct` light is left."""
     if direct < _LEAST_DIRECT or weather.sun_altitude_angle < 1.0:
         return 0.0, 0.0
-    run = min(1.0 / math.tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)
+    run = min(1.0 / tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)
     around = math.radians(weather.sun_azimuth_angle)
-    return -run * math.cos(around), -run * math.sin(around)
+    return -run * cos(around), -run * sin(around)
 
 
 def _direction(around_deg: float, height_deg: float) -> Colour:
     around, height = math.radians(around_deg), math.radians(height_deg)
-    return math.cos(height) * math.cos(around), math.cos(height) * math.sin(around), math.sin(height)
+    return cos(height) * cos(around), cos(height) * sin(around), sin(height)
 
 
 def _share(percent: float) -> float:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorState, WorldState
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,14 +34,14 @@ _LEFT_INDICATOR, _RIGHT_INDICATOR = int(Role.LEFT_INDICATOR), int(Role.RIGHT_IND
 _LEFT_BEACON, _RIGHT_BEACON = int(Role.LEFT_BEACON), int(Role.RIGHT_BEACON)
 _LEFT_LEG, _RIGHT_LEG = int(Role.LEFT_LEG), int(Role.RIGHT_LEG)
 
-_paint_index = inner_only(paint_index)
+_paint_index = inner(paint_index)
 
 _BLINK_TICKS = 8
 _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
 
 
-@inner_only
+@inner
 def assemble(
     rows: Floats,
     ends: NDArray[np.int64],
@@ -65,7 +65,7 @@ def assemble(
     for k in range(len(actors)):
         kind = int(actors[k, _KIND])
         if 0 <= kind < len(spans):
-            c, s = math.cos(actors[k, _YAW]), math.sin(actors[k, _YAW])
+            c, s = cos(actors[k, _YAW]), sin(actors[k, _YAW])
             for p in range(spans[kind, 0], spans[kind, 1]):
                 if _set_colour(rows, at, actors, k, tick, night, parts, p, paints):
                     _place(rows, at, actors, k, tick, parts, p, c, s)
@@ -75,13 +75,13 @@ def assemble(
     return at
 
 
-@inner_only
+@inner
 def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int, c: float, s: float) -> None:
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
     forward, right = parts[p, 0] * length, parts[p, 1] * width
     role = int(parts[p, 9])
     if role >= _LEFT_LEG and actors[k, _SPEED] > 0.05:
-        swing = math.sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
+        swing = sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
         forward += swing if role == _LEFT_LEG else -swing
     rows[at, box.X] = actors[k, _X] + c * forward - s * right
     rows[at, box.Y] = actors[k, _Y] + s * forward + c * right
@@ -98,7 +98,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
     rows[at, box.REACH] = parts[p, 14]
 
 
-@inner_only
+@inner
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:

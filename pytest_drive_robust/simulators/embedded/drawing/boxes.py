@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def box_rows(boxes: list[Box]) -> Floats:
     """Return the boxes as a (n, `BOX_COLUMNS`) array."""
     rows = [
         (
-            *(box.x_m, box.y_m, box.z_m, math.cos(box.yaw_rad), math.sin(box.yaw_rad)),
+            *(box.x_m, box.y_m, box.z_m, cos(box.yaw_rad), sin(box.yaw_rad)),
             *(box.length_m, box.width_m, box.height_m, box.front_m, box.rear_m, box.sides_m, *box.colour),
             *(box.glow, float(box.material), float(box.seed), box.reach_m, float(box.label), -1.0),
         )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Floats2, Ints1, Ints2, Packed1, Packed2
 
 __all__ = ["FACE_COLUMNS", "UNLIT", "Canvas"]
 
@@ -37,17 +37,17 @@ class Canvas(NamedTuple):
     (n, FACE_COLUMNS) float64; its row 0 is not used.
     """
 
-    words: NDArray[np.uint32]
-    pixels: NDArray[np.uint8]
-    colours: NDArray[np.uint32]
-    faces: NDArray[np.int32]
-    nearness: NDArray[np.float32]
-    touched: NDArray[np.int64]
-    edges: NDArray[np.float64]
-    sums: NDArray[np.uint64]
-    table: NDArray[np.float64]
-    order: NDArray[np.int64]
-    keys: NDArray[np.float64]
+    words: Packed1
+    pixels: Bytes3
+    colours: Packed2
+    faces: Annotated[NDArray[np.int32], 2]
+    nearness: Annotated[NDArray[np.float32], 2]
+    touched: Ints2
+    edges: Floats2
+    sums: Annotated[NDArray[np.uint64], 1]
+    table: Floats2
+    order: Ints1
+    keys: Floats1
 
     @classmethod
     def of(cls, width_px: int, height_px: int) -> Canvas:

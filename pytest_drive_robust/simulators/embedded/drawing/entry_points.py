@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.domain import truth
-from pytest_drive_robust.simulators.embedded import drawing, jit, semantics
+from pytest_drive_robust.jit.arrays import Bytes2, Floats2, Ints1, Ints2, Packed1
+from pytest_drive_robust.jit.kernels import entry
+from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
+from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
 from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
 from pytest_drive_robust.simulators.embedded.drawing.passes import measure
@@ -18,16 +19,9 @@ from pytest_drive_robust.simulators.embedded.drawing.raster import draw_faces
 from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, pack_pixels
 from pytest_drive_robust.simulators.embedded.drawing.shadows import draw_shadows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools
-from pytest_drive_robust.simulators.embedded.jit import entry, sources_digest
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
+from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
 __all__ = ["CameraGround", "FrameScene", "Passes", "draw_camera", "fill_boxes", "measure_camera"]
-
-Floats = NDArray[np.float64]
 
 
 class FrameScene(NamedTuple):
@@ -37,11 +31,11 @@ class FrameScene(NamedTuple):
     actor i has the rows from `ends[i]` up to `ends[i + 1]`. `street_lamps` (m, 3) are the `lamp_places`.
     """
 
-    rows: Floats
+    rows: Floats2
     still: int
-    ends: NDArray[np.int64]
-    actors: Floats
-    street_lamps: Floats
+    ends: Ints1
+    actors: Floats2
+    street_lamps: Floats2
 
 
 class CameraGround(NamedTuple):
@@ -51,91 +45,59 @@ class CameraGround(NamedTuple):
     the share of a colour that the air lets through, by steps of depth (see `shade.py`).
     """
 
-    rows: Floats
-    sky: NDArray[np.uint32]
-    texels: NDArray[np.uint32]
-    levels: Floats
-    clear: NDArray[np.float32]
+    rows: Floats2
+    sky: Packed1
+    texels: Packed1
+    levels: Floats2
+    clear: Annotated[NDArray[np.float32], 1]
 
 
 class Passes(NamedTuple):
     """Where the passes go, each (height, width) or (0, 0) when it is not wanted; see `CameraRig.render_passes`."""
 
-    semantic: NDArray[np.uint8]
-    depth: NDArray[np.float32]
-    instance: NDArray[np.int32]
+    semantic: Bytes2
+    depth: Annotated[NDArray[np.float32], 2]
+    instance: Annotated[NDArray[np.int32], 2]
 
 
-def _fill_boxes(sources: int) -> Callable[..., int]:
-    @entry
-    def fill_boxes(
-        scene: FrameScene,
-        tick: int,
-        night: float,
-        parts: Floats,
-        spans: NDArray[np.int64],
-        paints: Floats,
-        labels: NDArray[np.int64],
-    ) -> int:
-        _ = sources  # part of the cache's key
-        last: int = assemble(
-            scene.rows, scene.ends, scene.still, scene.actors, tick, night, parts, spans, paints, labels
-        )
-        return last
-
-    return fill_boxes
+@entry
+def fill_boxes(
+    scene: FrameScene, tick: int, night: float, parts: Floats2, spans: Ints2, paints: Floats2, labels: Ints1
+) -> int:
+    """Put the boxes of the actors into `scene.rows` (`assemble`); return the row after the last one."""
+    return assemble(scene.rows, scene.ends, scene.still, scene.actors, tick, night, parts, spans, paints, labels)
 
 
-def _draw_camera(sources: int) -> Callable[..., None]:
-    @entry
-    def draw_camera(
-        canvas: Canvas,
-        scene: FrameScene,
-        ground: CameraGround,
-        view: CameraView,
-        air: Air,
-        lamps: Headlamps,
-        street_light: float,
-        tick: int,
-        picture: bool,
-    ) -> None:
-        _ = sources
-        draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
-        if not picture:
-            return
-        draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
-        draw_shadows(canvas, ground.rows, scene.actors, view, air)
-        draw_pixels(canvas, scene.rows, view, air, lamps, ground.clear)
-        if street_light > 0.0:
-            draw_pools(canvas, scene.street_lamps, view, air.haze_per_m, street_light)
-        pack_pixels(canvas.words, canvas.colours)
-        if air.rain > 0.0 or air.drops > 0.0 or air.glare > 0.0:
-            draw_lens(canvas.pixels, canvas.faces, tick, view, air)
-
-    return draw_camera
+@entry
+def draw_camera(
+    canvas: Canvas,
+    scene: FrameScene,
+    ground: CameraGround,
+    view: CameraView,
+    air: Air,
+    lamps: Headlamps,
+    street_light: float,
+    tick: int,
+    picture: bool,
+) -> None:
+    """Find what one camera sees and, when `picture`, draw it: `canvas.pixels`."""
+    draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
+    if not picture:
+        return
+    draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
+    draw_shadows(canvas, ground.rows, scene.actors, view, air)
+    draw_pixels(canvas, scene.rows, view, air, lamps, ground.clear)
+    if street_light > 0.0:
+        draw_pools(canvas, scene.street_lamps, view, air.haze_per_m, street_light)
+    pack_pixels(canvas.words, canvas.colours)
+    if air.rain > 0.0 or air.drops > 0.0 or air.glare > 0.0:
+        draw_lens(canvas.pixels, canvas.faces, tick, view, air)
 
 
-def _measure_camera(sources: int) -> Callable[..., None]:
-    @entry
-    def measure_camera(
-        canvas: Canvas, scene: FrameScene, ground: CameraGround, view: CameraView, passes: Passes
-    ) -> None:
-        _ = sources
-        measure(
-            canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
-            passes.semantic, passes.depth, passes.instance,
-        )  # fmt: skip
-
-    return measure_camera
-
-
-_SOURCES = sources_digest(jit, drawing, semantics, truth)
-
-fill_boxes = _fill_boxes(_SOURCES)
-"""Puts the boxes of the actors into `scene.rows` (`assemble`); returns the row after the last one."""
-
-draw_camera = _draw_camera(_SOURCES)
-"""Finds what one camera sees and, when `picture`, draws it: `canvas.pixels`."""
-
-measure_camera = _measure_camera(_SOURCES)
-"""Fills those of `passes` that have room with what `draw_camera` has found (`passes.measure`)."""
+@entry
+def measure_camera(canvas: Canvas, scene: FrameScene, ground: CameraGround, view: CameraView, passes: Passes) -> None:
+    """Fill those of `passes` that have room with what `draw_camera` has found (`passes.measure`)."""
+    measure(
+        canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
+        passes.semantic, passes.depth, passes.instance,
+    )  # fmt: skip

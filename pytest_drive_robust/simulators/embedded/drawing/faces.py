@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _SMALLEST_AREA_PX2 = 1e-6
 _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7), (3, 2, 1, 0)), np.int64)
 
 
-@inner_only
+@inner
 def pick(seen: Floats, side: int, cut: Floats) -> int:
     """Copy a face's projected corners to `cut`; return 4, or 0 when it looks away."""
     a, b, c, d = _CORNERS[side, 0], _CORNERS[side, 1], _CORNERS[side, 2], _CORNERS[side, 3]
@@ -42,7 +42,7 @@ def pick(seen: Floats, side: int, cut: Floats) -> int:
     return 4
 
 
-@inner_only
+@inner
 def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, height: int) -> int:
     """Do as `pick` for a face that the near plane cuts; return how many corners are left, or 0."""
     count = 0
@@ -70,7 +70,7 @@ def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, 
     return count if area > _SMALLEST_AREA_PX2 else 0
 
 
-@inner_only
+@inner
 def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
     """Return the lowest and highest value of a column of the first `count` rows."""
     low, high = cut[0, column], cut[0, column]
@@ -80,7 +80,7 @@ def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
     return low, high
 
 
-@inner_only
+@inner
 def _plane(entry: Floats, cut: Floats, count: int) -> bool:
     """Fill in how near a face is over the picture, from its projected corners; False when it is seen edge on."""
     # two diagonals span the plane, also where an edge has shrunk to nothing
@@ -97,7 +97,7 @@ def _plane(entry: Floats, cut: Floats, count: int) -> bool:
     return True
 
 
-@inner_only
+@inner
 def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
     """Fill a projected face; False when it meets no pixel.
 
@@ -138,7 +138,7 @@ def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
     return True
 
 
-@inner_only
+@inner
 def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int) -> None:
     """Find where a convex polygon, clockwise in the picture, crosses the middle of each row: left and right end."""
     for corner in range(count):
@@ -158,7 +158,7 @@ def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int
             edges[row, side] = u + (row - first) * slope
 
 
-@inner_only
+@inner
 def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
     """Return the first and last pixel whose centre lies in low..high.
 

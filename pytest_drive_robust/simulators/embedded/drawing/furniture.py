@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BLUE, GLOW, RED, Box, Material, box_rows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import lamp_boxes, lamp_places
@@ -123,7 +123,7 @@ def _stop_sign(line: StopLine) -> list[Box]:
 
 def _letter(line: StopLine, place: float) -> Box:
     """Return a white block for a letter of the word on a stop sign."""
-    c, s = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    c, s = cos(line.heading_rad), sin(line.heading_rad)
     x, y = line.pole_x_m - 0.1 * c - 0.18 * place * s, line.pole_y_m - 0.1 * s + 0.18 * place * c
     bottom = _SIGN_BOTTOM_M + _SIGN_M / 2.0 - 0.14
     return Box(x, y, bottom, line.heading_rad, 0.03, 0.1, 0.28, _WHITE, reach_m=40.0)
@@ -132,7 +132,7 @@ def _letter(line: StopLine, place: float) -> Box:
 def _octagon(line: StopLine, bottom_m: float, size_m: float, before_m: float) -> list[Box]:
     """Return an upright plate of eight corners, `before_m` in front of the pole: a part of three boxes."""
     heading = line.heading_rad
-    x, y = line.pole_x_m - before_m * math.cos(heading), line.pole_y_m - before_m * math.sin(heading)
+    x, y = line.pole_x_m - before_m * cos(heading), line.pole_y_m - before_m * sin(heading)
     corner = size_m * 0.293
     side = size_m - 2.0 * corner
     plain = (0.0, 0.0, 0.0)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import compiled, scalars
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,9 +56,9 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
         along_m = across_m * depth / view.z_m
         lines = min(int(along_m / across_m / 3.0) + 1, _MOST_LINES)
         footprint = max(across_m, along_m / lines / 2.5) / levels[0, 5]
-        level = min(math.floor(math.log2(max(footprint, 1.0)) + 0.35), len(levels) - 1)
+        level = min(math.floor(scalars.log2(max(footprint, 1.0)) + 0.35), len(levels) - 1)
         lines = min(lines, math.ceil(along_m / (1.5 * levels[level, 5])))
-        clear = math.exp(-haze_per_m * depth)
+        clear = scalars.exp(-haze_per_m * depth)
         rows[row, :LINE] = depth, depth * (view.cos_pitch - up * view.sin_pitch), lines, level, clear
         for line in range(lines):
             up = (0.5 * height - row - (line + 0.5) / lines) / view.focal_px
@@ -67,7 +68,7 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
     return rows
 
 
-@inner_only
+@inner
 def draw_ground(
     canvas: Canvas,
     rows: Floats,
@@ -108,9 +109,9 @@ def draw_ground(
             first = end
 
 
-@inner_only
+@inner
 def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Triple]:
-    """What the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, the sky."""
+    """Return what the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, sky."""
     flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
     mirrored = _MIRROR * air.mirror * flat * flat * flat * flat
     lit = (air.ambient + air.diffuse * max(air.sun[2], 0.0)) * ground[CLEAR] * (1.0 - mirrored) / ground[LINES]
@@ -124,7 +125,7 @@ def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Trip
     return light, haze
 
 
-@inner_only
+@inner
 def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     """Return the first column after `first` with a face; there are none outside of `low`..`high`."""
     end = max(first + 1, low)
@@ -135,7 +136,7 @@ def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
     return len(faces)
 
 
-@inner_only
+@inner
 def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
     for u in range(len(colours)):
         red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
@@ -144,7 +145,7 @@ def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: 
         colours[u] = _pack(red, green, blue)
 
 
-@inner_only
+@inner
 def _pack(red: float, green: float, blue: float) -> int:
     """Return 0x00BBGGRR."""
     red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
@@ -152,7 +153,7 @@ def _pack(red: float, green: float, blue: float) -> int:
     return packed
 
 
-@inner_only
+@inner
 def _light_by_night(
     colours: NDArray[np.uint32],
     sums: NDArray[np.uint64],
@@ -165,7 +166,7 @@ def _light_by_night(
 ) -> None:
     """Do as `_light_by_day`, with the ego's headlamps: a cone that widens and fades."""
     # the run in the ego's axes: forward and right are linear in u
-    cos_ego, sin_ego = math.cos(lamps.yaw_rad), math.sin(lamps.yaw_rad)
+    cos_ego, sin_ego = compiled.cos(lamps.yaw_rad), compiled.sin(lamps.yaw_rad)
     step = ground[DEPTH] / view.focal_px
     side = (start_px + 0.5) * step
     dx = view.x_m - lamps.x_m + ground[AHEAD] * view.cos_yaw - side * view.sin_yaw

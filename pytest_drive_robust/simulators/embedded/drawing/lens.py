@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.jit import inner_only
+from pytest_drive_robust.jit.kernels import inner
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +32,7 @@ _VEIL = 0.33
 _SUN_RED, _SUN_GREEN, _SUN_BLUE = 255.0, 206.0, 132.0
 
 
-@inner_only
+@inner
 def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: CameraView, air: Air) -> None:
     """Draw over `image` (height, width, 3); a function of `tick`, the picture and the camera only.
 
@@ -46,14 +46,14 @@ def draw_lens(image: NDArray[np.uint8], faces: NDArray[Any], tick: int, view: Ca
         _drops(image, tick, air.drops)
 
 
-@inner_only
+@inner
 def _hash(first: int, second: int) -> int:
     word = (first * 668265263 + second * 374761393) & 0x7FFFFFFFFFFF
     word = ((word ^ (word >> 13)) * 1274126177) & 0x7FFFFFFFFFFF
     return word ^ (word >> 16)
 
 
-@inner_only
+@inner
 def _rain(image: NDArray[np.uint8], tick: int, air: Air) -> None:
     """Draw thin streaks a little brighter than the horizon."""
     height, width = image.shape[0], image.shape[1]
@@ -69,12 +69,12 @@ def _rain(image: NDArray[np.uint8], tick: int, air: Air) -> None:
             _blend(image, at_row, at_column, red, green, blue, _OPACITY)
 
 
-@inner_only
+@inner
 def _streak(haze: float) -> float:
     return min(0.8 * haze + 85.0, 235.0)
 
 
-@inner_only
+@inner
 def _blend(
     image: NDArray[np.uint8], row: int, column: int, red: float, green: float, blue: float, share: float
 ) -> None:
@@ -83,7 +83,7 @@ def _blend(
     image[row, column, 2] = np.uint8(image[row, column, 2] + (blue - image[row, column, 2]) * share)
 
 
-@inner_only
+@inner
 def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
     """Draw round drops, each for 2.5 s at its place, that show what is around them upside down."""
     height, width = image.shape[0], image.shape[1]
@@ -113,7 +113,7 @@ def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
                 )
 
 
-@inner_only
+@inner
 def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: Air) -> None:
     """Draw the disc of the sun and a glow around it, weaker behind something."""
     height, width = image.shape[0], image.shape[1]
@@ -139,7 +139,7 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: A
                 _blend(image, row, column, 255.0, 250.0, 226.0, 0.95)
 
 
-@inner_only
+@inner
 def _glow(image: NDArray[np.uint8], faces: NDArray[Any], u: float, v: float, reach: float, strength: float) -> None:
     """Blend the sun's colour in around (u, v), less and less up to `reach` pixels away.
 

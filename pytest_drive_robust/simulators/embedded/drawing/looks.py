@@ -255,7 +255,7 @@ LOOKS: dict[ActorKind, list[Part]] = {
 
 
 def part_rows() -> tuple[Floats, NDArray[np.int64]]:
-    """All parts as a (n, `PART_COLUMNS`) array, and for each kind its first row and the row after its last, (k, 2).
+    """Return all parts as (n, `PART_COLUMNS`), and for each kind its first row and the row after its last, (k, 2).
 
     Columns: x, y, z, length, width, height, red, green, blue, role, front, rear, sides, material, reach.
     """

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.arrays import cos, hypot, sin
+from pytest_drive_robust.arithmetic.signals import interpolate
 from pytest_drive_robust.domain.truth import LaneKind
 
 if TYPE_CHECKING:
@@ -106,7 +109,7 @@ def paint_ground(lane_map: LaneMap, region: Region) -> GroundSheet:
 
 
 def _bends(centre: Floats) -> Floats:
-    """The rows of `centre` that matter: both ends, and wherever the heading has turned since the last kept row."""
+    """Keep the rows of `centre` that matter: both ends, and wherever the heading has turned since the last kept row."""
     keep = [0]
     for row in range(1, len(centre) - 1):
         if abs(math.remainder(centre[row + 1, 2] - centre[keep[-1], 2], math.tau)) > _BEND_RAD:
@@ -117,7 +120,7 @@ def _bends(centre: Floats) -> Floats:
 
 def _beside(centre: Floats, offset_m: float) -> Floats:
     """Return the polyline `offset_m` to the right of `centre` (n, 3), as (n, 2)."""
-    normal = np.column_stack((-np.sin(centre[:, 2]), np.cos(centre[:, 2])))
+    normal = np.column_stack((-sin(centre[:, 2]), cos(centre[:, 2])))
     moved: Floats = centre[:, :2] + offset_m * normal
     return moved
 
@@ -135,7 +138,7 @@ def _quad(target: Bytes, region: Region, corners: Floats) -> None:
 
 
 def _rectangle(x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> Floats:
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    c, s = scalars.cos(yaw_rad), scalars.sin(yaw_rad)
     along, across = np.array((c, s)) * length_m / 2.0, np.array((-s, c)) * width_m / 2.0
     return np.array((x_m, y_m)) + np.stack((along + across, along - across, -along - across, -along + across))
 
@@ -153,7 +156,7 @@ def _lane_lines(sheet: GroundSheet, lanes: tuple[Lane, ...], lane: Lane) -> None
 
 
 def _draws(lanes: tuple[Lane, ...], lane: Lane, line: str, neighbour: int) -> bool:
-    """Whether `lane` is the one that draws a line that it shares: two sets of dashes would fill each other's gaps."""
+    """Return whether `lane` draws a line that it shares: two sets of dashes would fill each other's gaps."""
     if neighbour < 0:
         return True
     other = lanes[neighbour]
@@ -166,15 +169,15 @@ def _draws(lanes: tuple[Lane, ...], lane: Lane, line: str, neighbour: int) -> bo
 def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> None:
     """Paint a line along `points` (n, 2); dashes start with the polyline."""
     steps = np.diff(points, axis=0)
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
+    along = np.concatenate(([0.0], np.cumsum(hypot(steps[:, 0], steps[:, 1]))))
     total = float(along[-1])
     period, dash = (_DASH_M + _GAP_M, _DASH_M) if striped else (total + 1.0, total)
     for start in np.arange(0.0, total, period):
         stations = _stations(along, float(start), min(float(start) + dash, total))
-        x, y = np.interp(stations, along, points[:, 0]), np.interp(stations, along, points[:, 1])
+        x, y = interpolate(stations, along, points[:, 0]), interpolate(stations, along, points[:, 1])
         for row in range(len(stations) - 1):
-            length = math.hypot(x[row + 1] - x[row], y[row + 1] - y[row])
-            yaw = math.atan2(y[row + 1] - y[row], x[row + 1] - x[row])
+            length = scalars.hypot(x[row + 1] - x[row], y[row + 1] - y[row])
+            yaw = scalars.atan2(y[row + 1] - y[row], x[row + 1] - x[row])
             middle = ((x[row] + x[row + 1]) / 2.0, (y[row] + y[row + 1]) / 2.0)
             _quad(target, region, _rectangle(*middle, yaw, length + 0.02, _LINE_WIDTH_M))
 
@@ -188,9 +191,9 @@ def _stations(along: Floats, start_m: float, end_m: float) -> Floats:
 def _zebra(sheet: GroundSheet, corners: Floats) -> None:
     """Paint white bars across a crossing (4, 2), one beside the other along its longer side: the way people walk."""
     first, second = corners[1] - corners[0], corners[3] - corners[0]
-    if np.hypot(*first) < np.hypot(*second):
+    if hypot(*first) < hypot(*second):
         first, second = second, first
-    length = float(np.hypot(*first))
+    length = float(hypot(*first))
     bars = max(1, int(length / (2.0 * _ZEBRA_M)))
     for bar in range(bars):
         start, end = (bar + 0.25) / bars, (bar + 0.75) / bars

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, DEPTH, LEVEL
 from pytest_drive_robust.simulators.embedded.drawing.sampling import line_classes
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ __all__ = ["measure"]
 _SKY = int(SemanticClass.SKY)
 
 
-@inner_only
+@inner
 def measure(
     canvas: Canvas,
     rows: Floats,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.simulators.embedded.jit import inner_only
+from pytest_drive_robust.jit.kernels import inner
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,7 +30,7 @@ _LIT_SHARE_OF_256 = 90
 _0, _HALF, _1, _2, _255 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0, 255.0))
 
 
-@inner_only
+@inner
 def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> int:
     """Return a lit colour behind so much air, 0x00BBGGRR."""
     lost = _1 - left
@@ -44,7 +44,7 @@ def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> i
     return packed
 
 
-@inner_only
+@inner
 def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
     """Draw one lit colour. `through` is what the air lets through at the first pixel and how that changes per pixel."""
     left, change = through
@@ -52,7 +52,7 @@ def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
         colours[u] = _pack(own[0], own[1], own[2], haze, left + np.float32(u) * change)
 
 
-@inner_only
+@inner
 def _spot(u: int, near: float, place: Place) -> Pair:
     """Return the metres along the face and up from the box's bottom at pixel `u` of a run.
 
@@ -63,7 +63,7 @@ def _spot(u: int, near: float, place: Place) -> Pair:
     return (across + across_step * np.float32(u)) * depth + start, climb * depth + rise
 
 
-@inner_only
+@inner
 def _wave(phase: float, share: float, steep: float) -> float:
     """Return 1 on the first `share` of every period, else 0.
 
@@ -84,7 +84,7 @@ def _wave(phase: float, share: float, steep: float) -> float:
     return wave if steep >= _2 else share
 
 
-@inner_only
+@inner
 def stripes(
     colours: Packed,
     nearness: NDArray[np.float32],
@@ -109,7 +109,7 @@ def stripes(
         colours[u] = _pack(red, green, blue, haze, through[0] + np.float32(u) * through[1])
 
 
-@inner_only
+@inner
 def ribs(
     colours: Packed,
     nearness: NDArray[np.float32],
@@ -128,7 +128,7 @@ def ribs(
         colours[u] = _pack(own[0] * dark, own[1] * dark, own[2] * dark, haze, through[0] + np.float32(u) * through[1])
 
 
-@inner_only
+@inner
 def facade(
     colours: Packed,
     nearness: NDArray[np.float32],

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.faces import NEAR_M, bounds, clip, fill, pick
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +35,7 @@ _SIDES = 4
 _SQUARE_ON = 0.4
 
 
-@inner_only
+@inner
 def draw_faces(
     canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
 ) -> int:
@@ -58,7 +58,7 @@ def draw_faces(
     return used
 
 
-@inner_only
+@inner
 def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
     """Fill `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
     order, keys = canvas.order, canvas.keys
@@ -87,7 +87,7 @@ def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view:
     return count
 
 
-@inner_only
+@inner
 def _radius(b: Floats) -> float:
     """Return the radius of the sphere around a box."""
     grow = max(-b[box.FRONT], 0.0) + max(-b[box.REAR], 0.0) + 2.0 * max(-b[box.SIDES], 0.0)
@@ -95,7 +95,7 @@ def _radius(b: Floats) -> float:
     return 0.5 * math.sqrt(along * along + wide * wide + high * high)
 
 
-@inner_only
+@inner
 def _wipe(canvas: Canvas) -> None:
     faces, nearness, touched = canvas.faces, canvas.nearness, canvas.touched
     for row in range(faces.shape[0]):
@@ -106,7 +106,7 @@ def _wipe(canvas: Canvas) -> None:
         touched[row, 0], touched[row, 1] = faces.shape[1], 0
 
 
-@inner_only
+@inner
 def _to_camera(x: float, y: float, z: float, view: CameraView) -> Triple:
     dx, dy, dz = x - view.x_m, y - view.y_m, z - view.z_m
     ahead = dx * view.cos_yaw + dy * view.sin_yaw
@@ -114,7 +114,7 @@ def _to_camera(x: float, y: float, z: float, view: CameraView) -> Triple:
     return right, dz * view.cos_pitch - ahead * view.sin_pitch, ahead * view.cos_pitch + dz * view.sin_pitch
 
 
-@inner_only
+@inner
 def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height: int) -> bool:
     """Return whether a sphere is in sight: not behind the camera and not beside the picture."""
     right, up, forward = middle
@@ -127,7 +127,7 @@ def _in_sight(middle: Triple, radius: float, focal_px: float, width: int, height
     return abs(up) - half * forward <= radius * math.sqrt(1.0 + half * half)
 
 
-@inner_only
+@inner
 def _draw_box(
     canvas: Canvas, used: int, row: int, b: Floats, corners: Floats, seen: Floats, cut: Floats, view: CameraView
 ) -> int:
@@ -167,9 +167,9 @@ def _draw_box(
     return used
 
 
-@inner_only
+@inner
 def _hidden(canvas: Canvas, seen: Floats) -> bool:
-    """Whether everything in the rectangle around projected corners is already nearer than the nearest of them."""
+    """Return whether all in the rectangle around projected corners is already nearer than the nearest of them."""
     height, width = canvas.faces.shape
     low_u, high_u = bounds(seen, 8, 0)
     low_v, high_v = bounds(seen, 8, 1)
@@ -182,7 +182,7 @@ def _hidden(canvas: Canvas, seen: Floats) -> bool:
     return True
 
 
-@inner_only
+@inner
 def _place_corners(corners: Floats, b: Floats, middle: Triple, view: CameraView) -> float:
     """Fill in the camera coordinates of the eight corners; return the depth of the nearest."""
     # the box's own axes in camera axes

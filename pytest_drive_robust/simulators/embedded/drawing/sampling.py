@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_TEXEL
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +26,7 @@ _ONE, _FOUR, _EIGHT, _TWENTYFOUR = (np.uint64(number) for number in (1, 4, 8, 24
 _OUTSIDE = np.uint64((FAR_TEXEL | (FAR_TEXEL << 24)) & 0x00FF00FF00FF)
 
 
-@inner_only
+@inner
 def add_line(
     sums: NDArray[np.uint64],
     texels: NDArray[np.uint32],
@@ -55,7 +55,7 @@ def add_line(
                 sums[u] += _OUTSIDE
 
 
-@inner_only
+@inner
 def _walks(
     levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
 ) -> tuple[Walk, Walk]:
@@ -71,7 +71,7 @@ def _walks(
     return near, near if level >= _WIDE else _line(levels, _WIDE, x, y, dx, dy)
 
 
-@inner_only
+@inner
 def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
     """Return a walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
     scale = (1 << _FRACTION_BITS) / levels[level, 5]
@@ -87,7 +87,7 @@ def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) 
     )
 
 
-@inner_only
+@inner
 def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
     """Return the steps of `first`..`end` that lie within the texture: from the first result up to the second."""
     i, j, di, dj, columns, rows, _ = walk
@@ -96,7 +96,7 @@ def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
     return (low, high) if low < high else (end, end)
 
 
-@inner_only
+@inner
 def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[int, int]:
     """Return the u of `first`..`end` with 0 <= start + u * step < limit."""
     if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
@@ -110,14 +110,14 @@ def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[in
     return max(first, -(start // step)), min(end, -((start - limit) // step))
 
 
-@inner_only
+@inner
 def _spread(texel: np.uint64) -> np.uint64:
     """Spread 0xCCBBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
     lanes: np.uint64 = (texel | (texel << _TWENTYFOUR)) & _RED_BLUE_GREEN
     return lanes
 
 
-@inner_only
+@inner
 def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, first: int, end: int) -> None:
     """Add the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
     i, j, di, dj, columns, _, offset = walk
@@ -137,7 +137,7 @@ def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, fi
         j += dj
 
 
-@inner_only
+@inner
 def line_classes(
     classes: NDArray[np.uint8],
     texels: NDArray[np.uint32],
@@ -160,7 +160,7 @@ def line_classes(
             classes[u] = FAR_TEXEL >> 24
 
 
-@inner_only
+@inner
 def _class_at(texels: NDArray[np.uint32], walk: Walk, u: int) -> int:
     i, j, di, dj, columns, _, offset = walk
     half = 1 << (_FRACTION_BITS - 1)

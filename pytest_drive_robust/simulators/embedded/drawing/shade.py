@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.compiled import cos, sin
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.patterns import (
@@ -18,7 +20,6 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     ribs,
     stripes,
 )
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +48,7 @@ _WINDOW, _LIT_WINDOW = (52.0, 66.0, 84.0), (250.0, 205.0, 120.0)
 _GRAZING = 0.05
 
 
-@inner_only
+@inner
 def draw_pixels(
     canvas: Canvas, rows: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
@@ -98,7 +99,7 @@ def draw_pixels(
                 first = last
 
 
-@inner_only
+@inner
 def _light_face(
     entry: Floats, b: Floats, view: CameraView, air: Air, lamps: Headlamps, clear: NDArray[np.float32]
 ) -> None:
@@ -127,7 +128,7 @@ def _light_face(
         entry[face.PACKED] = packed
 
 
-@inner_only
+@inner
 def _outward(b: Floats, side: int) -> Triple:
     """Return the normal of a face in world axes; drawn-in tops lean the sides back."""
     if side >= _SIDES:
@@ -142,7 +143,7 @@ def _outward(b: Floats, side: int) -> Triple:
     return x * level, y * level, lean / size
 
 
-@inner_only
+@inner
 def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraView) -> None:
     """Fill in how metres along a patterned face follow from places in the picture."""
     half_length, half_width = 0.5 * b[box.ALONG], 0.5 * b[box.WIDE]
@@ -165,7 +166,7 @@ def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraVi
     entry[face.DISTANCE_M] = abs(dx * normal[0] + dy * normal[1] + (view.z_m - b[box.Z]) * normal[2])
 
 
-@inner_only
+@inner
 def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
     """Return what the air lets through from a place so far away; of a lamp it lets through more."""
     steps = min(CLEAR_STEPS_PER_M * depth_m, float(len(clear) - 1))
@@ -173,7 +174,7 @@ def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
     return left + (1.0 - left) * _LAMP_THROUGH_HAZE * glow
 
 
-@inner_only
+@inner
 def _shade(x: float, y: float, z: float, b: Floats, air: Air, lamps: Headlamps) -> tuple[float, float]:
     """Return the light of sun, sky and the ego's headlamps on a face whose normal is (x, y, z)."""
     sun = x * air.sun[0] + y * air.sun[1] + z * air.sun[2]
@@ -181,16 +182,16 @@ def _shade(x: float, y: float, z: float, b: Floats, air: Air, lamps: Headlamps) 
     if lamps.strength <= 0.0:
         return shade, 0.0
     dx, dy = b[box.X] - lamps.x_m, b[box.Y] - lamps.y_m
-    c, s = math.cos(lamps.yaw_rad), math.sin(lamps.yaw_rad)
+    c, s = cos(lamps.yaw_rad), sin(lamps.yaw_rad)
     forward, right = c * dx + s * dy, c * dy - s * dx
     beam = 1.0 - abs(right) / (2.6 + 0.4 * max(forward, 0.0))
     if forward < 1.0 or beam <= 0.0 or b[box.Z] > 2.5:
         return shade, 0.0
     facing = max(-(x * c + y * s), 0.15)
-    return shade, lamps.strength * min(beam * 1.6, 1.0) * facing / (1.0 + (forward / 24.0) ** 2)
+    return shade, lamps.strength * min(beam * 1.6, 1.0) * facing / (1.0 + forward / 24.0 * (forward / 24.0))
 
 
-@inner_only
+@inner
 def _draw_run(
     colours: Packed,
     nearness: NDArray[np.float32],
@@ -237,7 +238,7 @@ def _draw_run(
         facade(colours, nearness, place, np.float32(pixels_per_m), own, window, shining, haze, through, seed, night)
 
 
-@inner_only
+@inner
 def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
     """Return whether a run that goes from one height to another meets no window."""
     phase, other = (up_m - SILL_M) * _PER_FLOOR, (other_m - SILL_M) * _PER_FLOOR
@@ -246,7 +247,7 @@ def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
     return min(phase, other) > WINDOW_HIGH + edge and max(phase, other) < 1.0 - edge
 
 
-@inner_only
+@inner
 def _lit(entry: Floats, air: Air, colour: Triple) -> Triple:
     """Return another colour in the light of a face."""
     shade, extra = entry[face.LIGHT], entry[face.EXTRA]
@@ -257,7 +258,7 @@ def _lit(entry: Floats, air: Air, colour: Triple) -> Triple:
     )
 
 
-@inner_only
+@inner
 def _lit_window(entry: Floats, air: Air) -> Triple:
     dark, shining = _lit(entry, air, _LIT_WINDOW), _LIT_WINDOW
     return (
@@ -267,7 +268,7 @@ def _lit_window(entry: Floats, air: Air) -> Triple:
     )
 
 
-@inner_only
+@inner
 def pack_pixels(words: Packed, colours: Packed) -> None:
     """Pack colours 0x00BBGGRR (height, width) as bytes red, green, blue, without gaps, in `words` (little-endian)."""
     flat = colours.reshape(-1)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +30,7 @@ _MARGIN_M = 0.12
 _CAST_HEIGHT = 0.85
 
 
-@inner_only
+@inner
 def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView, air: Air) -> None:
     """Darken the ground below `actors` (k, 10) and, while the sun shines, where their shadow falls."""
     for k in range(len(actors)):
@@ -37,12 +38,12 @@ def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView,
             _shadow(canvas, rows, actors[k], view, air)
 
 
-@inner_only
+@inner
 def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: Air) -> None:
     """Darken what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
-    c, s = math.cos(actor[_YAW]), math.sin(actor[_YAW])
+    c, s = cos(actor[_YAW]), sin(actor[_YAW])
     long, wide = 0.5 * actor[_LENGTH] + _MARGIN_M, 0.5 * actor[_WIDTH] + _MARGIN_M
     # its middle, its axis and the sweep in the camera's level axes
     dx, dy = actor[_X] - view.x_m, actor[_Y] - view.y_m
@@ -79,7 +80,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: 
                 colours[row, column] = red_blue | green
 
 
-@inner_only
+@inner
 def row_of(ahead_m: float, view: CameraView, height: int) -> int:
     """Return the row of pixels that shows the ground so far ahead, within the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
@@ -89,7 +90,7 @@ def row_of(ahead_m: float, view: CameraView, height: int) -> int:
     return int(min(max(0.5 * height - view.focal_px * up / forward, 0.0), height - 1.0))
 
 
-@inner_only
+@inner
 def _slab(start: float, slope: float, lowest: float, highest: float, low: float, high: float) -> tuple[float, float]:
     """Return the part of `low`..`high` where lowest <= start + slope * x <= highest (low > high: none)."""
     if abs(slope) < 1e-9:

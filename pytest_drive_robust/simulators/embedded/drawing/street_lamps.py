@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import compiled, scalars
+from pytest_drive_robust.arithmetic.arrays import hypot
 from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
-from pytest_drive_robust.simulators.embedded.jit import inner_only
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
@@ -59,11 +61,11 @@ def lamp_places(lane_map: LaneMap) -> Floats:
         if lane.kind is not LaneKind.DRIVING or lane.junction or _leads_same_way(lane_map, lane):
             continue
         aside = lane.width_m / 2.0 + _width_beyond(lane_map, lane) + _BESIDE_M
-        steps = np.hypot(*np.diff(lane.centre[:, :2], axis=0).T)
-        at = np.searchsorted(np.cumsum(steps), np.arange(_FIRST_M, float(steps.sum()) - 4.0, _EVERY_M))
+        along = np.cumsum(hypot(*np.diff(lane.centre[:, :2], axis=0).T))
+        at = np.searchsorted(along, np.arange(_FIRST_M, float(along[-1]) - 4.0, _EVERY_M))
         for x, y, heading in lane.centre[at]:
-            foot = np.array((x - aside * math.sin(heading), y + aside * math.cos(heading)))
-            if (np.hypot(*(points - foot).T) > halves + _CLEAR_M).all():
+            foot = np.array((x - aside * scalars.sin(heading), y + aside * scalars.cos(heading)))
+            if (hypot(*(points - foot).T) > halves + _CLEAR_M).all():
                 places.append((foot[0], foot[1], heading - math.pi / 2.0))
     return np.array(places, np.float64).reshape(-1, 3)
 
@@ -86,7 +88,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
     boxes = []
     red, green, blue = (a + (b - a) * night for a, b in zip(_DARK_HEAD, _WARM, strict=True))
     for x, y, towards in places:
-        reach_x, reach_y = math.cos(towards), math.sin(towards)
+        reach_x, reach_y = scalars.cos(towards), scalars.sin(towards)
         middle_x, middle_y = x + 0.5 * _ARM_M * reach_x, y + 0.5 * _ARM_M * reach_y
         head_x, head_y = x + _ARM_M * reach_x, y + _ARM_M * reach_y
         lamp = [
@@ -109,7 +111,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
     return boxes
 
 
-@inner_only
+@inner
 def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
     """Brighten the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
 
@@ -119,14 +121,16 @@ def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: flo
     height, width = colours.shape
     for lamp in range(len(places)):
         towards = places[lamp, 2]
-        dx = places[lamp, 0] + _ARM_M * math.cos(towards) - view.x_m
-        dy = places[lamp, 1] + _ARM_M * math.sin(towards) - view.y_m
+        dx = places[lamp, 0] + _ARM_M * compiled.cos(towards) - view.x_m
+        dy = places[lamp, 1] + _ARM_M * compiled.sin(towards) - view.y_m
         ahead, aside = dx * view.cos_yaw + dy * view.sin_yaw, dy * view.cos_yaw - dx * view.sin_yaw
         if ahead < -_POOL_M or ahead > _FARTHEST_M:
             continue
         if abs(aside) - _POOL_M > (ahead + _POOL_M) * 0.5 * width / view.focal_px:
             continue
-        gain = strength * _BRIGHTER * math.exp(-haze_per_m * max(ahead, 0.0)) * (1.0 - max(ahead, 0.0) / _FARTHEST_M)
+        gain = (
+            strength * _BRIGHTER * compiled.exp(-haze_per_m * max(ahead, 0.0)) * (1.0 - max(ahead, 0.0) / _FARTHEST_M)
+        )
         for row in range(row_of(ahead + _POOL_M, view, height), row_of(ahead - _POOL_M, view, height) + 1):
             up = (0.5 * height - row - 0.5) / view.focal_px
             rise = view.sin_pitch + up * view.cos_pitch
@@ -138,7 +142,7 @@ def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: flo
                 _pool_row(colours[row], faces[row], forward, aside, depth / view.focal_px, gain)
 
 
-@inner_only
+@inner
 def _pool_row(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], forward_m: float, aside_m: float, pixel_m: float, gain: float
 ) -> None:
@@ -154,7 +158,7 @@ def _pool_row(
     _lighten(colours[first : last + 1], faces[first : last + 1], nearest, start, np.float32(pixel_m), np.float32(gain))
 
 
-@inner_only
+@inner
 def _lighten(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], nearest: float, start: float, step: float, gain: float
 ) -> None:

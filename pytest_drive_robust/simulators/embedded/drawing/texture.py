@@ -10,15 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain import truth
-from pytest_drive_robust.simulators.embedded import drawing, jit, semantics
+from pytest_drive_robust.jit.arrays import Bytes2, Floats1, Floats2, Ints1, Packed2
+from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
-from pytest_drive_robust.simulators.embedded.jit import entry, inner_only, sources_digest
 from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from pytest_drive_robust.domain.truth import LaneMap
@@ -56,7 +53,7 @@ FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
 
 @dataclass(frozen=True, slots=True)
 class GroundTexture:
-    """CameraGround colours, ready for the kernels.
+    """Ground colours, ready for the kernels.
 
     `texels` is flat uint32, 0xCCBBGGRR, all levels one after the other; CC is the `SemanticClass`. `levels` is (n, 6)
     float64: first texel, columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are
@@ -140,45 +137,42 @@ def unpack(packed: Packed) -> NDArray[np.uint8]:
     return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
-def _pack_for(sources: int) -> Callable[..., Packed]:
-    @entry
-    def pack(
-        material: NDArray[np.uint8],
-        white: NDArray[np.uint8],
-        yellow: NDArray[np.uint8],
-        column: int,
-        row: int,
-        colours: Floats,
-        grain: Floats,
-        white_colour: Floats,
-        yellow_colour: Floats,
-        classes: NDArray[np.int64],
-    ) -> Packed:
-        _ = sources  # part of the cache's key
-        rows, columns = material.shape
-        packed = np.empty((rows, columns), np.uint32)
-        for i in range(rows):
-            for j in range(columns):
-                kind = material[i, j]
-                # the grain is a hash of the texel's place in the world, so it never depends on the region
-                word = ((row + i) * 73856093) ^ ((column + j) * 19349663)
-                word = (word ^ (word >> 13)) * 1274126177
-                noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
-                a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
-                painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
-                value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
-                for channel in range(3):
-                    colour = colours[kind, channel] + noise
-                    colour += (yellow_colour[channel] - colour) * b
-                    colour += (white_colour[channel] - colour) * a
-                    value |= int(min(max(colour, 0.0), 255.0)) << (8 * channel)
-                packed[i, j] = value
-        return packed
-
-    return pack
+@entry
+def _pack(
+    material: Bytes2,
+    white: Bytes2,
+    yellow: Bytes2,
+    column: int,
+    row: int,
+    colours: Floats2,
+    grain: Floats1,
+    white_colour: Floats1,
+    yellow_colour: Floats1,
+    classes: Ints1,
+) -> Packed2:
+    """Return the colours of a sheet."""
+    rows, columns = material.shape
+    packed = np.empty((rows, columns), np.uint32)
+    for i in range(rows):
+        for j in range(columns):
+            kind = material[i, j]
+            # the grain is a hash of the texel's place in the world, so it never depends on the region
+            word = ((row + i) * 73856093) ^ ((column + j) * 19349663)
+            word = (word ^ (word >> 13)) * 1274126177
+            noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
+            a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
+            painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
+            value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
+            for channel in range(3):
+                colour = colours[kind, channel] + noise
+                colour += (yellow_colour[channel] - colour) * b
+                colour += (white_colour[channel] - colour) * a
+                value |= int(min(max(colour, 0.0), 255.0)) << (8 * channel)
+            packed[i, j] = value
+    return packed
 
 
-@inner_only
+@inner
 def _frequent(picture: Packed, i: int, j: int) -> int:
     """Return the most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
     best, most = 0, 0
@@ -191,26 +185,23 @@ def _frequent(picture: Packed, i: int, j: int) -> int:
     return best
 
 
-def _halve_for(sources: int) -> Callable[[Packed], Packed]:
-    @entry
-    def halve(picture: Packed) -> Packed:
-        _ = sources  # part of the cache's key
-        rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
-        small = np.empty((rows, columns), np.uint32)
-        for i in range(rows):
-            for j in range(columns):
-                low, high = np.uint32(0x00020002), np.uint32(0x00000002)
-                for k in range(4):
-                    texel = picture[2 * i + k // 2, 2 * j + k % 2]
-                    low += texel & np.uint32(0x00FF00FF)
-                    high += (texel >> np.uint32(8)) & np.uint32(0x000000FF)
-                small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
-                    ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
-                )
-                small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
-        return small
-
-    return halve
+@entry
+def _halved(picture: Packed2) -> Packed2:
+    """Average each 2 x 2 block of texels, channels rounded to nearest; of the classes the most frequent stays."""
+    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+    small = np.empty((rows, columns), np.uint32)
+    for i in range(rows):
+        for j in range(columns):
+            low, high = np.uint32(0x00020002), np.uint32(0x00000002)
+            for k in range(4):
+                texel = picture[2 * i + k // 2, 2 * j + k % 2]
+                low += texel & np.uint32(0x00FF00FF)
+                high += (texel >> np.uint32(8)) & np.uint32(0x000000FF)
+            small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
+                ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
+            )
+            small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
+    return small
 
 
 def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
@@ -223,11 +214,3 @@ def _digest(lane_map: LaneMap, *regions: Region) -> bytes:
     content.update(repr([(s.x_m, s.y_m, s.heading_rad, s.width_m) for s in lane_map.stop_lines]).encode())
     content.update(np.ascontiguousarray(lane_map.crosswalks, np.float64).tobytes())
     return content.digest()
-
-
-_SOURCES = sources_digest(jit, drawing, semantics, truth)
-
-_pack = _pack_for(_SOURCES)
-"""The colours of a sheet."""
-_halved = _halve_for(_SOURCES)
-"""Each 2 x 2 block of texels averaged, channels rounded to nearest; of the classes the most frequent stays."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
+
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import CameraSpec
 
@@ -36,7 +38,7 @@ class CameraView(NamedTuple):
     @classmethod
     def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
         """Return the view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        c, s = cos(yaw_rad), sin(yaw_rad)
         yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
         return cls(
             x_m + c * camera.x_m - s * camera.y_m,
@@ -44,11 +46,11 @@ class CameraView(NamedTuple):
             max(float(camera.z_m), _LOWEST_M),
             yaw,
             pitch,
-            camera.width_px / 2.0 / math.tan(math.radians(camera.fov_deg) / 2.0),
-            math.cos(yaw),
-            math.sin(yaw),
-            math.cos(pitch),
-            math.sin(pitch),
+            camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0),
+            cos(yaw),
+            sin(yaw),
+            cos(pitch),
+            sin(pitch),
         )
 
 

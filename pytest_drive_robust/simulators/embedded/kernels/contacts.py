@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+from pytest_drive_robust.arithmetic.compiled import cos_sin, hypot
 from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.events import note
-from pytest_drive_robust.simulators.embedded.jit import inner
-from pytest_drive_robust.simulators.embedded.state import State, Statics
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["contacts", "overlap"]
 
@@ -21,7 +22,7 @@ _CONE = int(ActorKind.CONE)
 _SIGN = int(ActorKind.WARNING_SIGN)
 
 
-@inner
+@entry
 def overlap(
     x: float, y: float, yaw: float, length: float, width: float, ox: float, oy: float, oyaw: float, olength: float,
     owidth: float,
@@ -31,9 +32,11 @@ def overlap(
     best, bx, by = 1e18, 0.0, 0.0
     for axis in range(4):
         angle = (yaw if axis < 2 else oyaw) + (axis % 2) * math.pi / 2.0
-        ax, ay = math.cos(angle), math.sin(angle)
-        mine = 0.5 * (abs(math.cos(angle - yaw)) * length + abs(math.sin(angle - yaw)) * width)
-        theirs = 0.5 * (abs(math.cos(angle - oyaw)) * olength + abs(math.sin(angle - oyaw)) * owidth)
+        ax, ay = cos_sin(angle)
+        along, beside = cos_sin(angle - yaw)
+        mine = 0.5 * (abs(along) * length + abs(beside) * width)
+        along, beside = cos_sin(angle - oyaw)
+        theirs = 0.5 * (abs(along) * olength + abs(beside) * owidth)
         distance = dx * ax + dy * ay
         depth = mine + theirs - abs(distance)
         if depth <= 0.0:
@@ -45,46 +48,47 @@ def overlap(
 
 
 @inner
-def _touch(statics: Statics, state: State, nx: float, ny: float, depth: float, i: int) -> None:
+def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> None:
     """Note at most one event per 5 s and actor, per 5 m of road, and none while standing; push the ego out."""
-    ego, criteria = state.ego, state.criteria
+    ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
-    near = math.hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
-    again = i >= 0 and (state.clock[0] - state.actor_ints[i, c.I_LAST_HIT]) * statics.dt_s < SAME_ACTOR_S
+    near = hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
+    again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
     if not near and not again and v >= STANDING_MPS:
-        note(state, c.EVENT_COLLISION, float(i), v)
+        note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
-            state.actor_ints[i, c.I_LAST_HIT] = state.clock[0]
+            world.actor_ints[i, c.I_LAST_HIT] = world.clock[0]
     if i >= 0:
-        kind = state.actor_ints[i, c.I_KIND]
+        kind = world.actor_ints[i, c.I_KIND]
         # who sees late and touches an ego that stands scrapes past: stopping there would block both for ever
-        if v >= STANDING_MPS or state.actor_ints[i, c.I_SEES] != c.SEES_LATE:
-            state.actor_ints[i, c.I_STUN] = STUN_TICKS
+        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] != c.SEES_LATE:
+            world.actor_ints[i, c.I_STUN] = STUN_TICKS
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
-            state.actor_ints[i, c.I_SOLID] = 0
-            state.actor_ints[i, c.I_MODE] = c.MODE_STATIC
-            state.actors[i, c.A_HEIGHT] = 0.3
-            state.actors[i, c.A_V] = 0.0
+            world.actor_ints[i, c.I_SOLID] = 0
+            world.actor_ints[i, c.I_MODE] = c.MODE_STATIC
+            world.actors[i, c.A_HEIGHT] = 0.3
+            world.actors[i, c.A_V] = 0.0
             ego[c.EGO_V] *= 0.8
             return
     ego[c.EGO_X] += nx * depth
     ego[c.EGO_Y] += ny * depth
-    against = nx * math.cos(ego[c.EGO_YAW]) + ny * math.sin(ego[c.EGO_YAW])
+    along, beside = cos_sin(ego[c.EGO_YAW])
+    against = nx * along + ny * beside
     if against < 0.0:
         ego[c.EGO_V] = max(0.0, v * (1.0 + against))
         ego[c.EGO_ACCEL] = min(ego[c.EGO_ACCEL], 0.0)
 
 
 @inner
-def contacts(statics: Statics, state: State) -> None:
+def contacts(world: WorldArrays) -> None:
     """Find every solid body and building that the ego overlaps at the end of the tick."""
-    ego = state.ego
-    length, width = statics.ego_length_m, statics.ego_width_m
-    for i in range(len(state.actors)):
-        if state.actor_ints[i, c.I_ACTIVE] != 1 or state.actor_ints[i, c.I_SOLID] == 0:
+    ego = world.ego
+    length, width = world.ego_length_m, world.ego_width_m
+    for i in range(len(world.actors)):
+        if world.actor_ints[i, c.I_ACTIVE] != 1 or world.actor_ints[i, c.I_SOLID] == 0:
             continue
-        other = state.actors[i]
+        other = world.actors[i]
         reach = 0.5 * (length + width + other[c.A_LENGTH] + other[c.A_WIDTH])
         if abs(other[c.A_X] - ego[c.EGO_X]) > reach or abs(other[c.A_Y] - ego[c.EGO_Y]) > reach:
             continue
@@ -93,9 +97,9 @@ def contacts(statics: Statics, state: State) -> None:
             other[c.A_X], other[c.A_Y], other[c.A_YAW], other[c.A_LENGTH], other[c.A_WIDTH],
         )  # fmt: skip
         if depth > 0.0:
-            _touch(statics, state, nx, ny, depth, i)
-    for k in range(len(statics.buildings)):
-        box = statics.buildings[k]
+            _touch(world, nx, ny, depth, i)
+    for k in range(len(world.buildings)):
+        box = world.buildings[k]
         reach = 0.5 * (length + box[3] + box[4])
         if abs(box[0] - ego[c.EGO_X]) > reach or abs(box[1] - ego[c.EGO_Y]) > reach:
             continue
@@ -103,4 +107,4 @@ def contacts(statics: Statics, state: State) -> None:
             ego[c.EGO_X], ego[c.EGO_Y], ego[c.EGO_YAW], length, width, box[0], box[1], box[2], box[3], box[4]
         )
         if depth > 0.0:
-            _touch(statics, state, nx, ny, depth, -1)
+            _touch(world, nx, ny, depth, -1)

@@ -7,12 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic.compiled import atan2, cos_sin
 from pytest_drive_robust.domain.truth import ActorState, LightState
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.jit import inner
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.scripts import run_script
-from pytest_drive_robust.simulators.embedded.state import State, Statics
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["idm", "move_actors"]
 
@@ -45,11 +46,12 @@ def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, 
     elif v > target:
         free = -IDM_COMFORT_MPS2 * min(1.0, v / target - 1.0 + 0.2)
     else:
-        free = accel_max * (1.0 - (v / target) ** 2 * (v / target) ** 2)
+        share = (v / target) * (v / target)
+        free = accel_max * (1.0 - share * share)
     if gap < 1e17:
         closing = v * (v - leader_v) / (2.0 * math.sqrt(accel_max * IDM_COMFORT_MPS2))
-        desired = IDM_GAP_M + max(0.0, v * IDM_HEADWAY_S + closing)
-        free = min(free, accel_max * (1.0 - (desired / max(gap, 0.1)) ** 2))
+        desired = (IDM_GAP_M + max(0.0, v * IDM_HEADWAY_S + closing)) / max(gap, 0.1)
+        free = min(free, accel_max * (1.0 - desired * desired))
     return min(max(free, -brake_max), accel_max)
 
 
@@ -93,7 +95,8 @@ def _wanted_speed(actor: Floats, whole: Ints, ego: Floats) -> float:
 @inner
 def _ahead_of_ego(actor: Floats, ego: Floats) -> float:
     dx, dy = actor[c.A_X] - ego[c.EGO_X], actor[c.A_Y] - ego[c.EGO_Y]
-    return float(dx * math.cos(ego[c.EGO_YAW]) + dy * math.sin(ego[c.EGO_YAW]))
+    along, beside = cos_sin(ego[c.EGO_YAW])
+    return float(dx * along + dy * beside)
 
 
 @inner
@@ -105,11 +108,11 @@ def _abreast(actor: Floats, ego: Floats) -> float:
 
 
 @inner
-def _acceleration(statics: Statics, state: State, i: int) -> float:
+def _acceleration(world: WorldArrays, i: int) -> float:
     """Return what the driver of actor i asks for [m/s2]."""
-    actor, whole = state.actors[i], state.actor_ints[i]
+    actor, whole = world.actors[i], world.actor_ints[i]
     if actor[c.A_SYNC_M] > 0.0:
-        return _abreast(actor, state.ego)
+        return _abreast(actor, world.ego)
     gap, leader_v = math.inf, 0.0
     if whole[c.I_SEES] != c.SEES_NOBODY:
         notices_m = notices_mps = math.inf
@@ -117,21 +120,21 @@ def _acceleration(statics: Statics, state: State, i: int) -> float:
             notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
         path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
         gap, leader_v = _leader(
-            statics.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m, notices_mps
+            world.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m, notices_mps
         )
-        line = statics.path_stop_line[path]
-        if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and state.lights[line] in (_RED, _YELLOW):
-            ahead = statics.path_stop_s[path] - s - 0.5 * length
+        line = world.path_stop_line[path]
+        if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and world.lights[line] in (_RED, _YELLOW):
+            ahead = world.path_stop_s[path] - s - 0.5 * length
             if -0.5 < ahead < gap:
                 gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
-    wanted = _wanted_speed(actor, whole, state.ego)
+    wanted = _wanted_speed(actor, whole, world.ego)
     return idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
 
 
 @inner
-def _move(statics: Statics, state: State, i: int) -> None:
+def _move(world: WorldArrays, i: int) -> None:
     """Move one actor by one tick: along its path, sideways towards its target; set its lamps."""
-    actor, whole, dt = state.actors[i], state.actor_ints[i], statics.dt_s
+    actor, whole, dt = world.actors[i], world.actor_ints[i], world.dt_s
     if whole[c.I_STUN] > 0:
         whole[c.I_STUN] -= 1
         actor[c.A_V], actor[c.A_ACCEL] = 0.0, 0.0
@@ -140,7 +143,7 @@ def _move(statics: Statics, state: State, i: int) -> None:
     if walks:
         actor[c.A_V] = actor[c.A_TARGET_V]
     else:
-        accel = _acceleration(statics, state, i)
+        accel = _acceleration(world, i)
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
     actor[c.A_ACCEL] = accel
     actor[c.A_S] += actor[c.A_V] * dt
@@ -154,11 +157,11 @@ def _move(statics: Statics, state: State, i: int) -> None:
             whole[c.I_ACTIVE] = 0
     _show(actor, whole, accel, shift)
     path = whole[c.I_PATH]
-    first, last, step = statics.path_start[path], statics.path_start[path + 1], statics.path_step[path]
-    x, y, yaw = path_pose(statics.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
+    first, last, step = world.path_start[path], world.path_start[path + 1], world.path_step[path]
+    x, y, yaw = path_pose(world.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
     if shift != 0.0 and not walks:
         # a body that shifts sideways also turns its nose that way
-        yaw += math.atan2(shift / dt, max(actor[c.A_V], 1.0))
+        yaw += atan2(shift / dt, max(actor[c.A_V], 1.0))
     actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw
 
 
@@ -176,10 +179,10 @@ def _show(actor: Floats, whole: Ints, accel: float, shift: float) -> None:
 
 
 @inner
-def move_actors(statics: Statics, state: State) -> None:
+def move_actors(world: WorldArrays) -> None:
     """Move everybody but the ego, in their order: scripts first, then those who exist and are not fixed."""
-    for i in range(len(state.actors)):
-        if state.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
-            run_script(statics, state, i)
-        if state.actor_ints[i, c.I_ACTIVE] == 1 and state.actor_ints[i, c.I_MODE] != c.MODE_STATIC:
-            _move(statics, state, i)
+    for i in range(len(world.actors)):
+        if world.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
+            run_script(world, i)
+        if world.actor_ints[i, c.I_ACTIVE] == 1 and world.actor_ints[i, c.I_MODE] != c.MODE_STATIC:
+            _move(world, i)

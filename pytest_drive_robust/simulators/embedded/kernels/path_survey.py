@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic.compiled import cos_sin
+from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.jit import inner
-from pytest_drive_robust.simulators.embedded.state import State, Statics
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["ON_PATH_M", "survey"]
 
@@ -39,7 +40,7 @@ def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: f
         return -1.0, 0.0, 0.0
     yaw = paths[at, 2]
     dx, dy = x - paths[at, 0], y - paths[at, 1]
-    cy, sy = math.cos(yaw), math.sin(yaw)
+    cy, sy = cos_sin(yaw)
     return (at - first) * step_m + dx * cy + dy * sy, dy * cy - dx * sy, yaw
 
 
@@ -47,9 +48,10 @@ def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: f
 def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, width: float) -> None:
     """Write how much room a body takes along and across the path, and how fast it moves along."""
     turn = yaw - path_yaw
-    ct, st = abs(math.cos(turn)), abs(math.sin(turn))
+    along, beside = cos_sin(turn)
+    ct, st = abs(along), abs(beside)
     row[c.S_LENGTH], row[c.S_WIDTH] = ct * length + st * width, ct * width + st * length
-    row[c.S_SPEED] = max(0.0, v * math.cos(turn))
+    row[c.S_SPEED] = max(0.0, v * along)
 
 
 @inner
@@ -62,16 +64,16 @@ def _is_driven(ints: Ints, path: int) -> bool:
 
 
 @inner
-def survey(statics: Statics, state: State) -> None:
-    """Fill `statics.survey` for every path that is driven on; bodies are the actors and, last, the ego."""
-    ints, ego, paths = state.actor_ints, state.ego, statics.paths
+def survey(world: WorldArrays) -> None:
+    """Fill `world.survey` for every path that is driven on; bodies are the actors and, last, the ego."""
+    ints, ego, paths = world.actor_ints, world.ego, world.paths
     count = len(ints)
-    for path in range(len(statics.path_start) - 1):
+    for path in range(len(world.path_start) - 1):
         if not _is_driven(ints, path):
             continue
-        first, last, step = statics.path_start[path], statics.path_start[path + 1], statics.path_step[path]
+        first, last, step = world.path_start[path], world.path_start[path + 1], world.path_step[path]
         for i in range(count):
-            actor, row = state.actors[i], statics.survey[path, i]
+            actor, row = world.actors[i], world.survey[path, i]
             if ints[i, c.I_ACTIVE] != 1 or ints[i, c.I_SOLID] == 0:
                 row[c.S_ALONG] = -1.0
             elif ints[i, c.I_PATH] == path and ints[i, c.I_MODE] == c.MODE_DRIVE:
@@ -81,7 +83,7 @@ def survey(statics: Statics, state: State) -> None:
                 row[c.S_ALONG], row[c.S_RIGHT], yaw = _project(paths, first, last, step, actor[c.A_X], actor[c.A_Y])
                 if row[c.S_ALONG] >= 0.0:
                     _fill(row, actor[c.A_YAW], yaw, actor[c.A_V], actor[c.A_LENGTH], actor[c.A_WIDTH])
-        row = statics.survey[path, count]
+        row = world.survey[path, count]
         row[c.S_ALONG], row[c.S_RIGHT], yaw = _project(paths, first, last, step, ego[c.EGO_X], ego[c.EGO_Y])
         if row[c.S_ALONG] >= 0.0:
-            _fill(row, ego[c.EGO_YAW], yaw, ego[c.EGO_V], statics.ego_length_m, statics.ego_width_m)
+            _fill(row, ego[c.EGO_YAW], yaw, ego[c.EGO_V], world.ego_length_m, world.ego_width_m)

@@ -1,4 +1,4 @@
-"""RoutePlaces along the lines that actors follow."""
+"""Places along the lines that actors follow."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.simulators.embedded.jit import inner
+from pytest_drive_robust.arithmetic.compiled import cos_sin
+from pytest_drive_robust.jit.kernels import inner
 
 __all__ = ["path_pose"]
 
@@ -25,4 +26,5 @@ def path_pose(
     y = paths[k, 1] + share * (paths[k + 1, 1] - paths[k, 1])
     bounded = min(max(share, 0.0), 1.0)
     yaw = paths[k, 2] + bounded * (paths[k + 1, 2] - paths[k, 2])
-    return x - right_m * math.sin(yaw), y + right_m * math.cos(yaw), yaw
+    along, beside = cos_sin(yaw)
+    return x - right_m * beside, y + right_m * along, yaw

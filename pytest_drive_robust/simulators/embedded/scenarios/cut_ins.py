@@ -124,7 +124,7 @@ def _stands_right(stage: Stage) -> bool:
 
 
 def _merges_ahead_m(stage: Stage) -> float:
-    """Metres from the trigger to where the cut-in begins: the element `distance`, or so long before `end_location`."""
+    """Return metres from the trigger to the cut-in: the element `distance`, or so long before `end_location`."""
     end = stage.spec.parameters.get("end_location")
     if end is None or "x" not in end or "y" not in end:
         return max(stage.spec.number("distance", 40.0), 10.0)
@@ -133,7 +133,7 @@ def _merges_ahead_m(stage: Stage) -> float:
 
 
 def _side_of_other(stage: Stage) -> float:
-    """1 when the other car is to the right, as it is unless `other_actor_location` says something else, or -1."""
+    """Return 1 when the other car is to the right, as it is unless `other_actor_location` says otherwise, or -1."""
     other = stage.spec.parameters.get("other_actor_location")
     if other is None or "x" not in other or "y" not in other:
         return 1.0

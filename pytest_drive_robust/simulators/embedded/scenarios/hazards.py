@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec
@@ -163,7 +164,7 @@ def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:
     s = arc_lengths(line)
     begins, ends = stage.along(lane, far_m), stage.along(lane, 20.0)
     shift = aside_m * (_smooth((s - begins) / 20.0 + 1.0) - _smooth((s - ends) / 12.0))
-    left = np.column_stack([np.sin(line[:, 2]), -np.cos(line[:, 2])])
+    left = np.column_stack([arrays.sin(line[:, 2]), -arrays.cos(line[:, 2])])
     return stage.add_path(line[:, :2] + shift[:, None] * left)
 
 

@@ -7,9 +7,10 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{signalized,non_signaliz
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import RED_S, end_behind_junction, route_flow
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
 from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, Program, red_then_green
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
@@ -17,13 +18,7 @@ __all__: list[str] = []
 
 Metres = tuple[float, float]
 _OWN_RED = red_then_green(RED_S)
-
-
-def _sites(*rows: tuple[str, str, Metres]) -> tuple[Site, ...]:
-    """Sites by town style, chain of lanes and length of the route, with 30 to 40 m to drive before the junction."""
-    return tuple(
-        Site(style, chain, length_m, trigger_m=(3.0, 8.0), before_m=(30.0, 40.0)) for style, chain, length_m in rows
-    )
+_sites = partial(sites, trigger_m=(3.0, 8.0), before_m=(30.0, 40.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

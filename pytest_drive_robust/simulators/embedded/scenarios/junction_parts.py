@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
@@ -24,7 +25,7 @@ __all__ = [
 ]
 
 RED_S = 5.0
-"""How long lights stay red (or green) after the scenario woke up."""
+"""How long lights stay red (or green) after the scenario started."""
 
 _YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
@@ -54,7 +55,7 @@ def route_flow(
         stage.spec.number("source_dist_interval", gap_m[0], attribute="from"),
         stage.spec.number("source_dist_interval", gap_m[1], attribute="to"),
     )
-    speed = stage.spec.number("flow_speed", sum(speed_mps) / 2.0)
+    speed = stage.spec.number("flow_speed", (speed_mps[0] + speed_mps[1]) / 2.0)
     dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + _DENSE_S * speed
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_LATE, dense_m=dense_m)
 
@@ -106,14 +107,14 @@ def _green_between(start_s: float, end_s: float) -> Program:
 
 
 def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tuple[float, float] | None:
-    """(metres ahead on the ego's way, metres along `path`) where the two first meet within the junction, or None.
+    """Return (metres ahead on the ego's way, metres along `path`) where they first meet within the junction, or None.
 
     They meet where they are nearer than `within_m`; with an infinite distance where they are nearest.
     """
     ahead = np.arange(stage.junction_ahead_m() - 2.0, stage.exit_ahead_m() + 2.0, 0.5)
     places = np.array([stage.spot(float(a)) for a in ahead])
     line = stage.paths[path]
-    away = np.hypot(line[None, :, 0] - places[:, :1], line[None, :, 1] - places[:, 1:])
+    away = arrays.hypot(line[None, :, 0] - places[:, :1], line[None, :, 1] - places[:, 1:])
     nearest = away.min(axis=1)
     met = np.flatnonzero(nearest <= nearest.min() if np.isinf(within_m) else nearest < within_m)
     if len(met) == 0:

@@ -16,7 +16,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
     right_hand,
     side_traffic,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__: list[str] = []
@@ -91,7 +91,7 @@ def _one_way(
     """Register a type where the lane to the left is in use; `rows` are town style, chain and length of the route."""
     scenario(
         name,
-        sites=tuple(Site(*row) for row in rows),
+        sites=sites(*rows),
         parameters={"distance": distance_m, "speed": speed_kmh},
         blocked_test_off=True,
     )(_Obstacle(put, side_kmh=side_kmh).build)
@@ -107,7 +107,7 @@ def _two_ways(
     """Register a type where the way around is the oncoming lane."""
     scenario(
         name,
-        sites=tuple(Site(*row) for row in rows),
+        sites=sites(*rows),
         parameters={"distance": distance_m},
         intervals={"frequency": oncoming_m},
         blocked_test_off=True,

@@ -8,7 +8,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
     lights_turn_green,
     lights_turn_red,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 __all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]
@@ -21,11 +21,13 @@ _TRIGGER_M = (3.0, 6.0)
 
 @scenario(
     "T_Junction",
-    sites=(
-        Site("LightTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
-        Site("StopTee", "S.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
-        Site("LightTee", "E.left0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
-        Site("StopTee", "S.right0", (90.0, 112.0), trigger_m=(4.0, 10.0), before_m=(48.0, 60.0)),
+    sites=sites(
+        ("LightTee", "S.left0", (90.0, 112.0)),
+        ("StopTee", "S.left0", (90.0, 112.0)),
+        ("LightTee", "E.left0", (90.0, 112.0)),
+        ("StopTee", "S.right0", (90.0, 112.0)),
+        trigger_m=(4.0, 10.0),
+        before_m=(48.0, 60.0),
     ),
     blocked_test_off=True,
 )
@@ -55,11 +57,13 @@ def vanilla_turn(stage: Stage) -> None:
 
 @scenario(
     "VanillaNonSignalizedTurnEncounterStopsign",
-    sites=(
-        Site("StopCrossing", "E.right0", (49.2, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("StopCrossing", "W.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("StopTee", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("RuralCrossing", "N.right0", (52.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+    sites=sites(
+        ("StopCrossing", "E.right0", (49.2, 60.0)),
+        ("StopCrossing", "W.left0", (54.0, 68.0)),
+        ("StopTee", "S.right0", (49.5, 60.0)),
+        ("RuralCrossing", "N.right0", (52.0, 68.0)),
+        trigger_m=_TRIGGER_M,
+        before_m=_NEARER_M,
     ),
 )
 def vanilla_stop_sign(stage: Stage) -> None:
@@ -69,10 +73,12 @@ def vanilla_stop_sign(stage: Stage) -> None:
 
 @scenario(
     "VanillaSignalizedTurnEncounterGreenLight",
-    sites=(
-        Site("LightCrossing", "E.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
-        Site("LightTee", "W.right0", (80.0, 94.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
-        Site("LightAvenueCrossing", "S.left0", (86.0, 100.0), trigger_m=(2.0, 4.0), before_m=(54.0, 64.0)),
+    sites=sites(
+        ("LightCrossing", "E.right0", (80.0, 94.0)),
+        ("LightTee", "W.right0", (80.0, 94.0)),
+        ("LightAvenueCrossing", "S.left0", (86.0, 100.0)),
+        trigger_m=(2.0, 4.0),
+        before_m=(54.0, 64.0),
     ),
 )
 def vanilla_green_light(stage: Stage) -> None:
@@ -84,11 +90,13 @@ def vanilla_green_light(stage: Stage) -> None:
 
 @scenario(
     "VanillaSignalizedTurnEncounterRedLight",
-    sites=(
-        Site("LightCrossing", "S.right0", (49.5, 60.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("LightCrossing", "N.left0", (54.0, 68.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("LightTee", "S.left0", (52.0, 66.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
-        Site("Grid", "W0.right0", (50.0, 62.0), trigger_m=_TRIGGER_M, before_m=_NEARER_M),
+    sites=sites(
+        ("LightCrossing", "S.right0", (49.5, 60.0)),
+        ("LightCrossing", "N.left0", (54.0, 68.0)),
+        ("LightTee", "S.left0", (52.0, 66.0)),
+        ("Grid", "W0.right0", (50.0, 62.0)),
+        trigger_m=_TRIGGER_M,
+        before_m=_NEARER_M,
     ),
 )
 def vanilla_red_light(stage: Stage) -> None:

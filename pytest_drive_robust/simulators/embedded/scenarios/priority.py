@@ -80,7 +80,7 @@ def _take_priority(stage: Stage, kind: ActorKind) -> None:
 
 
 def _way(stage: Stage) -> tuple[int, float, float]:
-    """(path, metres ahead, metres on the path) of the way from the file's `direction`, else the first that crosses.
+    """Return (path, metres ahead, metres on the path) of the file's `direction`, else of the first way that crosses.
 
     Nobody need cross: the ego may turn right in front of who comes from there.
 
@@ -113,6 +113,7 @@ def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:
     """Return how far the driver model gets from rest within so many seconds."""
     v, s = 0.0, 0.0
     for _ in range(round(seconds / dt_s)):
-        v += _ACCEL_MPS2 * (1.0 - (v / _SPEED_MPS) ** 4) * dt_s
+        share = (v / _SPEED_MPS) * (v / _SPEED_MPS)
+        v += _ACCEL_MPS2 * (1.0 - share * share) * dt_s
         s += v * dt_s
     return s

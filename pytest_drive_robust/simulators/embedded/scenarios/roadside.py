@@ -27,7 +27,7 @@ _FAST_MPS = 15.0
 
 
 def ahead(stage: Stage, default_m: float, *, at_least_m: float = 20.0) -> float:
-    """The element `distance`: metres from the trigger to what happens, never so near that the ego starts in it."""
+    """Return metres from the trigger to what happens: the element `distance`, not so near that the ego starts in it."""
     return max(stage.spec.number("distance", default_m), at_least_m)
 
 
@@ -42,7 +42,7 @@ def right_hand(stage: Stage) -> float:
 
 
 def road_edge_m(stage: Stage, side: str, ahead_m: float = 0.0) -> float:
-    """Metres from the middle of the ego's lane to the `"left"` or `"right"` kerb, across all lanes of the road."""
+    """Return metres from the middle of the ego's lane to the `"left"` or `"right"` kerb, across all lanes there."""
     lanes = stage.dense.lane_map.lanes
     lane = stage.lane_at(ahead_m)
     away = lane.width_m / 2.0

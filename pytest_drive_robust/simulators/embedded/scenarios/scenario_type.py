@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = ["SCENARIOS", "ScenarioType", "Site", "scenario"]
+__all__ = ["SCENARIOS", "ScenarioType", "Site", "scenario", "sites"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,17 @@ class ScenarioType:
     intervals: dict[str, tuple[float, float]]
     blocked_test_off: bool
     two_ways: bool
+
+
+def sites(
+    *rows: tuple[str, str, tuple[float, float]],
+    trigger_m: tuple[float, float] = (4.0, 14.0),
+    before_m: tuple[float, float] | None = None,
+) -> tuple[Site, ...]:
+    """Make sites that differ in town style, chain of lanes and length of the route only."""
+    return tuple(
+        Site(style, chain, length_m, trigger_m=trigger_m, before_m=before_m) for style, chain, length_m in rows
+    )
 
 
 SCENARIOS: dict[str, ScenarioType] = {}

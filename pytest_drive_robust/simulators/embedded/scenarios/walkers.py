@@ -10,7 +10,7 @@ import math
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.scenarios.roadside import ahead, right_hand, road_edge_m, scenery
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.triggers import Arrival
 
@@ -26,7 +26,7 @@ _BEFORE_M = (30.0, 40.0)
 _LATER_S = 0.02
 """For every degree by which somebody does not walk straight across."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
-"""RoutePlaces of a parked row, seen from where somebody steps out between two cars."""
+"""Places of a parked row, seen from where somebody steps out between two cars."""
 
 
 @scenario(
@@ -45,19 +45,9 @@ def dynamic_object_crossing(stage: Stage) -> None:
     Every 5 degrees of `crossing_angle` make it 0.1 s more.
     """
     at = ahead(stage, 45.0)
-    angle, side = _angle_deg(stage), right_hand(stage)
     edge = _near_edge_m(stage, at)
-    stage.stand(ActorKind.CONTAINER, at - 2.2, side * (edge + 1.2))
-    stage.walker(
-        at,
-        from_right_m=side * (edge + 1.6),
-        walks_m=edge + 1.6 + road_edge_m(stage, _far_side(stage), at) + 1.5,
-        speed_mps=2.0,
-        trigger=Arrival(2.1 + _LATER_S * abs(angle), 6.0),
-        slant_rad=math.radians(angle),
-    )
-    scenery(stage)
-    stage.end_m = stage.trigger_m + at + 20.0
+    stage.stand(ActorKind.CONTAINER, at - 2.2, right_hand(stage) * (edge + 1.2))
+    _steps_out(stage, at, edge + 1.6, beyond_m=1.5, tta_s=2.1)
 
 
 @scenario(
@@ -76,29 +66,21 @@ def parking_crossing_pedestrian(stage: Stage) -> None:
     more.
     """
     at = ahead(stage, 40.0)
-    angle, side = _angle_deg(stage), right_hand(stage)
     kerb = stage.lane_width_m / 2.0 + 1.2
     for k, further in enumerate(_PARKED_M):
-        stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, side * kerb)
-    stage.walker(
-        at,
-        from_right_m=side * (kerb + 0.6),
-        walks_m=kerb + 0.6 + road_edge_m(stage, _far_side(stage), at) + 1.0,
-        speed_mps=2.0,
-        trigger=Arrival(2.15 + _LATER_S * abs(angle), 6.0),
-        slant_rad=math.radians(angle),
-    )
-    scenery(stage)
-    stage.end_m = stage.trigger_m + at + 20.0
+        stage.stand(ActorKind.CAR if k else ActorKind.VAN, at + further, right_hand(stage) * kerb)
+    _steps_out(stage, at, kerb + 0.6, beyond_m=1.0, tta_s=2.15)
 
 
 @scenario(
     "PedestrianCrossing",
-    sites=(
-        Site("LightCrossing", "E.straight0", (72.0, 88.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
-        Site("OpenCrossing", "S.right0", (68.0, 82.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
-        Site("LightAvenueCrossing", "W.straight1", (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
-        Site("OpenTee", "W.straight0", (68.0, 82.0), trigger_m=(4.0, 10.0), before_m=(38.0, 46.0)),
+    sites=sites(
+        ("LightCrossing", "E.straight0", (72.0, 88.0)),
+        ("OpenCrossing", "S.right0", (68.0, 82.0)),
+        ("LightAvenueCrossing", "W.straight1", (74.0, 90.0)),
+        ("OpenTee", "W.straight0", (68.0, 82.0)),
+        trigger_m=(4.0, 10.0),
+        before_m=(38.0, 46.0),
     ),
 )
 def pedestrian_crossing(stage: Stage) -> None:
@@ -121,11 +103,13 @@ def pedestrian_crossing(stage: Stage) -> None:
 
 @scenario(
     "VehicleTurningRoute",
-    sites=(
-        Site("OpenCrossing", "W.right0", (68.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightCrossing", "E.left0", (70.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightTee", "W.right0", (68.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("OpenCrossing", "N.left0", (70.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+    sites=sites(
+        ("OpenCrossing", "W.right0", (68.0, 80.0)),
+        ("LightCrossing", "E.left0", (70.0, 82.0)),
+        ("LightTee", "W.right0", (68.0, 80.0)),
+        ("OpenCrossing", "N.left0", (70.0, 82.0)),
+        trigger_m=(3.0, 8.0),
+        before_m=_BEFORE_M,
     ),
 )
 def vehicle_turning_route(stage: Stage) -> None:
@@ -135,11 +119,13 @@ def vehicle_turning_route(stage: Stage) -> None:
 
 @scenario(
     "VehicleTurningRoutePedestrian",
-    sites=(
-        Site("LightCrossing", "S.right0", (68.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("OpenCrossing", "E.left0", (70.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightTee", "S.left0", (70.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("Grid", "W0.right0", (68.0, 82.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+    sites=sites(
+        ("LightCrossing", "S.right0", (68.0, 82.0)),
+        ("OpenCrossing", "E.left0", (70.0, 84.0)),
+        ("LightTee", "S.left0", (70.0, 84.0)),
+        ("Grid", "W0.right0", (68.0, 82.0)),
+        trigger_m=(3.0, 8.0),
+        before_m=_BEFORE_M,
     ),
 )
 def vehicle_turning_route_pedestrian(stage: Stage) -> None:
@@ -147,14 +133,24 @@ def vehicle_turning_route_pedestrian(stage: Stage) -> None:
     _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0))
 
 
+def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tta_s: float) -> None:
+    """Let a pedestrian start `aside_m` beside the ego's way and walk over the road, `beyond_m` past its far edge."""
+    angle, far_side = _angle_deg(stage), "left" if right_hand(stage) > 0.0 else "right"
+    stage.walker(
+        at_m,
+        from_right_m=right_hand(stage) * aside_m,
+        walks_m=aside_m + road_edge_m(stage, far_side, at_m) + beyond_m,
+        speed_mps=2.0,
+        trigger=Arrival(tta_s + _LATER_S * abs(angle), 6.0),
+        slant_rad=math.radians(angle),
+    )
+    scenery(stage)
+    stage.end_m = stage.trigger_m + at_m + 20.0
+
+
 def _angle_deg(stage: Stage) -> float:
     """Return the element `crossing_angle`, at most so much that somebody still gets across."""
     return min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
-
-
-def _far_side(stage: Stage) -> str:
-    """Return towards which side somebody walks."""
-    return "left" if right_hand(stage) > 0.0 else "right"
 
 
 def _near_edge_m(stage: Stage, at_m: float) -> float:

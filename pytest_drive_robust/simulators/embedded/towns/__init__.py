@@ -10,8 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-import numpy as np
-
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.towns import crossings, motorways, streets
 from pytest_drive_robust.simulators.embedded.towns.grid import grid
@@ -20,7 +19,7 @@ from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionCont
 
 __all__ = ["STYLES", "Arm", "JunctionControl", "LaneKey", "Town", "build_town"]
 
-STYLES: dict[str, Callable[[Town, np.random.Generator], None]] = {
+STYLES: dict[str, Callable[[Town, RandomNumbers], None]] = {
     "Street": streets.street,
     "ParkingStreet": streets.parking_street,
     "Avenue": streets.avenue,
@@ -59,5 +58,5 @@ def build_town(name: str) -> Town:
     if style not in STYLES:
         raise UnknownNameError.of("town style", style, STYLES)
     town = Town(name)
-    STYLES[style](town, np.random.Generator(np.random.Philox(key=[number, 0x70776E])))
+    STYLES[style](town, RandomNumbers((number, 0x70776E)))
     return town

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import Lane, LaneKind
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.towns.town import Town
@@ -24,8 +25,8 @@ _NEAR_M = 50.0
 
 def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
     """Return (b, 6): x, y, yaw, length, width, height of every house."""
-    key = np.frombuffer(hashlib.blake2b(f"{town.name}\x1fhouses".encode(), digest_size=16).digest(), dtype=np.uint64)
-    rng = np.random.Generator(np.random.Philox(key=key))
+    key = hashlib.blake2b(f"{town.name}\x1fhouses".encode(), digest_size=16).digest()
+    rng = RandomNumbers(key)
     points = np.concatenate([lane.centre[:, :2] for lane in lanes])
     radii = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in lanes])
     walks = [lane for lane in lanes if lane.kind is LaneKind.SIDEWALK]
@@ -52,15 +53,15 @@ def _is_near(row: list[float], points: Floats) -> NDArray[np.bool_]:
 def _outside(row: list[float], points: Floats) -> Floats:
     """Return the distance of each point from a house, 0 inside."""
     dx, dy = points[:, 0] - row[0], points[:, 1] - row[1]
-    cos, sin = np.cos(row[2]), np.sin(row[2])
+    cos, sin = scalars.cos(row[2]), scalars.sin(row[2])
     along = np.maximum(np.abs(dx * cos + dy * sin) - row[3] / 2.0, 0.0)
     across = np.maximum(np.abs(dy * cos - dx * sin) - row[4] / 2.0, 0.0)
-    return np.asarray(np.hypot(along, across))
+    return arrays.hypot(along, across)
 
 
 def _apart(row: list[float], rows: list[list[float]]) -> bool:
-    reach = math.hypot(row[3], row[4]) / 2.0
+    reach = scalars.hypot(row[3], row[4]) / 2.0
     return all(
-        math.hypot(row[0] - other[0], row[1] - other[1]) > reach + math.hypot(other[3], other[4]) / 2.0 - 4.0
+        scalars.hypot(row[0] - other[0], row[1] - other[1]) > reach + scalars.hypot(other[3], other[4]) / 2.0 - 4.0
         for other in rows
     )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.simulators.embedded.towns.junction import Connection, connect, crosswalk
 from pytest_drive_robust.simulators.embedded.towns.pieces import road
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, LaneKey, Section, Town
@@ -17,17 +16,17 @@ _QUARTER = math.pi / 2.0
 _SIZE = 2
 
 
-def grid(town: Town, rng: np.random.Generator) -> None:
+def grid(town: Town, rng: RandomNumbers) -> None:
     """Draw four crossings with lights, 75 to 95 m apart, one lane each way.
 
     Roads that lead out: `W0`, `W1` (row 0 lies in the north), `E0`, `E1`, `N0`, `N1` (column 0 lies in the west), `S0`,
     `S1`; between the crossings `H0`, `H1` lead east, `V0`, `V1` south. Chains: `W0.left0` turns left at its first
     crossing and then goes straight out of town, `W0.straight-left0` turns left at its second one.
     """
-    width = float(rng.uniform(3.4, 3.7))
-    section = Section(1, 1, width, float(rng.choice([10.0, 11.0, 12.5])))
-    box = width + float(rng.uniform(5.0, 8.0))
-    apart = float(rng.uniform(75.0, 95.0)), float(rng.uniform(75.0, 95.0))
+    width = rng.uniform(3.4, 3.7)
+    section = Section(1, 1, width, rng.choice([10.0, 11.0, 12.5]))
+    box = width + rng.uniform(5.0, 8.0)
+    apart = rng.uniform(75.0, 95.0), rng.uniform(75.0, 95.0)
     ways: dict[LaneKey, list[Connection]] = {}
     for column in range(_SIZE):
         for row in range(_SIZE):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
@@ -42,7 +43,7 @@ def crosswalk(town: Town, arm: Arm) -> None:
     """Draw a crossing for pedestrians where the arm meets the box."""
     half_m = arm.section.forward * arm.section.width_m + arm.section.biking_m
     x, y, heading = arm.edge()
-    ahead = np.array([math.cos(heading), math.sin(heading)])
+    ahead = np.array([scalars.cos(heading), scalars.sin(heading)])
     right = np.array([-ahead[1], ahead[0]])
     edge = np.array([x, y])
     near, far = edge + 0.6 * ahead, edge + 3.6 * ahead

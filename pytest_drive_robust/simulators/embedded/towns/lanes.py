@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import Lane, LaneKind, StopLine
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
-from pytest_drive_robust.simulators.embedded.towns.road_library import CircularLane, StraightLane
+from pytest_drive_robust.simulators.embedded.towns.drawn_lanes import CircularLane, StraightLane
 from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, LaneKey, Town
 from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
 
@@ -67,13 +68,8 @@ def _sample(town: Town, key: LaneKey) -> Floats:
         return lane.centre
     count = max(2, round(lane.length) + 1)
     at = np.linspace(0.0, lane.length, count)
-    if isinstance(lane, CircularLane):
-        phase = lane.direction * at / lane.radius + lane.start_phase
-        x, y = lane.center[0] + lane.radius * np.cos(phase), lane.center[1] + lane.radius * np.sin(phase)
-        return np.column_stack([x, y, phase + np.pi / 2.0 * lane.direction])
-    if isinstance(lane, StraightLane):
-        points = lane.start + at[:, None] * lane.direction
-        return np.column_stack([points, np.full(count, lane.heading)])
+    if isinstance(lane, CircularLane | StraightLane):
+        return lane.sampled(at)
     raise TypeError(f"town {town.name}: lane {key} is a {type(lane).__name__}, expected straight, circular or traced")
 
 
@@ -96,8 +92,8 @@ def _successors(town: Town, keys: list[LaneKey], centres: list[Floats]) -> list[
     """Return the lanes of the same kind that begin where each lane ends, heading the same way."""
     kinds = np.array([int(town.kinds[key]) for key in keys])
     starts, ends = np.array([centre[0] for centre in centres]), np.array([centre[-1] for centre in centres])
-    meets = np.hypot(*(ends[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1)) < _JOIN_M
-    meets &= np.cos(ends[:, None, 2] - starts[None, :, 2]) > 0.9
+    meets = arrays.hypot(*(ends[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1)) < _JOIN_M
+    meets &= arrays.cos(ends[:, None, 2] - starts[None, :, 2]) > 0.9
     meets &= kinds[:, None] == kinds[None, :]
     np.fill_diagonal(meets, False)
     return [tuple(int(other) for other in np.flatnonzero(row)) for row in meets]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import fsum
 
-import numpy as np
-
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.simulators.embedded.towns.pieces import Piece, beside, retreat, road
 from pytest_drive_robust.simulators.embedded.towns.town import Pose, Section, Town
 
@@ -19,10 +19,10 @@ _GAP_M = (14.0, 35.0)
 """Who merges must see who comes."""
 
 
-def entry_ramp(town: Town, rng: np.random.Generator) -> None:
+def entry_ramp(town: Town, rng: RandomNumbers) -> None:
     """Draw two or three lanes and a ramp that becomes an acceleration lane, which ends."""
     lanes, limit, ramp = _draw(rng)
-    parallel_m = float(rng.uniform(90.0, 140.0))
+    parallel_m = rng.uniform(90.0, 140.0)
     section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
     merge: Pose = road(town, "road", _START, [(_BEFORE_M, 0.0)], section)
     wide = replace(section, forward=lanes + 1)
@@ -37,7 +37,7 @@ def entry_ramp(town: Town, rng: np.random.Generator) -> None:
     _name_lanes(town, lanes, _BEFORE_M)
 
 
-def exit_ramp(town: Town, rng: np.random.Generator) -> None:
+def exit_ramp(town: Town, rng: RandomNumbers) -> None:
     """Draw two or three lanes and an exit lane to their right, which parts from the road."""
     lanes, limit, ramp = _draw(rng)
     section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
@@ -50,15 +50,15 @@ def exit_ramp(town: Town, rng: np.random.Generator) -> None:
     _name_lanes(town, lanes, _EXIT_LANE_M)
 
 
-def _draw(rng: np.random.Generator) -> tuple[int, float, float]:
+def _draw(rng: RandomNumbers) -> tuple[int, float, float]:
     """Return lanes, speed limit of the road, of the ramp."""
-    return int(rng.integers(2, 4)), float(rng.choice([20.0, 22.0, 25.0])), float(rng.uniform(14.0, 17.0))
+    return 2 + rng.below(2), rng.choice([20.0, 22.0, 25.0]), rng.uniform(14.0, 17.0)
 
 
-def _ramp(rng: np.random.Generator) -> list[Piece]:
+def _ramp(rng: RandomNumbers) -> list[Piece]:
     """Return a straight and an arc to the right of 15 to 25 degrees that ends parallel to the road."""
-    radius, turn = float(rng.uniform(170.0, 230.0)), float(rng.uniform(0.27, 0.42))
-    return [(float(rng.uniform(140.0, 160.0)), 0.0), (radius * turn, 1.0 / radius)]
+    radius, turn = rng.uniform(170.0, 230.0), rng.uniform(0.27, 0.42)
+    return [(rng.uniform(140.0, 160.0), 0.0), (radius * turn, 1.0 / radius)]
 
 
 def _name_lanes(town: Town, lanes: int, anchor_m: float) -> None:
@@ -68,4 +68,4 @@ def _name_lanes(town: Town, lanes: int, anchor_m: float) -> None:
 
 
 def _length(town: Town, chain: str) -> float:
-    return float(sum(town.network.get_lane(key).length for key in town.chains[chain]))
+    return fsum(town.network.get_lane(key).length for key in town.chains[chain])

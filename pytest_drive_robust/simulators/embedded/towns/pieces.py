@@ -8,13 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.road_library import (
-    AbstractLane,
-    CircularLane,
-    LineType,
-    StraightLane,
-)
+from pytest_drive_robust.simulators.embedded.towns.drawn_lanes import CircularLane, StraightLane
+from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane, LineType
 from pytest_drive_robust.simulators.embedded.towns.town import LaneKey, Pose, Section, Town
 
 __all__ = ["Piece", "advance", "beside", "draw_strips", "piece", "retreat", "road", "winding"]
@@ -31,11 +29,11 @@ def advance(pose: Pose, length: float, curvature: float) -> Pose:
     """Return the pose after `length` metres on a line or an arc (curvature positive to the right)."""
     x, y, heading = pose
     if curvature == 0.0:
-        return x + length * math.cos(heading), y + length * math.sin(heading), heading
+        return x + length * scalars.cos(heading), y + length * scalars.sin(heading), heading
     turned = heading + length * curvature
     return (
-        x + (math.sin(turned) - math.sin(heading)) / curvature,
-        y - (math.cos(turned) - math.cos(heading)) / curvature,
+        x + (scalars.sin(turned) - scalars.sin(heading)) / curvature,
+        y - (scalars.cos(turned) - scalars.cos(heading)) / curvature,
         turned,
     )
 
@@ -52,7 +50,7 @@ def retreat(pose: Pose, pieces: list[Piece]) -> Pose:
 def beside(pose: Pose, right_m: float) -> Pose:
     """Return the pose `right_m` metres to the right, same heading."""
     x, y, heading = pose
-    return x - right_m * math.sin(heading), y + right_m * math.cos(heading), heading
+    return x - right_m * scalars.sin(heading), y + right_m * scalars.cos(heading), heading
 
 
 def piece(
@@ -60,10 +58,10 @@ def piece(
 ) -> AbstractLane:
     """Return a highway-env lane `offset` metres to the right of a reference piece, along it or against it."""
     x, y, heading = pose
-    right = np.array([-math.sin(heading), math.cos(heading)])
+    right = np.array([-scalars.sin(heading), scalars.cos(heading)])
     if curvature == 0.0:
         start = np.array([x, y]) + offset * right
-        end = start + length * np.array([math.cos(heading), math.sin(heading)])
+        end = start + length * np.array([scalars.cos(heading), scalars.sin(heading)])
         return StraightLane(end, start, **lane) if backward else StraightLane(start, end, **lane)
     radius = 1.0 / curvature  # signed: positive turns right
     centre = np.array([x, y]) + radius * right
@@ -77,7 +75,7 @@ def piece(
 
 
 def road(town: Town, name: str, start: Pose, pieces: list[Piece], section: Section, *, first: int = 0) -> Pose:
-    """Draw a road; fills `town.chains` with every lane's keys from end to end. Returns where it ends.
+    """Draw a road and fill `town.chains` with every lane's keys from end to end. Return where it ends.
 
     The reference line is the divider between the two ways, or the left edge of a one-way road. Chains are `<name>.f0`
     (forward, nearest to the divider), `<name>.f1`, ..., `<name>.b0`, ..., and to the right of each way `<name>.fbike`,
@@ -151,10 +149,10 @@ class _Strips:
         self._placed.append((signed, key, not backward))
 
 
-def winding(rng: np.random.Generator, total_m: float, *, radius_m: Piece, arc_m: Piece = (25.0, 45.0)) -> list[Piece]:
+def winding(rng: RandomNumbers, total_m: float, *, radius_m: Piece, arc_m: Piece = (25.0, 45.0)) -> list[Piece]:
     """Return the pieces of a gently winding road of `total_m` metres: line, arc, line, counter-arc, line."""
     sign = 1.0 if rng.random() < 0.5 else -1.0
-    arc = float(rng.uniform(*arc_m))
+    arc = rng.uniform(*arc_m)
     straight = (total_m - 2.0 * arc) / 3.0
-    radius = float(rng.uniform(*radius_m))
+    radius = rng.uniform(*radius_m)
     return [(straight, 0.0), (arc, sign / radius), (straight, 0.0), (arc, -sign / radius), (straight, 0.0)]

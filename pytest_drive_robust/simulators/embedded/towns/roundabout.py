@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
 from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, retreat
 from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
@@ -17,12 +17,12 @@ _ARMS = "ESWN"
 _QUARTER = math.pi / 2.0
 
 
-def roundabout(town: Town, rng: np.random.Generator) -> None:
+def roundabout(town: Town, rng: RandomNumbers) -> None:
     """Draw a ring of 14 to 20 m radius with four arms; who is in the ring goes first."""
-    width, radius = float(rng.uniform(3.5, 3.8)), float(rng.uniform(14.0, 20.0))
-    bend = float(rng.uniform(11.0, 14.0))
-    section = Section(1, 1, width, float(rng.choice([11.0, 12.5])))
-    ring = _Ring(town, section, radius, bend, float(rng.uniform(7.0, 8.0)))
+    width, radius = rng.uniform(3.5, 3.8), rng.uniform(14.0, 20.0)
+    bend = rng.uniform(11.0, 14.0)
+    section = Section(1, 1, width, rng.choice([11.0, 12.5]))
+    ring = _Ring(town, section, radius, bend, rng.uniform(7.0, 8.0))
     arms = [Arm(name, k * _QUARTER, ring.box_m, section) for k, name in enumerate(_ARMS)]
     draw_arms(town, arms, length_m=110.0)
     ring.draw(arms)
@@ -34,8 +34,8 @@ class _Ring:
     def __init__(self, town: Town, section: Section, radius: float, bend: float, speed: float) -> None:
         self._town, self._section, self._radius, self._bend = town, section, radius, bend
         side = section.width_m / 2.0 + bend
-        self.box_m = math.sqrt((radius + bend) ** 2 - side**2)
-        self._phase = math.atan2(side, self.box_m)
+        self.box_m = math.sqrt((radius + bend) * (radius + bend) - side * side)
+        self._phase = scalars.atan2(side, self.box_m)
         """How far from an arm's heading its entry and its exit meet the ring."""
         self._turn = _QUARTER - self._phase
         self._style: dict[str, object] = {
@@ -67,7 +67,7 @@ class _Ring:
                 inside.append(past[target])
 
     def _arc(self, start: str, end: str, phase: float, angle: float) -> LaneKey:
-        pose = (self._radius * math.cos(phase), self._radius * math.sin(phase), phase - _QUARTER)
+        pose = (self._radius * scalars.cos(phase), self._radius * scalars.sin(phase), phase - _QUARTER)
         lane = piece(pose, self._radius * angle, -1.0 / self._radius, 0.0, backward=False, **self._style)
         return self._town.add(f"ring{start}", f"ring{end}", lane, junction=self._junction)
 

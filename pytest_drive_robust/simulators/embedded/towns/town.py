@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane, RoadNetwork
 
@@ -55,7 +56,11 @@ class Arm:
     def edge(self) -> Pose:
         """Return where the road meets the box, heading away."""
         x, y = self.centre
-        return x + self.box_m * np.cos(self.heading_rad), y + self.box_m * np.sin(self.heading_rad), self.heading_rad
+        return (
+            x + self.box_m * scalars.cos(self.heading_rad),
+            y + self.box_m * scalars.sin(self.heading_rad),
+            self.heading_rad,
+        )
 
     def inward(self, lane: str) -> str:
         """Return the chain of lane `"0"`, `"1"`, `"bike"`, ... that comes in."""

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.series import wrap_angle
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
@@ -53,7 +57,7 @@ class RouteCourse:
     @property
     def gap_m(self) -> float:
         """Straight distance over the stretch without waypoints, 0 without one."""
-        return 0.0 if self.after is None else float(np.hypot(*(self.after[0, :2] - self.before[-1, :2])))
+        return 0.0 if self.after is None else scalars.hypot(*(self.after[0, :2] - self.before[-1, :2]))
 
     def whole(self) -> Floats:
         """Return one line, with a smooth curve where waypoints are missing."""
@@ -66,7 +70,7 @@ class RouteCourse:
 def read_course(route: Route) -> RouteCourse:
     """Read the waypoints of a route. Raises `RouteError` (without its id) for what cannot be a road."""
     points = _points(route)
-    steps = np.hypot(*np.diff(points, axis=0).T)
+    steps = arrays.hypot(*np.diff(points, axis=0).T)
     # where most steps are long the waypoints are sparse, and say nothing about junctions
     gaps = np.flatnonzero(steps > _GAP_M) if np.median(steps) <= _GAP_M else np.array([], dtype=np.int64)
     gaps = gaps[(gaps > 0) & (gaps < len(points) - 2)]
@@ -85,16 +89,17 @@ def _points(route: Route) -> Floats:
         raise RouteError(
             f"a waypoint lies {np.abs(points).max():.3g} m from the town's origin, expected 1000 km at most"
         )
-    points = points[np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > _SAME_M])]
+    points = points[np.concatenate([[True], arrays.hypot(*np.diff(points, axis=0).T) > _SAME_M])]
     if len(points) < 3:
         raise RouteError(f"{len(points)} waypoint(s) at different places, expected at least 3")
-    steps = np.hypot(*np.diff(points, axis=0).T)
+    steps = arrays.hypot(*np.diff(points, axis=0).T)
     if steps.max() > _LONGEST_GAP_M:
         raise RouteError(f"two waypoints that follow each other are {steps.max():.0f} m apart, expected 500 m at most")
-    if not _LEAST_M <= steps.sum() <= _MOST_M:
-        raise RouteError(f"its waypoints are {steps.sum():.0f} m long, expected {_LEAST_M:.0f} to {_MOST_M:.0f} m")
-    heading = np.arctan2(*np.diff(points, axis=0).T[::-1])
-    turn = np.abs(np.remainder(np.diff(heading) + np.pi, 2.0 * np.pi) - np.pi)
+    length = fsum(steps)
+    if not _LEAST_M <= length <= _MOST_M:
+        raise RouteError(f"its waypoints are {length:.0f} m long, expected {_LEAST_M:.0f} to {_MOST_M:.0f} m")
+    heading = arrays.atan2(*np.diff(points, axis=0).T[::-1])
+    turn = np.abs(wrap_angle(np.diff(heading)))
     if turn.max() > math.radians(120.0):
         k = int(turn.argmax()) + 1
         raise RouteError(
@@ -106,7 +111,7 @@ def _points(route: Route) -> Floats:
 
 def _importance(before: Floats, after: Floats) -> float:
     turn = abs(math.remainder(after[0, 2] - before[-1, 2], math.tau))
-    return float(np.hypot(*(after[0, :2] - before[-1, :2]))) + 0.6 * math.degrees(turn)
+    return scalars.hypot(*(after[0, :2] - before[-1, :2])) + 0.6 * math.degrees(turn)
 
 
 def _chained(parts: list[Floats]) -> Floats:
@@ -119,18 +124,18 @@ def _chained(parts: list[Floats]) -> Floats:
 def _without_shifts(points: Floats) -> tuple[Floats, tuple[Shift, ...]]:
     """Return the points with every jump to the next lane taken out, and the jumps."""
     steps = np.diff(points, axis=0)
-    length = np.hypot(*steps.T)
+    length = arrays.hypot(*steps.T)
     s = np.concatenate([[0.0], np.cumsum(length)])
-    heading = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    heading = np.unwrap(arrays.atan2(steps[:, 1], steps[:, 0]))
     moved = points.copy()
     shifts: list[Shift] = []
     for k in range(2, len(steps) - 2):
-        before = float(np.mean(heading[max(0, k - _NEIGHBOURS) : k]))
-        after = float(np.mean(heading[k + 1 : k + 1 + _NEIGHBOURS]))
-        aside = length[k] * math.sin(heading[k] - (before + after) / 2.0)
+        before = mean(heading[max(0, k - _NEIGHBOURS) : k])
+        after = mean(heading[k + 1 : k + 1 + _NEIGHBOURS])
+        aside = length[k] * scalars.sin(heading[k] - (before + after) / 2.0)
         jumps = abs(heading[k] - before) > _JUMP_RAD and abs(heading[k] - after) > _JUMP_RAD
         if jumps and abs(after - before) < _AFTER_JUMP_RAD and _LANE_M[0] <= abs(aside) <= _LANE_M[1]:
             middle = (before + after) / 2.0
-            moved[k + 1 :] -= aside * np.array([-math.sin(middle), math.cos(middle)])
+            moved[k + 1 :] -= aside * np.array([-scalars.sin(middle), scalars.cos(middle)])
             shifts.append(Shift(float(s[k] + length[k] / 2.0), float(aside)))
     return moved, tuple(shifts)

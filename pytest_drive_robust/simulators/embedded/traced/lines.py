@@ -6,10 +6,13 @@ Lines are (n, 3): x, y in metres, heading in radians, points about a metre apart
 from __future__ import annotations
 
 import math
+from math import fsum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.signals import mean, moving_sum
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
 
 __all__ = [
@@ -37,13 +40,12 @@ def smoothed(points: Floats) -> Floats:
     line = resample(points)
     first, last = _end_heading(line), _end_heading(line[::-1]) + math.pi
     steps = np.arange(1, _REACH_M + 1)[:, None]
-    before = line[0, :2] - steps[::-1] * [math.cos(first), math.sin(first)]
-    after = line[-1, :2] + steps * [math.cos(last), math.sin(last)]
+    before = line[0, :2] - steps[::-1] * [scalars.cos(first), scalars.sin(first)]
+    after = line[-1, :2] + steps * [scalars.cos(last), scalars.sin(last)]
     padded = np.concatenate([before, line[:, :2], after])
-    weights = np.exp(-0.5 * (np.arange(-_REACH_M, _REACH_M + 1) / _SIGMA_M) ** 2)
-    weights /= weights.sum()
-    x, y = (np.convolve(padded[:, k], weights, mode="valid") for k in (0, 1))
-    return resample(np.column_stack([x, y]))
+    away = np.arange(-_REACH_M, _REACH_M + 1) / _SIGMA_M
+    weights = arrays.exp(-0.5 * (away * away))
+    return resample(moving_sum(padded.T, weights / fsum(weights)).T)
 
 
 def _end_heading(line: Floats) -> float:
@@ -51,17 +53,17 @@ def _end_heading(line: Floats) -> float:
     near = line[arc_lengths(line) <= _FIT_M, :2]
     if len(near) < 3:
         near = line[:3, :2]
-    along = np.linalg.svd(near - near.mean(axis=0))[2][0]
-    if along @ (near[-1] - near[0]) < 0.0:
-        along = -along
-    return math.atan2(along[1], along[0])
+    x, y = near[:, 0] - mean(near[:, 0]), near[:, 1] - mean(near[:, 1])
+    heading = 0.5 * scalars.atan2(2.0 * fsum(x * y), fsum(x * x - y * y))
+    (dx, dy), (cos, sin) = near[-1] - near[0], (scalars.cos(heading), scalars.sin(heading))
+    return heading if dx * cos + dy * sin >= 0.0 else heading + math.pi
 
 
 def straight(pose: Pose, length_m: float) -> Floats:
     """Return a straight line that begins at `pose`."""
     x, y, heading = pose
     at = np.linspace(0.0, length_m, max(2, round(length_m) + 1))
-    return np.column_stack([x + at * math.cos(heading), y + at * math.sin(heading), np.full(len(at), heading)])
+    return np.column_stack([x + at * scalars.cos(heading), y + at * scalars.sin(heading), np.full(len(at), heading)])
 
 
 def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> Floats:
@@ -69,7 +71,7 @@ def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> F
     parts = [line]
     if before_m > 0.5:
         x, y, heading = line[0]
-        start = x - before_m * math.cos(heading), y - before_m * math.sin(heading), heading
+        start = x - before_m * scalars.cos(heading), y - before_m * scalars.sin(heading), heading
         parts.insert(0, straight(start, before_m)[:-1])
     if after_m > 0.5:
         parts.append(straight(tuple(line[-1]), after_m)[1:])
@@ -87,11 +89,11 @@ def shifted(line: Floats, right_m: float | Floats) -> Floats:
     Points stay one to one.
     """
     right = np.asarray(right_m, dtype=float)
-    x = line[:, 0] - right * np.sin(line[:, 2])
-    y = line[:, 1] + right * np.cos(line[:, 2])
+    x = line[:, 0] - right * arrays.sin(line[:, 2])
+    y = line[:, 1] + right * arrays.cos(line[:, 2])
     if right.ndim == 0:
         return np.column_stack([x, y, line[:, 2]])
-    heading = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
+    heading = np.unwrap(arrays.atan2(np.gradient(y), np.gradient(x)))
     return np.column_stack([x, y, heading])
 
 
@@ -103,14 +105,14 @@ def reversed_line(line: Floats) -> Floats:
 def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
     """Return a pose so far ahead and to the right, heading the same way."""
     x, y, heading = pose
-    cos, sin = math.cos(heading), math.sin(heading)
+    cos, sin = scalars.cos(heading), scalars.sin(heading)
     return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
 
 
 def local(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
     """Return (metres ahead, metres to the right) of a point as seen from a pose."""
     dx, dy = float(point[0]) - pose[0], float(point[1]) - pose[1]
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cos, sin = scalars.cos(pose[2]), scalars.sin(pose[2])
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
@@ -118,18 +120,18 @@ def bridge(start: Pose, end: Pose) -> Floats:
     """Return a smooth line from one pose to another: nearly an arc where one fits."""
     a, b = np.array(start[:2]), np.array(end[:2])
     turn = abs(math.remainder(end[2] - start[2], math.tau))
-    reach = float(np.hypot(*(b - a)))
-    share = 1.0 / 3.0 if turn < 0.02 else 4.0 / 3.0 * math.tan(turn / 4.0) / (2.0 * math.sin(turn / 2.0))
+    reach = scalars.hypot(*(b - a))
+    share = 1.0 / 3.0 if turn < 0.02 else 4.0 / 3.0 * scalars.tan(turn / 4.0) / (2.0 * scalars.sin(turn / 2.0))
     first = last = min(share, 0.7) * reach
     corner = crossing_point(start, end)
     if corner is not None and turn > 0.5 and corner[0] > 1.0 and corner[1] > 1.0:
-        factor = 4.0 / 3.0 * math.tan(turn / 4.0) / math.tan(turn / 2.0)
+        factor = 4.0 / 3.0 * scalars.tan(turn / 4.0) / scalars.tan(turn / 2.0)
         first, last = factor * corner[0], factor * corner[1]
-    control_a = a + first * np.array([math.cos(start[2]), math.sin(start[2])])
-    control_b = b - last * np.array([math.cos(end[2]), math.sin(end[2])])
+    control_a = a + first * np.array([scalars.cos(start[2]), scalars.sin(start[2])])
+    control_b = b - last * np.array([scalars.cos(end[2]), scalars.sin(end[2])])
     t = np.linspace(0.0, 1.0, max(30, round(2.0 * reach)))[:, None]
     s = 1.0 - t
-    points = s**3 * a + 3.0 * s * s * t * control_a + 3.0 * s * t * t * control_b + t**3 * b
+    points = s * s * s * a + 3.0 * s * s * t * control_a + 3.0 * s * t * t * control_b + t * t * t * b
     line = resample(points)
     line[0, 2], line[-1, 2] = start[2], start[2] + math.remainder(end[2] - start[2], math.tau)
     return line
@@ -142,7 +144,7 @@ def crossing_point(start: Pose, end: Pose) -> tuple[float, float] | None:
     """
     ahead, right = local(start, end)
     turn = end[2] - start[2]
-    if abs(math.sin(turn)) < 0.05:
+    if abs(scalars.sin(turn)) < 0.05:
         return None
-    before_end = right / math.sin(turn)
-    return ahead - before_end * math.cos(turn), before_end
+    before_end = right / scalars.sin(turn)
+    return ahead - before_end * scalars.cos(turn), before_end

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, Shift
@@ -23,10 +25,10 @@ _CHANGE_M = 24.0
 
 
 def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | None) -> Floats:
-    """Draw the road; the ego's way on it, with lane changes where the waypoints jump."""
+    """Draw the road; return the ego's way on it, with lane changes where the waypoints jump."""
     line = course.whole()
     roads = _for_direction(roads, direction, course.shifts)
-    width = float(np.mean([abs(shift.right_m) for shift in course.shifts])) if course.shifts else LANE_M
+    width = mean([abs(shift.right_m) for shift in course.shifts]) if course.shifts else LANE_M
     left_kerb = roads.parking and direction == "left"
     backward = 0 if left_kerb or not roads.two_ways else roads.lanes
     section = Section(
@@ -41,7 +43,7 @@ def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | 
 
 
 def _for_direction(roads: Roads, direction: str | None, shifts: tuple[Shift, ...]) -> Roads:
-    """Return where something happens to the left instead of the right, the ego drives at the other edge of its way.
+    """Return `roads` with the ego at the other edge of its way where something happens to the left, not the right.
 
     Lane changes need lanes: as many to either side as the route goes there, and one more where it never goes.
     """
@@ -60,5 +62,5 @@ def _with_changes(line: Floats, shifts: tuple[Shift, ...], width_m: float) -> Fl
     right = np.zeros(len(line))
     for shift in shifts:
         share = np.clip((s - shift.at_m) / _CHANGE_M + 0.5, 0.0, 1.0)
-        right += np.sign(shift.right_m) * width_m * (0.5 - 0.5 * np.cos(np.pi * share))
+        right += np.sign(shift.right_m) * width_m * (0.5 - 0.5 * arrays.cos(np.pi * share))
     return shifted(line, right) if shifts else line

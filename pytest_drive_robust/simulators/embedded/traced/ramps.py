@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
@@ -34,7 +36,9 @@ _LEAST_GAP_M = 40.0
 
 
 def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
-    """The ego's lane, the lane beside it on the side of the exit, in which the flow is, and the ramp that leaves it.
+    """Draw a road with the flow's lane beside the ego's and a ramp that leaves it; return the ego's way.
+
+    The flow's lane is on the side of the exit.
 
     The road goes on to the flow's end where the file says that it is not on the ramp.
     """
@@ -61,7 +65,10 @@ def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec,
 
 
 def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
-    """The lane in which the ego ends and the flow is, a lane beside it that begins and ends, the ego's ramp to that."""
+    """Draw the flow's lane, a lane beside it that begins and ends, and a ramp to that; return the ego's way.
+
+    The ego comes over the ramp and ends in the flow's lane.
+    """
     before, after = _parts(course, spec)
     gap = course.gap_m
     main = _flow_road(after, spec)
@@ -84,7 +91,7 @@ def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec
 
 
 def draw_cut_in(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec) -> Floats:
-    """Draw the ego's lane straight on, and beside it a lane that comes from a ramp and ends."""
+    """Draw the ego's lane straight on, and beside it a lane that comes from a ramp and ends; return the ego's way."""
     line = course.whole()
     other = spec.parameters["other_actor_location"]
     side = 1.0 if project(line, other["x"], other["y"])[1] > 0.0 else -1.0
@@ -110,11 +117,11 @@ def _parts(course: RouteCourse, spec: ScenarioSpec) -> tuple[Floats, Floats]:
 
 
 def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) -> Floats:
-    """The ego's lane from long before the route to far behind the exit: an arc beside the flow's end, else straight."""
+    """Return the ego's lane from before the route to far behind the exit: an arc beside the flow's end, or straight."""
     start = tuple(before[-1])
     curvature = 0.0
     ahead, right = local(start, _point(spec, "end_actor_flow"))
-    on_ramp = math.hypot(*local(tuple(after[0]), _point(spec, "end_actor_flow"))) < 1.5 * LANE_M or (
+    on_ramp = scalars.hypot(*local(tuple(after[0]), _point(spec, "end_actor_flow"))) < 1.5 * LANE_M or (
         abs(local(tuple(after[0]), _point(spec, "end_actor_flow"))[1]) < LANE_M / 2.0
     )
     if not on_ramp and ahead > 20.0:
@@ -124,12 +131,13 @@ def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) ->
         curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
     steps = np.arange(1.0, gap_m + 30.0)
     heading = start[2] + curvature * steps
-    arc = np.column_stack([start[0] + np.cumsum(np.cos(heading)), start[1] + np.cumsum(np.sin(heading)), heading])
+    x, y = start[0] + np.cumsum(arrays.cos(heading)), start[1] + np.cumsum(arrays.sin(heading))
+    arc = np.column_stack([x, y, heading])
     return prolonged(joined(before, arc), before_m=_BEHIND_M, after_m=_BEYOND_M)
 
 
 def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
-    """The lane in which the route ends, prolonged back to where the flow starts if that lies far enough behind."""
+    """Return the lane in which the route ends, prolonged back to the flow's start if that lies far enough behind."""
     joint = tuple(after[0])
     back = moved(joint, -_BACK_TO_FLOW_M)
     straight_on = prolonged(after, before_m=_BACK_TO_FLOW_M, after_m=_BEYOND_M)
@@ -137,7 +145,7 @@ def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
     ahead, right = local(back, flow)
     if ahead > -30.0 or abs(right) > -0.8 * ahead or abs(right) < 1.5 * LANE_M:
         return prolonged(straight_on, before_m=_BEHIND_M)
-    chord = math.atan2(-right, -ahead)
+    chord = scalars.atan2(-right, -ahead)
     start = (*flow, back[2] + 2.0 * chord)
     return prolonged(joined(bridge(start, back)[:-1], straight_on), before_m=_BEHIND_M / 2.0)
 
@@ -170,7 +178,7 @@ def _changing(line: Floats, from_m: float, over_m: float, side: float) -> Floats
 
 def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
     """Return 1 before a change of lanes, 0 after it."""
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip((s - from_m) / over_m, 0.0, 1.0)))
+    return np.asarray(0.5 + 0.5 * arrays.cos(np.pi * np.clip((s - from_m) / over_m, 0.0, 1.0)))
 
 
 def _over_m(speed_mps: float) -> float:
@@ -183,7 +191,8 @@ def _level(line: Floats, at_m: float, other: Floats) -> float:
 
 def _ramp_speed(ramp: Floats) -> float:
     """Return the speed that its sharpest bend allows with 3 m/s2 sideways, 7 to 14 m/s."""
-    bend = np.abs(np.convolve(np.diff(ramp[:, 2]), np.full(8, 1.0 / 8.0), mode="same")).max()
+    turns = np.pad(np.diff(ramp[:, 2]), (4, 3))
+    bend = np.abs(moving_sum(turns, (0.125,) * 8)).max()
     return float(np.clip(math.sqrt(_SIDEWAYS_MPS2 / max(bend, 1e-3)), _LEAST_MPS, _RAMP_MPS))
 
 

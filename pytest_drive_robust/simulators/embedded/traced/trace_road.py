@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import resample
 from pytest_drive_robust.simulators.embedded.towns.pieces import draw_strips
@@ -26,7 +27,7 @@ def trace_road(town: Town, name: str, line: Floats, section: Section, *, first: 
 
     def curve(offset: float, *, backward: bool, **lane: object) -> AbstractLane:
         beside = shifted(line, offset)
-        along = np.cos(line[:-1, 2]) * np.diff(beside[:, 0]) + np.sin(line[:-1, 2]) * np.diff(beside[:, 1])
+        along = arrays.cos(line[:-1, 2]) * np.diff(beside[:, 0]) + arrays.sin(line[:-1, 2]) * np.diff(beside[:, 1])
         if (along <= 0.0).any():
             raise RouteError(f"its road bends so tightly that no lane fits {abs(offset):.1f} m beside its middle")
         if backward:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
@@ -40,7 +41,7 @@ _BOX_M = (9.5, 16.0)
 _SMALLEST_M = 7.0
 _TURN_RAD = math.radians(45.0)
 _WAKE_BEFORE_M = 9.5
-"""The scenario wakes up so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
+"""The scenario starts so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
 _WINDOW_M = 30
 _PLAIN = (LineType.NONE, LineType.NONE)
 
@@ -57,7 +58,7 @@ class _Ways:
 
 
 def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: float) -> tuple[Floats, float]:
-    """Draw the junction; the ego's way through it and where on it the scenario wakes up at the latest."""
+    """Draw the junction; return the ego's way through it and where on it the scenario starts at the latest."""
     if course.after is None:
         course = _cut_out(course, trigger_m)
     ways = _turning(course, trigger_m) or _straight_on(course, trigger_m)
@@ -110,7 +111,7 @@ def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
 
 
 def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
-    """A junction straight ahead, in the middle of where waypoints are missing, or as far on as the trigger needs."""
+    """Place a junction straight ahead: in the middle of where waypoints lack, or as far on as the trigger needs."""
     line, s = course.whole(), arc_lengths(course.whole())
     box = min(max(course.gap_m / 2.0 - 1.0, _BOX_M[0]), _BOX_M[1])
     entry_m = max(course.start_m + course.gap_m / 2.0 - box, trigger_m + _WAKE_BEFORE_M)
@@ -143,15 +144,15 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
 
 
 def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section) -> tuple[Arm, Floats]:
-    """The arm's own middle lies straight behind its edge."""
+    """Make an arm whose own middle lies straight behind its edge."""
     x, y, heading = (float(value) for value in line[0])
-    box = math.hypot(x - centre[0], y - centre[1])
-    behind = x - box * math.cos(heading), y - box * math.sin(heading)
+    box = scalars.hypot(x - centre[0], y - centre[1])
+    behind = x - box * scalars.cos(heading), y - box * scalars.sin(heading)
     return Arm(name, heading, box, section, behind), line
 
 
 def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
-    """Return every way from arm to arm; the line of the ego's own."""
+    """Connect every arm with every other; return the line of the ego's own way."""
     junction = town.new_junction()
     own: Floats | None = None
     for source in arms:

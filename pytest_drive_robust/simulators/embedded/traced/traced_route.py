@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.route import Route, ScenarioSpec
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
@@ -94,7 +95,7 @@ def _build(town: Town, route: Route, spec: ScenarioSpec) -> TracedRoute:
 def _trigger_m(line: Floats, spec: ScenarioSpec) -> float:
     at = spec.trigger
     along, _ = project(line, at.x_m, at.y_m)
-    off = float(np.hypot(line[:, 0] - at.x_m, line[:, 1] - at.y_m).min())
+    off = float(arrays.hypot(line[:, 0] - at.x_m, line[:, 1] - at.y_m).min())
     if not off <= _TRIGGER_OFF_M:
         raise RouteError(f"<trigger_point> is {off:.0f} m from its waypoints, expected {_TRIGGER_OFF_M:.0f} m at most")
     return float(np.clip(along, 0.0, arc_lengths(line)[-1]))

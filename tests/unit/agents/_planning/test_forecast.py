@@ -22,9 +22,9 @@ def seconds(truth: GroundTruth, *plans: tuple[float, float, float], stop_row: fl
     ego = truth.frame.ego
     path = path_of(scene, np.zeros(scene.count), ego.x_m, ego.y_m, speed_mps=ego.speed_mps)
     found, _ = rollouts(
-        path, ego.x_m, ego.speed_mps, scene.size, traffic.forecast[:, :31].copy(), traffic.sizes,
+        path, ego.x_m, ego.speed_mps, scene.size, traffic.forecast, traffic.boxes,
         leaders(path, ego.x_m, traffic.boxes), np.array(plans), scene.limits, scene.boxes, stop_row, WAITING,
-        3.0, False,
+        3.0, False, 30,
     )  # fmt: skip
     return list(found)
 

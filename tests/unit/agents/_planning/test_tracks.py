@@ -31,8 +31,11 @@ def test_at_a_fork_traffic_is_expected_where_somebody_was_seen_to_go() -> None:
     fork[11:22, 0] += 10.0  # straight on
     fork[22:, 0] = 10.0  # to the right
     fork[22:, 1], fork[22:, 2] = np.arange(11.0), math.pi / 2.0
+    fork = np.column_stack([fork, np.cos(fork[:, 2]), np.sin(fork[:, 2])])
     owner, first = np.repeat(np.arange(3), 11), np.array([0, 11, 22, 33])
-    car = np.array([[5.0, 0.0, 0.0, 5.0, 4.6, 1.9, 0.0]])
+    car = np.array([[5.0, 0.0, 0.0, 5.0, 4.6, 1.9, 0.0, 1.0, 0.0]])
+    nobody = np.zeros(0, dtype=np.int64)
     for after, ends in ((1, (15.0, 0.0)), (2, (10.0, 5.0))):
-        found, _ = tracks(car, np.array([1]), fork, owner, first, np.array([after, -1, -1]), 10)
+        behind = np.array([after, -1, -1])
+        found = tracks(car, np.array([1]), fork, owner, first, behind, np.zeros(4, dtype=np.int64), nobody, 10)
         assert found[0, 10, :2] == pytest.approx(ends, abs=0.01)

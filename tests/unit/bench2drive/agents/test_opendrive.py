@@ -10,8 +10,8 @@ from defusedxml import ElementTree
 from leaderboard_files import straight_lane, truth_with
 
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
-from pytest_drive_robust.runner.routes import resolve_routes
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 
 @pytest.fixture(scope="module")

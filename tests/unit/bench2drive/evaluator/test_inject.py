@@ -25,6 +25,7 @@ from official_stream import (
     through_package,
 )
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.bench2drive.evaluator import inject
 from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
 from pytest_drive_robust.errors import PerturbationError, UsageError
@@ -248,6 +249,13 @@ def test_noise_far_from_the_equator_is_as_many_metres_on_the_ground() -> None:
     spread_m = np.std([(item[:2] - fix[:2]) * metres_per_degree for item in moved], axis=0)
     assert spread_m == pytest.approx([10.0, 10.0], rel=0.06)
     assert all(item[2] == 11.0 for item in moved)
+
+
+@given(x=st.floats())
+def test_its_elementary_functions_are_those_of_the_package_to_the_bit(x: float) -> None:
+    for name in ("sin", "cos", "tan", "atan", "exp", "log"):
+        ours, theirs = getattr(inject, name)(x), getattr(scalars, name)(x)
+        assert ours == theirs or (ours != ours and theirs != theirs), name
 
 
 @settings(max_examples=40, deadline=None)

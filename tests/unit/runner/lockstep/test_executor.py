@@ -10,8 +10,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
-from pytest_drive_robust.runner.lockstep.executor import LockstepExecutor
-from pytest_drive_robust.runner.lockstep.inline import lockstep_inline
+from pytest_drive_robust.runner.lockstep.executor import LockstepExecutor, lockstep_inline
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent

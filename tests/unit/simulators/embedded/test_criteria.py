@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.base import EpisodeScore
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import nearest_lane
 from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 from pytest_drive_robust.simulators.embedded.routes import named_routes
-from pytest_drive_robust.simulators.embedded.state import Statics
 from pytest_drive_robust.simulators.embedded.world import World
 
 BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("full"))}
@@ -134,17 +135,21 @@ def test_speed_is_compared_with_the_traffic_at_every_twentieth_of_the_route() ->
 
 
 _WANTED = ("SignalizedJunctionLeftTurn", "MergerIntoSlowTraffic", "ParkingExit", "InterurbanActorFlow")
-WORLDS = [World(route, seed=0) for route in named_routes("one-per-scenario") if route.scenario.type in _WANTED]
 
 
-@numba.njit(error_model="numpy")
-def found(statics: Statics, x: float, y: float, last: int) -> tuple[int, float, float]:
-    return nearest_lane(statics, x, y, last)
+@functools.cache
+def worlds() -> list[World]:
+    return [World(route, seed=0) for route in named_routes("one-per-scenario") if route.scenario.type in _WANTED]
+
+
+@uncached_entry
+def found(world: WorldArrays, x: float, y: float, last: int) -> tuple[int, float, float]:
+    return nearest_lane(world, x, y, last)
 
 
 @settings(max_examples=200, deadline=None)
 @given(
-    world=st.sampled_from(WORLDS),
+    world=st.deferred(lambda: st.sampled_from(worlds())),
     row=st.integers(0, 10**6),
     ahead_m=st.floats(-40.0, 40.0),
     right_m=st.one_of(st.floats(-8.0, 8.0), st.floats(-900.0, 900.0)),
@@ -155,7 +160,7 @@ def test_what_was_nearest_before_changes_nothing(world: World, row: int, ahead_m
     x += ahead_m * np.cos(heading) - right_m * np.sin(heading)
     y += ahead_m * np.sin(heading) + right_m * np.cos(heading)
     away = np.sqrt((x - statics.lanes[:, 0]) ** 2 + (y - statics.lanes[:, 1]) ** 2)
-    nearest = found(statics, x, y, -1)
+    nearest = found(world._arrays, x, y, -1)
     assert away[statics.lane_of == nearest[0]].min() <= away.min() + 1e-9
     for last in sorted(set(statics.lane_of.tolist())):
-        assert found(statics, x, y, last) == nearest
+        assert found(world._arrays, x, y, last) == nearest

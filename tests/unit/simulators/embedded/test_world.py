@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
+from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
-from pytest_drive_robust.simulators.embedded.kernels.drivers import idm
+from pytest_drive_robust.simulators.embedded.kernels.drivers import idm as idm_kernel
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -83,6 +84,11 @@ def test_lateral_acceleration_has_a_limit() -> None:
         world.tick(Control(throttle=1.0, steer=1.0))
         felt.append(abs(float(world.state.ego[c.EGO_RIGHT])))
     assert 7.0 < max(felt) <= 7.5 + 1e-9
+
+
+@uncached_entry
+def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, brake_max: float) -> float:
+    return idm_kernel(v, target, gap, leader_v, accel_max, brake_max)
 
 
 @given(
@@ -199,7 +205,7 @@ def test_lights_follow_their_program() -> None:
         world.tick(FULL_BRAKE)
         seen.append(LightState(int(world.state.lights[ego_line])))
     assert seen[0] is LightState.RED
-    # 5 s of red after the scenario woke up
+    # 5 s of red after the scenario started
     assert seen.index(LightState.GREEN) == pytest.approx(100, abs=2)
 
 

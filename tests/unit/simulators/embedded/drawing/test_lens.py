@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
+from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
 from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
@@ -24,7 +24,7 @@ RAIN = Air.of(WEATHERS["hard rain noon"])
 Pixels = NDArray[np.uint8]
 
 
-@numba.njit(error_model="numpy")
+@uncached_entry
 def draw(image: Pixels, faces: NDArray[np.int32], tick: int, view: CameraView, air: Air) -> None:
     draw_lens(image, faces, tick, view, air)
 

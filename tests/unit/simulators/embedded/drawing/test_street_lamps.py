@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from camera_scene import lane, town
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import LaneKind, LaneMap
+from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools, lamp_boxes, lamp_places
@@ -20,7 +20,7 @@ NOTHING = np.zeros((0, 6))
 CAMERA = CameraSpec("front", width_px=160, height_px=96)
 
 
-@numba.njit(error_model="numpy")
+@uncached_entry
 def light(canvas: Canvas, places: NDArray[np.float64], view: CameraView, haze_per_m: float, strength: float) -> None:
     draw_pools(canvas, places, view, haze_per_m, strength)
 

@@ -32,7 +32,7 @@ def light_of_ego(world: World) -> int:
 
 
 def lights_after_waking(world: World, ticks: int) -> NDArray[np.int64]:
-    """(ticks, lines): drive until the scenario wakes up, then stand and watch."""
+    """Drive until the scenario starts, then stand; return what the lights show, (ticks, lines)."""
     assert drive(world, 20.0, speed_mps=5.0, until=lambda w: bool(w.state.clock[1] >= 0))
     seen = []
     for _ in range(ticks):

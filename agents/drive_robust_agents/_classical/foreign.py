@@ -1,0 +1,99 @@
+"""Which pixels are not ground, compiled. One file: numba's cache looks at the file of a kernel only."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.jit.arrays import Bytes2, Bytes3, Floats1, Floats2, Mask2
+from pytest_drive_robust.jit.kernels import entry
+
+__all__ = ["COLUMN_STEP", "DEAD", "FIRST_ROW", "foreign_by_day", "foreign_by_night", "lowest_foreign"]
+
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+FIRST_ROW, COLUMN_STEP = 77, 2
+"""Every so many columns of the picture are looked at, from this row, just below the horizon, to the last one."""
+DEAD = 3
+"""A pixel no brighter than this shows nothing."""
+_FOREIGN, _DEAD = np.uint8(1), np.uint8(2)
+_DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
+_DARK_BY_NIGHT, _SHINING = 0.55, 200
+_LEARN, _LEAST_KNOWN = 0.12, 3
+
+
+@entry
+def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Bytes:
+    """Return what is no ground (bit 1) and what is dead (bit 2), (rows, columns), against the asphalt of each row.
+
+    `pixels` is the whole picture. `asphalt` (rows, 3) then follows the colour of what looks like asphalt in `patch`,
+    the lane ahead.
+    """
+    rows, columns = patch.shape
+    found = np.zeros((rows, columns), np.uint8)
+    for i in range(rows):
+        of_red, of_green, of_blue = 1.0 / asphalt[i, 0], 1.0 / asphalt[i, 1], 1.0 / asphalt[i, 2]
+        count, red_sum, green_sum, blue_sum = 0, 0, 0, 0
+        for j in range(columns):
+            r = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 0])
+            g = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 1])
+            b = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 2])
+            red, green, blue = r * of_red, g * of_green, b * of_blue
+            bright = max(red, green, blue)
+            dirt = (red > _BROWN * blue) & (green > blue)
+            foreign = ((bright < _DARK) & (not dirt)) | (blue > _BLUE * red) | (red > _RED * green)
+            dead = max(r, g, b) <= DEAD
+            found[i, j] = (_FOREIGN if foreign else np.uint8(0)) | (_DEAD if dead else np.uint8(0))
+            if patch[i, j] and not foreign and bright < 1.25 and green > 0.8 and blue > _GREY * red:
+                count, red_sum, green_sum, blue_sum = count + 1, red_sum + r, green_sum + g, blue_sum + b
+        if count >= _LEAST_KNOWN:
+            asphalt[i, 0] += _LEARN * (red_sum / count - asphalt[i, 0])
+            asphalt[i, 1] += _LEARN * (green_sum / count - asphalt[i, 1])
+            asphalt[i, 2] += _LEARN * (blue_sum / count - asphalt[i, 2])
+    return found
+
+
+@entry
+def foreign_by_night(pixels: Bytes3, light: Floats2, lit: Mask2, dim: Mask2, paint: Floats1) -> Bytes:
+    """Return as `foreign_by_day`: against asphalt of the colour `paint` in the headlamps, and lamps beside their cone.
+
+    `light`, `lit` and `dim` (rows, columns) tell how much light falls on a place.
+    """
+    rows, columns = light.shape
+    found = np.zeros((rows, columns), np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            r = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 0])
+            g = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 1])
+            b = np.int64(pixels[FIRST_ROW + i, COLUMN_STEP * j, 2])
+            share = 1.0 / light[i, j]
+            red, green, blue = r * share / paint[0], g * share / paint[1], b * share / paint[2]
+            dirt = (red > _BROWN * blue) & (green > blue)
+            foreign = (max(red, green, blue) < _DARK_BY_NIGHT) & (not dirt)
+            foreign |= ((blue > _BLUE * red) & (not dim[i, j])) | (red > _RED * green)
+            lamp = min(r, g, b) > _SHINING
+            seen = (foreign & lit[i, j]) | (lamp & dim[i, j])
+            found[i, j] = (_FOREIGN if seen else np.uint8(0)) | (_DEAD if max(r, g, b) <= DEAD else np.uint8(0))
+    return found
+
+
+@entry
+def lowest_foreign(found: Bytes2, depth_m: Floats1, slope: Floats1, camera_m: float) -> Floats:
+    """Return (k, 2): metres forward and to the right of what stands lowest in each column, at least two pixels high.
+
+    `depth_m` (rows,) is how far from the camera a row of the picture shows the ground, `slope` (columns,) metres to
+    the right for each of them; the camera is mounted at `camera_m`.
+    """
+    rows, columns = found.shape
+    places, count = np.empty((columns, 2)), 0
+    for j in range(columns):
+        for i in range(rows - 1, 0, -1):
+            if found[i, j] & _DEAD:
+                break
+            if found[i, j] & found[i - 1, j] & _FOREIGN:
+                places[count, 0], places[count, 1] = depth_m[i] + camera_m, depth_m[i] * slope[j]
+                count += 1
+                break
+    return places[:count]

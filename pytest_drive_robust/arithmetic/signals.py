@@ -1,0 +1,52 @@
+"""Means, interpolation and moving sums, in an order that the text states.
+
+`numpy.interp` multiplies and adds in one expression of C, which a compiler may fuse; `numpy.convolve` goes through
+BLAS; the built-in `sum` adds floats in another way since Python 3.12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import fsum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["interpolate", "mean", "moving_sum"]
+
+
+def mean(values: Sequence[float] | Floats) -> float:
+    """Return the mean of at least one value, independent of their order to the last bit (the sum is exact)."""
+    return fsum(values) / len(values)
+
+
+def interpolate(at: Floats, x: Floats, y: Floats) -> Floats:
+    """Return what `y` is at the places `at` (n,), on straight lines from point to point: (n,), or (n, m) for m values.
+
+    `x` is (k,), k >= 2, and grows from point to point; `y` is (k,) or (k, m). Before the first point it is that of the
+    first point, after the last one that of the last.
+    """
+    import numpy as np
+
+    before = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    shape = (len(at),) + (1,) * (y.ndim - 1)
+    length, beyond = (x[before + 1] - x[before]).reshape(shape), (at - x[before]).reshape(shape)
+    inside = (y[before + 1] - y[before]) / length * beyond + y[before]
+    inside[at <= x[0]], inside[at >= x[-1]] = y[0], y[-1]
+    return np.asarray(inside)
+
+
+def moving_sum(values: Floats, weights: Sequence[float] | Floats) -> Floats:
+    """Return the weighted sum of each window of `values` (..., n): (..., n - k + 1) for k weights, k from 1 to n.
+
+    The first weight goes to the first value of a window, and the products are added from the first to the last.
+    """
+    places = values.shape[-1] - len(weights) + 1
+    total: Floats = weights[0] * values[..., :places]
+    for k in range(1, len(weights)):
+        total = total + weights[k] * values[..., k : k + places]
+    return total

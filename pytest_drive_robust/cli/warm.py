@@ -1,0 +1,50 @@
+"""`drive-robust warm`: compile everything now, for images and CI caches."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import default_registry
+
+__all__ = ["add_arguments"]
+
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_AGENTS = ("expert", "reactive", "classical", "constant", "random")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `drive-robust warm`."""
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    parser.set_defaults(command=_warm)
+
+
+def _warm(options: argparse.Namespace) -> int:
+    """Compile all kernels of the simulator, the cameras, the criteria and the reference agents."""
+    if not options.here:  # a process that compiles in others has one thread, which libraries read when they are loaded
+        command = (sys.executable, "-m", "pytest_drive_robust.cli", "warm", "--here")
+        return subprocess.run(command, env={**os.environ, **_ONE_THREAD}, check=False).returncode
+    from pytest_drive_robust.jit.cache import cache_folder  # loads numba
+    from pytest_drive_robust.simulators.embedded.compiling import compile_kernels
+
+    registry, began_s = default_registry(), time.monotonic()
+    for name in _AGENTS:
+        with suppress(UsageError):  # the agents are a distribution of their own
+            registry.require("agents", name)
+    count = compile_kernels(_show if sys.stderr.isatty() else lambda done, total: None)
+    seconds = time.monotonic() - began_s
+    print(
+        f"compiled {count} kernels in {seconds:.0f} s: {cache_folder()}"
+        if count
+        else f"all kernels were compiled: {cache_folder()}"
+    )
+    return 0
+
+
+def _show(done: int, total: int) -> None:
+    sys.stderr.write(f"\rcompiling {done} of {total} functions" + ("\n" if done == total else ""))

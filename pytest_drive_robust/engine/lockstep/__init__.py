@@ -1,1 +1,0 @@
-"""Many episodes at once in one worker process."""

@@ -1,0 +1,21 @@
+"""Annotations of arrays that kernels take: what they hold and how many dimensions they have; writable, contiguous."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Bytes2", "Bytes3", "Floats1", "Floats2", "Floats3", "Ints1", "Ints2", "Mask2", "Packed1", "Packed2"]
+
+Floats1 = Annotated[NDArray[np.float64], 1]
+Floats2 = Annotated[NDArray[np.float64], 2]
+Floats3 = Annotated[NDArray[np.float64], 3]
+Ints1 = Annotated[NDArray[np.int64], 1]
+Ints2 = Annotated[NDArray[np.int64], 2]
+Bytes2 = Annotated[NDArray[np.uint8], 2]
+Bytes3 = Annotated[NDArray[np.uint8], 3]
+Mask2 = Annotated[NDArray[np.bool_], 2]
+Packed1 = Annotated[NDArray[np.uint32], 1]
+Packed2 = Annotated[NDArray[np.uint32], 2]

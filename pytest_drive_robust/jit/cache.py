@@ -1,0 +1,216 @@
+"""Where the machine code of entry points is kept, under a name that says everything that decides it.
+
+numba's own cache looks at the file of the function that it stores, by its path and, in older releases, its time. Ours
+takes a digest of the function, of all that it calls and of every constant in there: whatever is compiled from the same
+text on the same kind of machine is found, from any checkout, image or CI cache; nothing else is.
+
+Files are written whole by numba (to another name, then renamed), so that processes may share the folder. They are kept
+in `NUMBA_CACHE_DIR` where that is set, else in the user's cache folder; what nobody used for two months is removed.
+"""
+
+from __future__ import annotations
+
+import enum
+import hashlib
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.dispatcher import Dispatcher
+
+__all__ = ["KernelCache", "cache_folder", "content_digest"]
+
+_UNUSED_S = 60 * 24 * 3600.0
+
+
+def cache_folder() -> Path:
+    """Return the folder of the machine code, which may not yet be there."""
+    if numba.config.CACHE_DIR:
+        return Path(numba.config.CACHE_DIR) / "pytest-drive-robust"
+    return _user_cache() / "pytest-drive-robust" / "kernels"
+
+
+def _user_cache() -> Path:
+    if os.environ.get("XDG_CACHE_HOME"):
+        return Path(os.environ["XDG_CACHE_HOME"])
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home())
+    home = Path.home()
+    with suppress(ImportError, KeyError):
+        import pwd  # not on Windows
+
+        listed = Path(pwd.getpwuid(os.getuid()).pw_dir)
+        home = listed if os.access(listed, os.W_OK) else home  # tests change HOME, and would compile anew each time
+    return home / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+
+
+def content_digest(function: Callable[..., Any]) -> str:
+    """Return a digest of a function's code, of all functions that it calls and of every constant in them.
+
+    Raises `TypeError` for a constant that has no content to compare.
+    """
+    digest = hashlib.blake2b(digest_size=12)
+    for part in (numba.__version__, llvmlite.__version__, np.__version__, sys.version_info[:2]):
+        digest.update(repr(part).encode())
+    _add_function(getattr(function, "py_func", function), digest, set())
+    return digest.hexdigest()
+
+
+def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    code = function.__code__
+    digest.update(function.__name__.encode())
+    for value in (code, *(function.__defaults__ or ())):
+        _add_value(value, code.co_names, digest, seen)
+    for cell in function.__closure__ or ():
+        _add_value(cell.cell_contents, code.co_names, digest, seen)
+    for name in code.co_names:
+        if name in function.__globals__:
+            digest.update(name.encode())
+            _add_value(function.__globals__[name], code.co_names, digest, seen)
+
+
+def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) -> None:
+    """Add what a function is made of or finds in its globals; `names` are those that it uses, of modules too.
+
+    Raises `TypeError` for what cannot be compared: code that changes unseen would be taken for current.
+    """
+    if isinstance(value, Dispatcher):
+        digest.update(repr(sorted(value.targetoptions.items(), key=str)).encode())
+        value = value.py_func
+    if isinstance(value, FunctionType):
+        _add_function(value, digest, seen)
+    elif isinstance(value, ModuleType):
+        digest.update(value.__name__.encode())
+        for name in names:
+            if hasattr(value, name) and value.__name__.split(".")[0] not in _LIBRARIES:
+                _add_value(getattr(value, name), names, digest, seen)
+    elif isinstance(value, np.ndarray):
+        digest.update(repr((value.dtype.str, value.shape)).encode() + value.tobytes())
+    elif isinstance(value, (bool, int, float, complex, str, bytes, enum.Enum, np.generic, type(None))):
+        digest.update(f"{type(value).__name__}{value!r}".encode())
+    elif isinstance(value, CodeType):  # also that of a comprehension, which is a constant of the function around it
+        digest.update(repr((value.co_names, value.co_varnames, value.co_freevars)).encode() + value.co_code)
+        for constant in value.co_consts:
+            _add_value(constant, names, digest, seen)
+    elif isinstance(value, (tuple, list, frozenset)):
+        for item in sorted(value, key=repr) if isinstance(value, frozenset) else value:
+            _add_value(item, names, digest, seen)
+    elif hasattr(value, "__qualname__"):  # a class, an intrinsic
+        digest.update(repr((value.__module__, value.__qualname__, getattr(value, "_fields", ()))).encode())
+    else:
+        raise TypeError(f"a kernel uses {value!r}, and a {type(value).__name__} has no content that could be compared")
+
+
+_LIBRARIES = ("math", "numpy", "numba")
+
+
+class _Locator:
+    """Tells numba's cache where to look for one function (see `numba.core.caching._CacheLocator`)."""
+
+    def __init__(self, function: Any) -> None:
+        self._digest = content_digest(function)
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> _Locator:
+        """Return the locator of a function; its file plays no part."""
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> str:
+        """Return what must be equal for machine code to be current."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Return what tells apart functions of the same name: the digest, so that several versions live together."""
+        return self._digest
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder, and remove what nobody used for long. Raises `OSError` where nothing can be written."""
+        folder = cache_folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        oldest = time.time() - _UNUSED_S
+        for file in folder.iterdir():
+            with suppress(OSError):
+                if file.stat().st_mtime < oldest:
+                    file.unlink()
+
+
+class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_Locator,)
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """The cache of one entry point; nothing is looked up before its first use, when all that it calls is defined.
+
+    There is one pair of files for each signature and kind of processor: processes that compile for different ones at
+    the same time never write to the same file.
+    """
+
+    _impl_class = _Implementation
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+        self._known = False
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled code for a signature, or None; what cannot be read is not there."""
+        target_context.refresh()
+        try:
+            self._open(sig, target_context.codegen())
+            found = super().load_overload(sig, target_context)
+        except Exception:  # whatever unpickling a broken file raises
+            with suppress(OSError):
+                os.unlink(self._cache_file._index_path)
+            return None
+        if found is not None:
+            with suppress(OSError):
+                for file in (self._cache_file._index_path, self._cache_file._data_path(self._cache_file._data_name(1))):
+                    os.utime(file)
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep compiled code, where the folder can be written."""
+        self._open(sig, data.codegen)
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+    def holds(self, sig: Any, target_context: Any) -> bool:
+        """Return whether there is compiled code for a signature."""
+        target_context.refresh()
+        try:
+            self._open(sig, target_context.codegen())
+            return self._cache_file.load(self._index_key(sig, target_context.codegen())) is not None
+        except Exception:
+            return False
+
+    @property
+    def cache_path(self) -> str:
+        """The folder."""
+        return str(cache_folder())
+
+    def _open(self, sig: Any, codegen: Any) -> None:
+        """Choose the files of a signature."""
+        if not self._known:
+            super().__init__(self._function)
+            self._known = True
+        key = hashlib.blake2b(repr(self._index_key(sig, codegen)).encode(), digest_size=6).hexdigest()
+        self._cache_file = IndexDataCacheFile(
+            cache_path=self._cache_path,
+            filename_base=f"{self._impl.filename_base}-{key}",
+            source_stamp=self._impl.locator.get_source_stamp(),
+        )

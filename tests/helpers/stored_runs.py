@@ -1,0 +1,41 @@
+"""Runs of one agent as the folder of stored runs keeps them."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+from result_factory import crashed_simulation, scored
+
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.regression.runs import StoredRuns
+from pytest_drive_robust.report.json_file import json_text, run_as_json
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.store.events import Asked, Event, Identified, Used
+
+SCORES = [100.0, 60.0, 100.0, 36.0] * 10
+SETTING = "200 ms latency"
+
+
+@functools.cache
+def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0") -> dict[str, object]:
+    """Return a run of one agent, clean and under latency; `factor` is what becomes of the scores under latency."""
+    episodes: dict[str, EpisodeResult] = {}
+    asked: list[Event] = []
+    for setting, scale in (("clean", 1.0), (SETTING, factor)):
+        results = [scored(str(n), score * scale, setting=setting) for n, score in enumerate(SCORES, start=1)]
+        if crash:
+            results[3] = crashed_simulation("4", setting=setting)
+        keys = {f"{setting} {result.episode.route_id}": result for result in results}
+        episodes.update(keys)
+        asked += [Asked("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
+    routes = tuple(f"{n}={digest}" for n in range(1, len(SCORES) + 1))
+    identified = Identified("driver", "agents 1", "abc", "", routes)
+    run = RunResult.of(RunOptions(simulator="embedded"), [identified, *asked], episodes.get, versions={})
+    return run_as_json(run)
+
+
+def store_run(name: str, **given: object) -> Path:
+    """Store `document` of the other arguments as `name` below the current folder; return its file."""
+    return StoredRuns(Path.cwd()).save(document(**given), json_text, name=name)  # type: ignore[arg-type]

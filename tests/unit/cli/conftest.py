@@ -1,0 +1,39 @@
+"""A folder that the commands are run in: one with agents in a module, or one whose parents hold no repository."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+AGENTS = """
+from pytest_drive_robust import Control
+
+class Good:
+    def sensors(self): return []
+    def reset(self, route, seed): pass
+    def act(self, observation): return Control(throttle=1.0, steer=max(-1.0, min(1.0, -0.1 * observation.gps.y_m)))
+
+class Bad(Good):
+    def act(self, observation): return None
+"""
+
+
+@pytest.fixture
+def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with the agents `cli_agents:Good` and `cli_agents:Bad`."""
+    (tmp_path / "cli_agents.py").write_text(AGENTS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    return tmp_path
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, in no git repository, of nobody that git knows, outside CI."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("CI", raising=False)
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", str(tmp_path / "gitconfig"))
+    return tmp_path

@@ -1,0 +1,90 @@
+"""`drive-robust bless`, in the process and from outside."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from stored_runs import store_run
+
+from pytest_drive_robust.cli.main import main
+
+pytestmark = pytest.mark.usefixtures("home")
+
+
+def test_a_blessed_run_is_a_reference_for_later_ones(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    store_run("b", factor=0.5)
+    Path("gitconfig").write_text("[user]\n\tname = Planning Team\n\temail = planning@example.org\n")
+    assert main(["bless", "a", "--reason", "first baseline"]) == 0
+    assert "80 scores added, 0 replaced, 0 others kept" in capsys.readouterr().out
+    told = json.loads(Path("suites/baselines/driver.json").read_text())
+    (blessing,) = told["blessings"].values()
+    assert (blessing["by"], blessing["reason"], blessing["run"]) == (
+        "Planning Team <planning@example.org>",
+        "first baseline",
+        "a",
+    )
+    assert main(["compare", "baseline", "a"]) == 0
+    assert main(["compare", "baseline:driver", "latest"]) == 1
+    assert main(["compare", "suites/baselines/driver.json", "b"]) == 1
+
+
+def test_nobody_is_made_up_where_git_knows_nobody() -> None:
+    store_run("a")
+    assert main(["bless", "a", "--reason", "why"]) == 0
+    (blessing,) = json.loads(Path("suites/baselines/driver.json").read_text())["blessings"].values()
+    assert blessing["by"] is None
+    assert blessing["commit"] is None
+
+
+def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    monkeypatch.setenv("CI", "true")
+    assert main(["bless", "a", "--reason", "why"]) == 4
+    assert "CI never blesses" in capsys.readouterr().err
+    assert not Path("suites").exists()
+
+
+def test_a_run_with_a_broken_simulator_is_not_blessed(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a", crash=True)
+    assert main(["bless", "a", "--reason", "why"]) == 4
+    assert "broke in the simulator" in capsys.readouterr().err
+
+
+def test_a_baseline_is_not_blessed_again(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    main(["bless", "a", "--reason", "why"])
+    for reference in ("baseline", "suites/baselines/driver.json"):
+        assert main(["bless", reference, "--reason", "why"]) == 4
+        assert "is a baseline, expected a run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["befor", "--reason", "why"], "Did you mean 'before'"),
+        (["before", "--reason", " "], "needs a reason"),
+    ],
+)
+def test_what_cannot_be_blessed_exits_with_4(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store_run("before")
+    assert main(["bless", *arguments]) == 4
+    shown = capsys.readouterr().err
+    assert told in shown
+    assert shown.startswith("drive-robust: ")
+
+
+def test_it_works_as_a_program(home: Path) -> None:
+    store_run("a")
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "pytest_drive_robust.cli", "bless", "a", "--reason", "why"]
+    done = subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,26 @@
+"""`drive-robust runs`."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from stored_runs import store_run
+
+from pytest_drive_robust.cli.main import main
+
+pytestmark = pytest.mark.usefixtures("home")
+
+
+def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", "list"]) == 0
+    assert "no stored run" in capsys.readouterr().out
+    first, second = store_run("zebra"), store_run("ant")
+    os.utime(first, (1, 1))
+    os.utime(second, (2, 2))
+    (first.parent / "torn.json").write_text("{")
+    assert main(["runs", "list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[:4]] == ["name", "zebra", "ant", "torn"]
+    assert lines[1].split()[-3:] == ["driver", "2", "80"]
+    assert "torn.json' is no JSON" in lines[4]

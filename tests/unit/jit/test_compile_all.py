@@ -1,0 +1,113 @@
+"""What is missing is compiled, in processes or here; what they leave in the cache is loaded."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from pytest_drive_robust.jit import compile_all
+from pytest_drive_robust.jit.arrays import Floats1
+from pytest_drive_robust.jit.cache import cache_folder
+from pytest_drive_robust.jit.kernels import entry, inner
+
+
+@inner
+def doubled(x: float) -> float:
+    return 2.0 * x
+
+
+@inner
+def squared(x: float) -> float:
+    return x * x
+
+
+def kernels() -> list[object]:
+    """Three entry points, two of which share a part; none is compiled."""
+
+    def first(row: Floats1) -> float:
+        return doubled(row[0]) + squared(row[0])
+
+    def second(row: Floats1) -> float:
+        return squared(row[1])
+
+    def apart(row: Floats1) -> float:
+        return row[0] + row[1]
+
+    return [entry(function) for function in (first, second, apart)]
+
+
+@pytest.fixture
+def some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[object]]:
+    """Kernels that are the only ones there are, with a cache of their own."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    only: list[object] = []
+    monkeypatch.setattr("pytest_drive_robust.jit.kernels.ENTRIES", only)
+    monkeypatch.setattr(compile_all, "ENTRIES", only)
+    kernels()
+    return only
+
+
+def values(some: list[object]) -> list[float]:
+    return [kernel(np.array((3.0, 4.0))) for kernel in some]  # type: ignore[operator]
+
+
+def from_cache(some: list[object]) -> list[int]:
+    return [len(kernel.stats.cache_hits) for kernel in some]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_what_is_missing_is_compiled_and_counted(
+    some: list[object], processes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if processes > 1:
+        if sys.platform != "linux":
+            pytest.skip("forks")
+        monkeypatch.setattr(compile_all, "_may_fork", lambda: True)
+    told: list[tuple[int, int]] = []
+    assert compile_all.missing_functions() == 5
+    assert compile_all.compile_all(processes=processes, tell=lambda *counted: told.append(counted)) == 3
+    assert told[0] == (0, 5)
+    assert told[-1] == (5, 5)
+    assert told == sorted(told)
+    assert from_cache(some) == ([0, 0, 0] if processes == 1 else [1, 1, 1])
+    assert values(some) == [15.0, 16.0, 7.0]
+    assert compile_all.missing_functions() == 0
+
+
+def test_what_is_in_the_cache_is_loaded_and_nothing_told(some: list[object]) -> None:
+    compile_all.compile_all(processes=1)
+    some.clear()
+    kernels()
+    told: list[tuple[int, int]] = []
+    assert compile_all.compile_all(processes=2, tell=lambda *counted: told.append(counted)) == 0
+    assert told == []
+    assert from_cache(some) == [1, 1, 1]
+
+
+def test_entry_points_that_share_a_part_are_compiled_by_one_process(some: list[object]) -> None:
+    names = [[kernel.__name__ for kernel in group] for group in compile_all._groups(some)]
+    assert names == [["first", "second"], ["apart"]]
+
+
+def test_a_process_with_threads_does_not_fork() -> None:
+    over = threading.Event()
+    thread = threading.Thread(target=over.wait)
+    thread.start()
+    try:
+        assert not compile_all._may_fork()
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_where_nothing_can_be_written_all_is_compiled_here(some: list[object], tmp_path: Path) -> None:
+    (tmp_path / "pytest-drive-robust").write_text("a file, where the folder should be")
+    assert not cache_folder().is_dir()
+    assert compile_all.compile_all(processes=1) == 3
+    assert values(some) == [15.0, 16.0, 7.0]
