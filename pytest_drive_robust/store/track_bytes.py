@@ -107,7 +107,7 @@ class StoredTracks(Tracks):
 
 
 def int_planes(table: Ints) -> bytes:
-    """Return whole numbers as bytes: zigzag (0, -1, 1, -2, ...), column by column, the lowest byte of all rows first."""
+    """Return whole numbers as bytes: zigzag (0, -1, 1, -2, ...), column by column, the lowest bytes first."""
     columns = np.ascontiguousarray(table.T, dtype="<i4")
     zigzag = ((columns << 1) ^ (columns >> 31)).astype("<u4")
     return zigzag.view(np.uint8).reshape(len(columns), -1, 4).transpose(0, 2, 1).tobytes() if columns.size else b""
