@@ -18,7 +18,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 __all__ = [
     "UnknownSourceError", "code_digest", "file_of", "hex_of", "imported_versions", "module_digest", "source_digest",
@@ -95,12 +95,31 @@ def source_digest(factory: object) -> str:
 def file_of(target: object) -> Path:
     """Return the file of a class, function or module. Raises `UnknownSourceError`."""
     try:
-        file = Path(inspect.getfile(inspect.unwrap(target))).resolve()  # type: ignore[arg-type]
+        found = inspect.unwrap(target)  # type: ignore[arg-type]
+        file = Path(_file_of_methods(found) or inspect.getfile(found)).resolve()
     except (OSError, TypeError, ValueError) as error:
         raise UnknownSourceError(str(error)) from None
     if not file.is_file():
         raise UnknownSourceError(f"there is no file {file}")
     return file
+
+
+def _file_of_methods(target: object) -> str:
+    """Return the file that the methods of a class were read from; empty for other things, and where they do not tell.
+
+    `inspect` takes the file of whatever module has the name now. That is another one where two conftest.py share a
+    name, and none where the module was removed from `sys.modules`.
+    """
+    if not isinstance(target, type):
+        return ""
+    for member in vars(target).values():
+        function = inspect.unwrap(member) if isinstance(member, FunctionType) else None
+        # What a decorator made is written elsewhere, and what `dataclass` made nowhere.
+        if isinstance(function, FunctionType) and function.__qualname__ == f"{target.__qualname__}.{function.__name__}":
+            file = function.__code__.co_filename
+            if function.__module__ == target.__module__ and Path(file).is_file():
+                return file
+    return ""
 
 
 def code_digest(modules: Iterable[ModuleType]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -278,16 +279,15 @@ def test_the_wall_time_of_an_episode_is_its_share() -> None:
     class Slow(Net):
         @classmethod
         def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
-            import time
-
             started_s = time.perf_counter()
             time.sleep(0.002)
             slept.append(time.perf_counter() - started_s)
             return super().act_batch(agents, observations)
 
+    began_s = time.perf_counter()
     results = drive_together(world, Slow, [task(metres=3.0, seed=seed) for seed in range(3)])
-    assert sum(result.wall_s for result in results) >= sum(slept)
-    assert all(result.wall_s < sum(slept) for result in results)
+    lasted_s = time.perf_counter() - began_s
+    assert sum(slept) <= sum(result.wall_s for result in results) <= lasted_s
 
 
 def test_ctrl_c_goes_through() -> None:
