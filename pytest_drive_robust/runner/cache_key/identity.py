@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust import arithmetic, domain, jit, perturbations, simulators
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.runner import driver
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
 from pytest_drive_robust.runner.cache_key.object_code import code_of
 from pytest_drive_robust.runner.cache_key.source_files import code_digest, file_of, hex_of, module_digest, source_digest
-from pytest_drive_robust.runner.episode import contract, driver, generators, loop, recorder, witness
-from pytest_drive_robust.runner.lockstep import batch, lockstep
+from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, witness
+from pytest_drive_robust.runner.lockstep import batch
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
@@ -36,7 +37,7 @@ __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulat
 
 _DECIDING = (arithmetic, jit, domain, perturbations, driver, loop, contract, recorder, witness, generators, base)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
-_LOCKSTEP = (lockstep, batch)
+_LOCKSTEP = (batch,)
 
 _BLOCK_BYTES = 1 << 20
 
