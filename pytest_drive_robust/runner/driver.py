@@ -92,7 +92,7 @@ class EpisodeDriver:
                 watch=self._watch,
             )
         self._give_back(world, name, agent, result.outcome)
-        return with_machine(result, self._latest[name])
+        return with_machine(result, self._latest[name], world)
 
     def check(self, request: EpisodeRequest, width: int) -> bool:
         """Return whether the agent may be driven in lockstep (see `batch_check.admit`)."""
@@ -232,7 +232,7 @@ class EpisodeDriver:
         if not episode.measures_inference:
             versions = {**result.versions, "lockstep": str(width)}
             result = replace(result, wall_s=episode.share_s, versions=versions)
-        return episode.request, with_machine(result, self._latest[name])
+        return episode.request, with_machine(result, self._latest[name], running.simulator)
 
     def _batch(self, agent: str, width: int) -> Batch:
         return Batch(width, lambda: self._take_agent(agent), self._watch)
