@@ -32,8 +32,8 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -171,7 +171,7 @@ def driven(order: dict[str, Any]) -> dict[str, Any]:
     for label, text in order.get("stored", {}).items():
         earlier = decode_episode(base64.b64decode(text))
         route = by_id[earlier.episode.route_id]
-        again = drive(StoredControls(earlier), "stored", route=route, setting="clean", ticks=order.get("ticks"))
+        again = drive(StoredControls.of(earlier), "stored", route=route, setting="clean", ticks=order.get("ticks"))
         digests[f"stored controls of {label}"] = difference(again, earlier) or "the same"
     return {"digests": digests, "scores": scores, "stored": stored, "libraries": libraries()}
 
