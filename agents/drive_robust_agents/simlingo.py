@@ -65,10 +65,10 @@ class SimLingo(LearnedAgent):
 
     The first two are the same to the bit while it is asked in every tick.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or, without
-    commentary, `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network,
-    for tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are missing or
-    not what their manifest says.
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or,
+    without commentary, `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the
+    network, for tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are
+    missing or not what their manifest says.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
