@@ -105,13 +105,13 @@ def test_an_agent_that_looks_at_its_neighbours_is_refused(suite, pytester, execu
     [
         ("Segfaults", End.AGENT_CRASHED_HARD, "SIGSEGV in act at tick 20 (*conftest.py:*"),
         ("LeavesAtOnce", End.AGENT_CRASHED_HARD, "left the process with exit code 7 in act at tick 20"),
-        ("Hangs", End.AGENT_TIMED_OUT, "took longer than 0.5 s in act at tick 20 (*conftest.py:*"),
+        ("Hangs", End.AGENT_TIMED_OUT, "took longer than 2 s in act at tick 20 (*conftest.py:*"),
     ],
 )
 def test_an_agent_that_breaks_its_process_on_one_route_costs_only_those_episodes(suite, pytester, agent, end, detail):
     route, raising = ("1", "RaisesAtOnce") if agent == "LeavesAtOnce" else ("2", "Raises")
     drive(suite, raising, "raised", "--drive-executor", "inline", sentences=SENTENCES[1:2])
-    options = ("--drive-executor", "processes", "--drive-lockstep", "8", "--drive-act-timeout", "0.5s")
+    options = ("--drive-executor", "processes", "--drive-lockstep", "8", "--drive-act-timeout", "2s")
     drive(suite, agent, "broken", *options, sentences=SENTENCES[1:2])
     raised, broken = stored(pytester.path / "raised"), stored(pytester.path / "broken")
     assert len(broken) == 9
@@ -152,9 +152,10 @@ def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:
     assert early.result().versions["lockstep"] == "4"
     late = [executor.submit(request(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
     single = executor.submit(request(alone))
-    assert single.done() or executor.slots == 5, "what is driven alone takes the place of a batch"
+    slots = executor.slots  # asked first: it may end between two questions
+    assert slots == 5 or single.done(), "what is driven alone takes the place of a batch"
     assert single.result().outcome is Outcome.COMPLETED
     executor.close(cancel=True)
     executor.close()
-    assert isinstance(late[0].exception(timeout=1.0), Stopped)
+    assert isinstance(late[0].exception(timeout=0.0), Stopped)
     assert all(future.done() for future in late)

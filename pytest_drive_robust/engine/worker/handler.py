@@ -106,10 +106,9 @@ class RequestHandler:
         assert asked.recorded is not None
         episode, route = request.episode, request.route
         self._state.phase("sim", 0)
-        result = drive_again(
-            self._driver.world(), asked.recorded, route=route, setting=request.setting, episode=episode
-        )
-        return with_machine(result, None)
+        world = self._driver.world()
+        result = drive_again(world, asked.recorded, route=route, setting=request.setting, episode=episode)
+        return with_machine(result, self._registry.entry("agents", episode.agent).load(), world)
 
     def _drive_together(self, token: bytes, first: WorkerRequest) -> Iterator[Reply]:
         """Drive the first request and all that arrive before none is under way any more; they are of one agent.

@@ -67,7 +67,7 @@ class EpisodeDriver:
             del self._agents[name]
         if result.outcome is Outcome.INFRA_ERROR:
             self.close()
-        return with_machine(result, agent)
+        return with_machine(result, agent, world)
 
     def world(self) -> Simulator:
         """Return the world, made when it is first asked for."""

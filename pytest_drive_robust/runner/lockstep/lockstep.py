@@ -210,7 +210,7 @@ class Lockstep:
         if not episode.measures_inference:
             versions = {**result.versions, "lockstep": str(self.width)}
             result = replace(result, wall_s=episode.share_s, versions=versions)
-        return episode.request, with_machine(result, self._latest)
+        return episode.request, with_machine(result, self._latest, episode.running.simulator)
 
     def _batch(self) -> Batch:
         return Batch(self.width, self._take_agent, self._watch)

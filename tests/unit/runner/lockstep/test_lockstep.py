@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -84,7 +85,7 @@ def drive_single(agent: Net, one: EpisodeRequest) -> EpisodeResult:
 
 def test_the_width_is_recorded_beside_the_versions_of_the_world() -> None:
     (result,) = drive_together(world, Net, [task()], width=12)
-    assert result.versions == {"fake": "1", "lockstep": "12", **machine_facts()}
+    assert result.versions.items() > {"fake": "1", "lockstep": "12", **machine_facts()}.items()
 
 
 @pytest.mark.parametrize(
@@ -269,7 +270,7 @@ def test_a_setting_that_measures_inference_is_driven_alone_by_act() -> None:
     )
     assert measured.inference_s
     assert measured.trace.column("throttle").max() == 1.0
-    assert (measured.versions, clean.versions["lockstep"]) == ({"fake": "1", **machine_facts()}, "8")
+    assert ("lockstep" in measured.versions, clean.versions["lockstep"]) == (False, "8")
 
 
 def test_the_wall_time_of_an_episode_is_its_share() -> None:
@@ -278,16 +279,15 @@ def test_the_wall_time_of_an_episode_is_its_share() -> None:
     class Slow(Net):
         @classmethod
         def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
-            import time
-
             started_s = time.perf_counter()
             time.sleep(0.002)
             slept.append(time.perf_counter() - started_s)
             return super().act_batch(agents, observations)
 
+    began_s = time.perf_counter()
     results = drive_together(world, Slow, [task(metres=3.0, seed=seed) for seed in range(3)])
-    assert sum(result.wall_s for result in results) >= sum(slept)
-    assert all(result.wall_s < sum(slept) for result in results)
+    lasted_s = time.perf_counter() - began_s
+    assert sum(slept) <= sum(result.wall_s for result in results) <= lasted_s
 
 
 def test_ctrl_c_goes_through() -> None:
