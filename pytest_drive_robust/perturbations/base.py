@@ -75,8 +75,8 @@ class Perturbation:
     def __new__(cls, *args: object, **severities: object) -> Self:
         """Note which severities are said, so that a reading sets the others only."""
         made = super().__new__(cls)
-        names = (field.name for field in dataclasses.fields(cls) if field.init) if args else ()
-        vars(made).update(_said=frozenset(severities).union(name for name, _ in zip(names, args, strict=False)))
+        names = [field.name for field in dataclasses.fields(cls) if field.init] if args else []
+        vars(made)["_said"] = frozenset(severities).union(names[: len(args)])
         return made
 
     def reset(self, context: EpisodeContext) -> None:
@@ -131,7 +131,7 @@ class Perturbation:
                     "Leave one of them out."
                 )
         made = self.with_severities(**switches)
-        vars(made).update(_read=True)
+        vars(made)["_read"] = True
         return made
 
     def with_severities(self, **changed: Any) -> Self:
