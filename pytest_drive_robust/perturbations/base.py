@@ -213,11 +213,15 @@ class Setting:
 
     @property
     def baseline(self) -> Setting:
-        """What this setting is compared with: `clean`, or a clean drive with the same warm-up."""
+        """What this setting is compared with: `clean`, or a clean drive with the same warm-up and way to wait.
+
+        Without a latency both ways do the same; the sentence of the baseline says which reading it belongs to.
+        """
         ticks = self.warmup_ticks
         if not ticks:
             return Setting.CLEAN
-        no_latency: dict[str, object] = {"ms": 0.0, "warmup_ticks": ticks}
+        holds = any(getattr(item, "mode", "fifo") != "fifo" for item in self.perturbations)
+        no_latency: dict[str, object] = {"ms": 0.0, "mode": "hold" if holds else "fifo", "warmup_ticks": ticks}
         return Setting.of(BUILTIN["inference-latency"](**no_latency))
 
     def read_as(self, reading: DriveReading | None) -> Setting:
