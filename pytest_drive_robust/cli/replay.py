@@ -25,7 +25,7 @@ from pytest_drive_robust.options.parsers import seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
-from pytest_drive_robust.runner.episode.driver import make_agent
+from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.replay.recording import record_episode
 from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.tape import Tape

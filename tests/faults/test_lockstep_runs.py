@@ -13,7 +13,7 @@ from lockstep_suite import LOCKSTEP_CONFTEST
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.pool import lockstep_in_processes
+from pytest_drive_robust.engine.pool import ProcessExecutor
 from pytest_drive_robust.engine.supervisor import Stopped
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import fake_route
@@ -146,15 +146,15 @@ def test_lockstep_and_ray_exclude_each_other(suite):
 def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:
     made = worker_setup()
     hanging, alone = "lockstep_suite:HangsTogether", "guarded_agents:Steady"
-    executor = lockstep_in_processes(lambda: made, Limits(), workers=2, width=4, shares=lambda agent: agent == hanging)
+    executor = ProcessExecutor(lambda: made, Limits(), slots=2, width=4, shares=lambda agent: agent == hanging)
     assert executor.slots == 8
     early = executor.submit(request(hanging))
     assert early.result().versions["lockstep"] == "4"
-    late = [executor.submit(request(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
     single = executor.submit(request(alone))
     slots = executor.slots  # asked first: it may end between two questions
     assert slots == 5 or single.done(), "what is driven alone takes the place of a batch"
     assert single.result().outcome is Outcome.COMPLETED
+    late = [executor.submit(request(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
     executor.close(cancel=True)
     executor.close()
     assert isinstance(late[0].exception(timeout=0.0), Stopped)

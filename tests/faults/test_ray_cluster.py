@@ -60,7 +60,9 @@ class Project:
         executor = InlineExecutor(
             self.registry, simulator=worker_setup.simulator, options=worker_setup.options, ticked=lambda: None
         )
-        return executor.submit(request).result()
+        future = executor.submit(request)
+        executor.close()
+        return future.result()
 
     def ray(self, address: str | None) -> RayExecutor:
         limits = Limits(act_s=2.0)

@@ -30,6 +30,7 @@ from pytest_drive_robust import arithmetic, domain, jit, perturbations, simulato
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.runner import driver
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
 from pytest_drive_robust.runner.cache_key.object_code import code_of
 from pytest_drive_robust.runner.cache_key.source_files import (
@@ -40,8 +41,8 @@ from pytest_drive_robust.runner.cache_key.source_files import (
     source_digest,
     versions_of,
 )
-from pytest_drive_robust.runner.episode import contract, driver, generators, loop, recorder, witness
-from pytest_drive_robust.runner.lockstep import batch, lockstep
+from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, witness
+from pytest_drive_robust.runner.lockstep import batch
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
@@ -56,7 +57,7 @@ __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulat
 
 _DECIDING = (arithmetic, jit, domain, perturbations, driver, loop, contract, recorder, witness, generators, base)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
-_LOCKSTEP = (lockstep, batch)
+_LOCKSTEP = (batch,)
 
 _BLOCK_BYTES = 1 << 20
 
