@@ -32,8 +32,8 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -173,7 +173,7 @@ def driven(order: dict[str, Any]) -> Iterator[dict[str, Any]]:
         if label.startswith(STORED):
             earlier = decode_episode(base64.b64decode(order["stored"][label.removeprefix(STORED)]))
             told = {"route": routes[route_id], "setting": "clean", "ticks": order.get("ticks")}
-            again = drive(StoredControls(earlier), "stored", **told)
+            again = drive(StoredControls.of(earlier), "stored", **told)
             yield {"label": label, "digest": difference(again, earlier) or "the same"}
             continue
         if name not in agents:
