@@ -233,7 +233,7 @@ def compare_rows(given: argparse.Namespace) -> None:
         bar = progress.add_task("", total=len(rows) * len(labels_of(order)) + (len(rows) - 1) * of_stored)
 
         def drive(row: Row, **more: Any) -> Driven:
-            progress.update(bar, description=row.name)
+            progress.update(bar, description=row.name[:40])
             advance = lambda: progress.advance(bar)  # noqa: E731
             return drive_row(row, {**order, **more}, drives, workers=given.workers, advance=advance)
 
@@ -256,7 +256,7 @@ def rows_of(given: argparse.Namespace) -> list[Row]:
         pythons += [str(environment(python, oldest=oldest, folder=Path(given.folder))) for oldest in (True, False)]
     rows = [Row(machine) for machine in (*MACHINES, OLD)]
     rows += [Row(PLAIN, python, installed_in(python)) for python in pythons]
-    return [Row(PLAIN), *(row for row in rows if given.rows in row.name)]
+    return [Row(PLAIN), *(row for row in rows if any(text in row.name for text in given.rows))]
 
 
 # --- versions ---
@@ -321,12 +321,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="drive every N-th of the routes")
     parser.add_argument("--settings", default=str(len(SETTINGS)), help="the first N, or `suites`: the twelve there")
     parser.add_argument("--ticks", type=int, help="end every episode after so many ticks")
-    parser.add_argument("--rows", default="", metavar="TEXT", help="only rows with this in their names")
+    parser.add_argument(
+        "--rows", nargs="+", default=[""], metavar="TEXT", help="only rows with any of these in their names"
+    )
     parser.add_argument("--pythons", nargs="+", default=[], metavar="PYTHON", help="environments with other versions")
     parser.add_argument("--versions", nargs="+", default=[], metavar="PYTHON", help="make such environments with these")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="processes that drive at once")
     parser.add_argument("--folder", default=".drive-robust/same-bits", help="where finished episodes are kept")
-    compare_rows(parser.parse_args(arguments))
+    given = parser.parse_args(arguments)
+    try:
+        compare_rows(given)
+    except KeyboardInterrupt:
+        raise SystemExit(f"interrupted: the same command goes on with what {given.folder} holds") from None
 
 
 if __name__ == "__main__":
