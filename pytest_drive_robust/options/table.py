@@ -46,6 +46,12 @@ _RUN = (
     ),
     Option("--drive-seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "NAME", "embedded", "the simulator, as in gymnasium:merge-v0"),
+    Option(
+        "--drive-reading",
+        "NAME",
+        "paper",
+        "how failures are read where the paper's equations and its released code differ: paper or released",
+    ),
     Option("--drive-metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
     Option("--drive-verdict", "RULE", "auto", "how to judge: auto, evidence, list, point"),
     Option("--drive-margin", "SHARE", "0.10", "how far beyond a limit evidence may still pass"),
