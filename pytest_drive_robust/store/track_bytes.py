@@ -29,7 +29,7 @@ __all__ = ["VERSION", "StoredTracks", "differences", "int_planes", "pack_tracks"
 
 VERSION = 1
 _HEAD = struct.Struct("<8I")
-_LEVEL = 6
+_LEVEL = 4
 _WIDTHS = (6, 4, 0, 4, 2)
 
 

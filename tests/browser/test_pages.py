@@ -151,6 +151,14 @@ def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
     assert page.evaluate(look) == seen
 
 
+def test_an_episode_names_the_command_that_drives_it_again(opened):
+    page = opened().go(EPISODE)
+    told = page.locator("main code").inner_text()
+    assert told == (
+        'drive-robust replay 2301 --agent follower:Follower --setting "GPS noise 15 m" --seed 0 --stuck-stop 10'
+    )
+
+
 def test_two_runs_are_compared_and_a_flip_opens_both(opened):
     report = opened()
     page = report.go("#/compare")

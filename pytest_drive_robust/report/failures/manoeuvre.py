@@ -41,7 +41,7 @@ def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: b
         return "off the road"
     bend = road.turn_rad(row, _ROWS_BEHIND, _ROWS_AHEAD)
     junction = road.in_junction(row, _TURN_BEHIND, _ROWS_AHEAD)
-    if abs(bend) > _TURN_RAD or (junction and abs(turned) > _TURNED_RAD):
+    if junction and (abs(bend) > _TURN_RAD or abs(turned) > _TURNED_RAD):  # elsewhere it is a bend of the road
         return _turn(bend if abs(bend) > _TURN_RAD else turned)
     if road.in_junction(row, _JUNCTION_BEHIND, _JUNCTION_AHEAD):
         return "while crossing a junction"

@@ -14,6 +14,7 @@ from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import growth, reading_order
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
+from pytest_drive_robust.simulators.routes import ships
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -56,7 +57,7 @@ def run_data(
             }
             for metric in METRICS.values()
         },
-        "rows": [_row(row) for row in document["summaries"]],
+        "rows": [_row(row, document["settings"]["simulator"]) for row in document["summaries"]],
         "requirements": [_requirement(records, item) for item in document.get("requirements", ())],
         "routes": _routes(records, table),
         "clusters": _clusters(records, table, maps),
@@ -65,7 +66,7 @@ def run_data(
     }
 
 
-def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+def _row(row: Mapping[str, Any], simulator: str) -> dict[str, Any]:
     summary = row.get("summary") or {}
     numbers = {"DS": summary.get("ds"), "SR": summary.get("sr"), "RD": row.get("rd")}
     numbers |= {"efficiency": summary.get("efficiency"), "comfort": summary.get("comfort")}
@@ -74,6 +75,8 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
         "privileged": row.get("privileged", False),
         "setting": row["setting"],
         "routesSpec": row["routes_spec"],
+        # found again by their ids alone, or only with the specification
+        "routesAre": "known" if row["routes_spec"] == simulator or ships(row["routes_spec"]) else "elsewhere",
         "numbers": numbers,
         "intervals": {"DS": row.get("ds_interval"), "RD": _finite(row.get("rd_interval"))},
         "abilities": summary.get("abilities", {}),

@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import AgentError, SimulationError
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
 from pytest_drive_robust.runner.episode.recorder import Recorder
-from pytest_drive_robust.runner.episode.surroundings import Surroundings
+from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
 from pytest_drive_robust.runner.episode.witness import Witness
 
 if TYPE_CHECKING:
@@ -210,9 +210,9 @@ class RunningEpisode:
         assert state is not None  # start() and sense() came before
         assert stack is not None
         assert observation is not None
-        if self.surroundings.wants(tick):
+        if tick % EVERY_TICKS == 0:
             self.surroundings.see(tick, state)
-        if control is not None and self.surroundings.wants_plan(tick):
+        if control is not None and tick >= self.surroundings.next_plan:
             self._enter("act")
             self.surroundings.see_plan(tick, self.agent)
             self._enter("sim")

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int32]
 
-__all__ = ["Surroundings"]
+__all__ = ["EVERY_TICKS", "Surroundings"]
 
-_EVERY_TICKS = 4
+EVERY_TICKS = 4
 """5 Hz: between two samples an actor at 20 m/s moves 4 m, which a straight line follows to the centimetre."""
 _PLAN_EVERY_TICKS = 8
 _MOST_POINTS = 10
@@ -29,33 +29,28 @@ _PER_M, _PER_RAD, _POINTS_PER_M = 100.0, 1000.0, 10.0
 
 
 class Surroundings:
-    """Collects what becomes `Tracks`. A world or a plan that cannot be noted leaves nothing, and harms no episode."""
+    """Collects what becomes `Tracks`. A world or a plan that cannot be noted leaves nothing, and harms no episode.
+
+    From the tick `next_plan` on the plan behind an answer is to be seen.
+    """
 
     def __init__(self) -> None:
         self._states: list[tuple[Any, Any, float, float]] = []
         self._plans: list[tuple[int, PlannedPath]] = []
-        self._next_plan = 0
-
-    def wants(self, tick: int) -> bool:
-        """Return True in the ticks whose world is to be seen."""
-        return tick % _EVERY_TICKS == 0
+        self.next_plan = 0
 
     def see(self, tick: int, state: WorldState) -> None:
-        """Keep the world at the beginning of `tick`."""
+        """Keep the world at the beginning of `tick`, which is a multiple of `EVERY_TICKS`."""
         self._states.append((state.actors.copy(), state.lights.copy(), state.ego.x_m, state.ego.y_m))
-
-    def wants_plan(self, tick: int) -> bool:
-        """Return True when the plan behind an answer of `tick` is to be seen."""
-        return tick >= self._next_plan
 
     def see_plan(self, tick: int, agent: Agent) -> None:
         """Keep the agent's plan, where it has one. One that raises is not asked again in this episode."""
         plan: Any = getattr(agent, "plan", None)
-        self._next_plan = tick + _PLAN_EVERY_TICKS
+        self.next_plan = tick + _PLAN_EVERY_TICKS
         try:
             self._plans.append((tick, plan()))
         except (Exception, SystemExit):  # no `plan` at all is the usual case
-            self._next_plan = 1 << 60
+            self.next_plan = 1 << 60
 
     def tracks(self) -> Tracks | None:
         """Return what was seen; None when nothing was, or when the world's tables are no such tables."""
@@ -67,7 +62,7 @@ class Surroundings:
             actors, motion = _tracks_of(self._states)
             lights = np.array([lights for _, lights, _, _ in self._states], np.int32)
             plans, points = _plans_of(self._plans)
-            return Tracks(_EVERY_TICKS, actors, motion, lights.reshape(len(self._states), -1), plans, points)
+            return Tracks(EVERY_TICKS, actors, motion, lights.reshape(len(self._states), -1), plans, points)
         except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError):
             return None
 
@@ -97,11 +92,18 @@ def _tracks_of(states: list[tuple[Any, Any, float, float]]) -> tuple[Ints, Ints]
     sizes = np.round(heads[:, [WorldState.LENGTH, WorldState.WIDTH]] * _PER_M)
     actors = np.column_stack((heads[:, [WorldState.ID, WorldState.KIND]], sizes, sample[starts], lengths))
     places = np.round(rows[:, [WorldState.X, WorldState.Y]] * _PER_M)
-    yaw = rows[:, WorldState.YAW].copy()
-    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        yaw[start : start + length] = np.unwrap(yaw[start : start + length])
-    motion = np.column_stack((places, np.round(yaw * _PER_RAD), rows[:, WorldState.STATE]))
+    motion = np.column_stack((places, _unwrapped(rows[:, WorldState.YAW], starts, lengths), rows[:, WorldState.STATE]))
     return actors.astype(np.int32), motion.astype(np.int32)
+
+
+def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Any:
+    """Return angles in mrad that do not jump by a turn within a track."""
+    import numpy as np
+
+    turned = np.zeros(len(yaw))
+    turned[1:] = (np.diff(yaw) + np.pi) % (2.0 * np.pi) - np.pi
+    summed = np.cumsum(turned)
+    return np.round((summed + np.repeat(yaw[starts] - summed[starts], lengths)) * _PER_RAD)
 
 
 def _plans_of(plans: list[tuple[int, PlannedPath]]) -> tuple[Ints, Ints]:

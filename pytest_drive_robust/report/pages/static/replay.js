@@ -81,8 +81,7 @@ driveRobust.views.set("episode", (() => {
   function facts(episode, beside) {
     const run = driveRobust.given.get("run");
     const row = (name, of) => h("tr", {}, h("th", { scope: "row" }, name), [beside, episode].filter(Boolean).map((item) => h("td", {}, of(item))));
-    const stuck = run.options.stuck_stop_s ? ` --stuck-stop ${run.options.stuck_stop_s}` : "";
-    const command = `drive-robust replay ${episode.route} --agent ${quoted(episode.agent)} --setting ${quoted(episode.setting)} --seed ${episode.seed}${stuck}`;
+    const command = commandOf(run, episode);
     return h("section", {},
       h("h2", {}, "In numbers"),
       driveRobust.scroller("In numbers", h("table", { class: "facts" },
@@ -95,6 +94,17 @@ driveRobust.views.set("episode", (() => {
           row("driven", (item) => seconds(item.seconds)),
           row("ended", (item) => item.end)))),
       h("p", {}, "Drive it again: ", h("code", {}, command)));
+  }
+
+  /* The line that drives an episode again, without the options that say what the defaults say. */
+  function commandOf(run, episode) {
+    const { options } = run;
+    const row = run.rows.find((item) => item.agent === episode.agent && item.setting === episode.setting);
+    const words = ["drive-robust", ...(options.plugins || []).flatMap((plugin) => ["-p", plugin]), "replay", episode.route, "--agent", episode.agent, "--setting", episode.setting, "--seed", episode.seed];
+    if (row && row.routesAre === "elsewhere") words.push("--routes", row.routesSpec);
+    if (options.stuck_stop_s) words.push("--stuck-stop", options.stuck_stop_s);
+    if (options.simulator !== "embedded") words.push("--sim", options.simulator);
+    return words.map((word) => quoted(String(word))).join(" ");
   }
 
   function quoted(word) {
