@@ -57,7 +57,7 @@ def route_flow(
     )
     speed = stage.spec.number("flow_speed", (speed_mps[0] + speed_mps[1]) / 2.0)
     dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + _DENSE_S * speed
-    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_LATE, dense_m=dense_m)
+    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
 
 def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
