@@ -108,13 +108,15 @@ class SpeedChoice:
         hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
         wanted = min(max(1.2 * (limit - v), -2.5), comfort)
-        pressed = trial.is_pressed(wanted)
-        if pressed:
+        pressed = trial.is_pressed(_FALL_BACK_MPS2)
+        if pressed and trial.is_pressed(wanted):
             comfort = _HURRY_ACCEL_MPS2
             wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
         for margins, wary in trial.tiers:
+            if wary and pressed:
+                continue
             free = trial.seconds(margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
                 break

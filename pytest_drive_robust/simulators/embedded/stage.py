@@ -19,7 +19,7 @@ from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 __all__ = ["Stage"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
-_GAPS = 63  # draws of a flow; they repeat after that
+_GAPS = 127  # draws of a flow; they repeat after that
 _LEAST_ROOM_M = 2.0
 """Between one car of a flow and the next."""
 
