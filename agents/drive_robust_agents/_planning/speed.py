@@ -27,6 +27,7 @@ _COMFORT_ACCEL_MPS2 = 2.3
 _HURRY_ACCEL_MPS2 = 4.0
 _FALL_BACK_MPS2 = -1.2
 """Too near to who is ahead, the ego falls back at this rate as long as that one does not brake."""
+_FALL_BACK, _STEADY = np.array([[_FALL_BACK_MPS2, 2.5, 0.0]]), np.array([[0.0, 99.0, 0.0]])
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
 _THEN_STOP = np.array([(a, _REACT_S, min(a, _COMFORT_BRAKE_MPS2)) for a in _ACCELERATIONS])
@@ -108,14 +109,15 @@ class SpeedChoice:
         hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
         wanted = min(max(1.2 * (limit - v), -2.5), comfort)
-        pressed = trial.is_pressed(_FALL_BACK_MPS2)
-        if pressed and trial.is_pressed(wanted):
+        followed = trial.is_pressed(_FALL_BACK)
+        pressed = followed and trial.is_pressed(_STEADY)
+        if pressed:
             comfort = _HURRY_ACCEL_MPS2
             wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
         for margins, wary in trial.tiers:
-            if wary and pressed:
+            if wary and followed:
                 continue
             free = trial.seconds(margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
@@ -125,7 +127,7 @@ class SpeedChoice:
             lost = free.max() <= _LEFT_ALONE_S and not hurry
             return -8.0 if lost else float(_ACCELERATIONS[int(np.argmax(free))])
         if not (wary or hurry or pressed):
-            return min(float(safe[0]), wanted, _FALL_BACK_MPS2)
+            return min(float(safe[0]), wanted, 0.0 if followed else _FALL_BACK_MPS2)
         gentle = safe[safe <= comfort]
         if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
             return float(safe[0])  # a gap that only a quick start can use
@@ -160,9 +162,9 @@ class _SpeedTrial:
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
         return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
-    def is_pressed(self, acceleration: float) -> bool:
-        """Return whether somebody who follows would have to brake for an ego that goes on like this."""
-        plan, nobody = np.array([[acceleration, 99.0, acceleration]]), np.zeros_like(self.leads)
+    def is_pressed(self, plan: Floats) -> bool:
+        """Return whether somebody who follows would have to brake for an ego that drives this plan."""
+        nobody = np.zeros_like(self.leads)
         braking = self._roll(plan, _TIGHT_MARGINS, nobody)[0]
         return bool(self._roll(plan, _TIGHT_MARGINS, nobody, follower_mps2=_NOBODY_BRAKES_MPS2)[0] < braking)
 
