@@ -31,8 +31,8 @@ _YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
 _ALL_RED_S = 1.0
 _MEET_M = 1.0
-_SLOWEST_MPS = 4.0
-"""Who comes this slowly finds no longer gap than who comes fast."""
+_SLOWEST_MPS, _ACROSS_S = 4.0, 8.0
+"""Who comes this slowly, and needs so long to start and to get across, finds no longer gap than who comes fast."""
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 
 
@@ -56,7 +56,7 @@ def route_flow(
         stage.spec.number("source_dist_interval", gap_m[1], attribute="to"),
     )
     speed = stage.spec.number("flow_speed", (speed_mps[0] + speed_mps[1]) / 2.0)
-    dense_s = (stage.trigger_m + meets_ahead_m) / _SLOWEST_MPS
+    dense_s = (stage.trigger_m + meets_ahead_m) / _SLOWEST_MPS + _ACROSS_S
     dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + dense_s * speed
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
