@@ -106,7 +106,8 @@ def static_cut_in(stage: Stage) -> None:
 def highway_cut_in(stage: Stage) -> None:
     """A car on the lane to the right keeps abreast, then cuts in 10 m ahead at 80 % of the ego's speed in two seconds.
 
-    The 10 m are from middle to middle. It keeps that speed for the way of 5.3 s at the ego's. The ego starts rolling.
+    The 10 m are from middle to middle. It keeps that speed for the way of 5.5 s at the ego's: 0.3 s in its lane, two to
+    change, three in the other, in steps of two metres. The ego starts rolling.
     """
     at = _merges_ahead_m(stage)
     width = _side_of_other(stage) * stage.lane_width_m
@@ -119,7 +120,7 @@ def highway_cut_in(stage: Stage) -> None:
     stage.cast.script(
         cutter,
         Passing(stage.trigger_m + at),
-        Script(0.8, seconds=5.3 / 0.8, after_mps=0.9 * stage.speed_limit_mps, relative=1),
+        Script(0.8, seconds=5.5 / 0.8, after_mps=0.9 * stage.speed_limit_mps, relative=1),
     )
     if stage.has_lane_beside("left"):
         stage.flow(stage.beside("left"), speed_mps=0.95 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)

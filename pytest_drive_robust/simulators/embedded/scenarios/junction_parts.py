@@ -61,8 +61,11 @@ def route_flow(
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
 
-def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
+def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (15.0, 30.0), lights: bool = False) -> None:
     """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
+
+    Bench2Drive's sources at a junction send the next car once the last one is 15 m away
+    (`scenario_runner/srunner/scenarios/background_activity.py`).
 
     Without `lights` the two roads would block each other: then there is oncoming traffic only where nobody crosses.
     """
