@@ -5,6 +5,8 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{parking_cut_in,route_ob
 
 from __future__ import annotations
 
+import numpy as np
+
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
@@ -27,6 +29,7 @@ _PULLS_OUT_MPS, _PULLS_OUT_M = 20.0 * KMH, 30.0
 _GEAR_S = 0.5
 """A parked car of CARLA shifts into first gear before it moves (`VehiclePhysicsControl.gear_switch_time`)."""
 _ROW_STEP_M = 11.0
+_EDGES_OUT_MPS, _EDGES_OUT_S, _TURNS_WITHIN_M = 0.8, 3.0, 3.6
 _ROW = (-2, -1, 1, 2, 3)
 """Standing cars behind the one that cuts in, and ahead of it."""
 
@@ -77,19 +80,23 @@ def parking_cut_in(stage: Stage) -> None:
 def static_cut_in(stage: Stage) -> None:
     """Out of a standing row on the next lane one car cuts in at 60 km/h; it starts at 2.7 s or 15 m.
 
-    The row begins `distance` metres ahead with the two cars behind that one.
+    The row begins `distance` metres ahead with the two cars behind that one. It edges out first, nose across the lane:
+    it has no speed yet that would stretch its change of lanes, and CARLA's basic agent keeps 5 m, and a metre more for
+    each metre per second, to the car that stands 11 m ahead until it has left that lane.
     """
     at = ahead(stage, 42.0) + _ROW_STEP_M * -_ROW[0]
     beside = stage.lane_width_m if _stands_right(stage) else -stage.lane_width_m
     for k in _ROW:
         stage.stand(ActorKind.CAR if k % 2 else ActorKind.VAN, at + _ROW_STEP_M * k, beside)
     cutter = stage.cast.add(
-        ActorSpec(
-            ActorKind.CAR, stage.ego_path, stage.on_ego_path(at), right_m=beside, lateral_mps=2.0, accel_mps2=3.0,
-            sees=c.SEES_NOBODY,
-        )
-    )  # fmt: skip
-    stage.cast.script(cutter, Arrival(2.7, 15.0), Script(60.0 * KMH), at=stage.spot(at))
+        ActorSpec(ActorKind.CAR, _way_out(stage, at, beside), 0.0, accel_mps2=3.0, sees=c.SEES_NOBODY)
+    )
+    stage.cast.script(
+        cutter,
+        Arrival(2.7, 15.0),
+        Script(_EDGES_OUT_MPS, seconds=_EDGES_OUT_S, after_mps=60.0 * KMH),
+        at=stage.spot(at),
+    )
     scenery(stage)
     stage.end_m = stage.trigger_m + at + 50.0
 
@@ -131,6 +138,16 @@ def _stands_right(stage: Stage) -> bool:
     """Return whether the standing row is on the lane to the right: where the file says so or there is only that one."""
     right, left = stage.has_lane_beside("right"), stage.has_lane_beside("left")
     return right and (right_hand(stage) > 0.0 or not left)
+
+
+def _way_out(stage: Stage, ahead_m: float, right_m: float) -> int:
+    """Return a path from a standing row beside the ego's way into that way, and along it to its end."""
+    length = stage.length_m(stage.ego_path) - stage.on_ego_path(ahead_m)
+    along = np.concatenate([np.arange(0.0, _TURNS_WITHIN_M, 0.2), np.arange(_TURNS_WITHIN_M, length, 1.0)])
+    share = np.clip(along / _TURNS_WITHIN_M, 0.0, 1.0)
+    aside = right_m * (1.0 - share * share * (3.0 - 2.0 * share))
+    places = [stage.spot(ahead_m + s, r) for s, r in zip(along.tolist(), aside.tolist(), strict=True)]
+    return stage.add_path(np.array(places))
 
 
 def _merges_ahead_m(stage: Stage) -> float:
