@@ -23,7 +23,7 @@ __all__ = [
 _RAMP_ROLLING, _ROLLING = 0.55, 0.7
 """Speeds at the start, as shares of the limit."""
 _LAST_M = 5.0
-_AROUND_M = (15.0, 25.0)
+_AROUND_M = (15.0, 30.0)
 """Bench2Drive's background traffic is placed 15 m apart, in every lane of the road
 (`scenario_runner/srunner/scenarios/background_activity.py`)."""
 
