@@ -21,7 +21,7 @@ _TRIGGER_M = (3.0, 6.0)
 _RED_S = (6.0, 28.0)
 """CARLA's lights give one arm after the other ten seconds of green, three of yellow and two of nothing: of three arms
 each is red for up to 32 s. Less is drawn at both ends, so that nobody stands for half a minute."""
-_ARM_S = 15.0
+_ARM_S, _OTHER_ARMS = 15.0, 0.75
 
 
 @scenario(
@@ -89,9 +89,9 @@ def vanilla_stop_sign(stage: Stage) -> None:
 def vanilla_green_light(stage: Stage) -> None:
     """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes.
 
-    Then lights go on as usual in CARLA: the next green is the ego's or, as often, that of another arm first.
+    Then lights go on as usual in CARLA: the next green is that of one of the arms, in one of four cases the ego's.
     """
-    lights_turn_red(stage, red_s=RED_S + (_ARM_S if stage.draw("arm", 0.0, 1.0) < 0.5 else 0.0))
+    lights_turn_red(stage, red_s=RED_S + (_ARM_S if stage.draw("arm", 0.0, 1.0) < _OTHER_ARMS else 0.0))
     cross_traffic(stage, lights=True)
     end_behind_junction(stage)
 
