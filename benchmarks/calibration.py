@@ -138,7 +138,7 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
         preload_agents=tuple(agents),
     )
     executor = ProcessExecutor(lambda: worker_setup, Limits(), slots=given.workers)
-    columns = (TextColumn("{request.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         scheduler = Scheduler(store, executor, Watch(progress, len(requests)))
         try:

@@ -29,8 +29,7 @@ RED_S = 5.0
 
 _YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
-_ALL_RED_S = 2.0
-"""As CARLA's lights have it."""
+_ALL_RED_S = 1.0
 _MEET_M = 1.0
 _SLOWEST_MPS, _ACROSS_S = 4.0, 8.0
 """Who comes this slowly, and needs so long to start and to get across, finds no longer gap than who comes fast."""
@@ -94,7 +93,7 @@ def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_
     """Show green along the ego's road, then red, while the crossing road has its green, then green again."""
     red_at = green_s + _YELLOW_S
     own = green_then_red(green_s, red_s)
-    between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, _ALL_RED_S))
+    between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, 2.0 * _ALL_RED_S))
     stage.lights(ego=own, opposite=own, crossing=between)
 
 
