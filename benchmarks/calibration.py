@@ -1,8 +1,8 @@
 """How hard the bench is: reference agents over all routes, type by type, and what each deployment failure costs.
 
-Without options: the successes of `expert`, `reactive`, `blind` at four speeds and `constant` on the 220 routes, for each
-of the 44 types. The first should succeed nearly everywhere, the second on less than half, the others hardly ever; a type
-that all of them or none of them can drive measures nothing, and what `blind` passes says nothing about cameras.
+Without options: the successes of `expert`, `reactive`, `blind` at four speeds and `constant` on the 220 routes, for
+each of the 44 types. The first should succeed nearly everywhere, the second on less than half, the others hardly ever;
+a type that all of them or none of them can drive measures nothing, and what `blind` passes says nothing about cameras.
 
 With `--sensitivity AGENT`: that agent clean and under the eleven settings of Bench2Drive-Robust (Tab. 2), with the
 degradation of each and its interval, paired by route.

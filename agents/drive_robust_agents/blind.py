@@ -52,9 +52,7 @@ class Blind:
         """Lay a line through the plan; forget the last episode."""
         line = _line_through(route)
         limits = np.column_stack([line, np.full(len(line), self.speed_mps)])
-        self._line = np.column_stack(
-            [line, speed_profile(limits, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)]
-        )
+        self._line = np.column_stack([line, speed_profile(limits, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)])
         self._row = 0.0
 
     def act(self, observation: Observation) -> Control:

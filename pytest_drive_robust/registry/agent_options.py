@@ -68,6 +68,4 @@ def _value(agent: str, name: str, text: str, default: object) -> object:
         return kind(text)
     except (KeyError, ValueError):
         expected = "true or false" if isinstance(default, bool) else f"a number, as in {name}={default}"
-        raise UsageError(
-            f"the option {name!r} of the agent {agent!r} is {text!r}, expected {expected}."
-        ) from None
+        raise UsageError(f"the option {name!r} of the agent {agent!r} is {text!r}, expected {expected}.") from None

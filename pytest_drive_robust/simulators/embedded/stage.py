@@ -127,8 +127,9 @@ class Stage(RoutePlaces):
         """Add cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
         Gaps are drawn from `gap_m`, from the middle of one to the middle of the next as Bench2Drive measures them. Our
-        flows never end, so every third gap is twice as long: somebody who waits patiently gets through. In the first `dense_m` metres of the flow, counted
-        back from the path's end, none is. The other options are those of `ActorSpec`.
+        flows never end, so every third gap is twice as long: somebody who waits patiently gets through. In the first
+        `dense_m` metres of the flow, counted back from the path's end, none is. The other options are those of
+        `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
         least = max(SIZES_M[kind][0] for kind in kinds) + _LEAST_ROOM_M

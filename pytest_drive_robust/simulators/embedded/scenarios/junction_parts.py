@@ -47,9 +47,10 @@ def route_flow(
 ) -> None:
     """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
-    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers give way to
-    nobody (Bench2Drive's do not even brake for a car in their lane), and who comes to `meets_ahead_m` without waiting
-    finds no gap longer than those drawn.
+    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers keep their
+    speed and give way to nobody, as Bench2Drive's do (`scenario_runner/srunner/scenariomanager/scenarioatomics/
+    atomic_behaviors.py`, `ActorFlow`), until one of them has been hit; then all see what is ahead. Who comes to
+    `meets_ahead_m` without waiting, however slowly, finds no gap longer than those drawn.
     """
     gaps = (
         stage.spec.number("source_dist_interval", gap_m[0], attribute="from"),

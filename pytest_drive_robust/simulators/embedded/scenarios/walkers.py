@@ -170,7 +170,9 @@ def _crosses_after_turn(
     # Bench2Drive's start in the middle of the sidewalk
     start = road_edge_m(stage, side, at) + stage.draw("kerb", 0.9, 1.5)
     across = start + road_edge_m(stage, "left" if side == "right" else "right", at) + 1.5
-    stage.walker(at, from_right_m=start if side == "right" else -start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind)
+    stage.walker(
+        at, from_right_m=start if side == "right" else -start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind
+    )
     stage.green_for_ego()
     scenery(stage, (60.0, 120.0))
     stage.end_m = stage.trigger_m + at + 10.0

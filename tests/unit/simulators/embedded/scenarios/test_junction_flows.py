@@ -126,7 +126,9 @@ def accel_of(world: World, car: int, *, aside: float, ahead: float = 12.0) -> fl
 
 def test_cross_traffic_overlooks_who_comes_late_until_he_is_in_the_middle_of_the_lane() -> None:
     world = staged("VanillaNonSignalizedTurn")
-    late = np.flatnonzero((world.state.actor_ints[:, c.I_SEES] == c.SEES_LATE) & (world.state.actor_ints[:, c.I_ACTIVE] == 1))
+    late = np.flatnonzero(
+        (world.state.actor_ints[:, c.I_SEES] == c.SEES_LATE) & (world.state.actor_ints[:, c.I_ACTIVE] == 1)
+    )
     car = int(late[len(late) // 2])
     assert accel_of(world, car, aside=1.6) == pytest.approx(0.0, abs=0.01)
     assert accel_of(world, car, aside=0.0) < -3.0
@@ -143,6 +145,8 @@ def test_a_flow_gives_way_to_nobody_until_one_of_it_is_hit(name: str) -> None:
     world.tick(FULL_BRAKE)
     assert collisions(world) == [hit]
     assert accel_of(world, follower, aside=0.0) < -3.0
+
+
 def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_blocking_the_road() -> None:
     world = staged("NonSignalizedJunctionLeftTurn")
     car = int(file_flows(world)[0][-2])
