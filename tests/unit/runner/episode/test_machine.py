@@ -26,6 +26,6 @@ def test_the_machine_counts_unless_the_agent_promises_that_it_does_not() -> None
     assert machine_facts(None) == told
 
 
-@pytest.mark.parametrize("name", ["classical", "constant", "expert", "random", "reactive"])
+@pytest.mark.parametrize("name", ["blind", "blind:speed=4", "classical", "constant", "expert", "random", "reactive"])
 def test_the_agents_without_a_network_promise_it(name: str) -> None:
     assert machine_facts(default_registry().agent(name)) == {"machine": ANY_MACHINE}
