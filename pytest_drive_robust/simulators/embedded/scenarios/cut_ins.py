@@ -120,8 +120,8 @@ def highway_cut_in(stage: Stage) -> None:
     width = _side_of_other(stage) * stage.lane_width_m
     cutter = stage.cast.add(
         ActorSpec(
-            ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0 - stage.trigger_m), rolling_start(stage), right_m=width,
-            lateral_mps=stage.lane_width_m / 2.0, sync_m=10.0, accel_mps2=5.0, background=True,
+            ActorKind.CAR, stage.ego_path, stage.on_ego_path(10.0 - stage.trigger_m), rolling_start(stage),
+            right_m=width, lateral_mps=stage.lane_width_m / 2.0, sync_m=10.0, accel_mps2=5.0, background=True,
         )
     )  # fmt: skip
     stage.cast.script(
