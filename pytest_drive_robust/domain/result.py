@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -15,12 +15,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["ANY_MACHINE", "MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
+__all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace", "merged_versions"]
 
-MACHINE_FACTS = ("machine", "machine torch")
-"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`); not in keys."""
-ANY_MACHINE = "any"
-"""Stands for the first of them where the agent's bits do not depend on the machine."""
+MACHINE_FACTS = {
+    "machine libm": "C library",
+    "machine numpy": "numpy",
+    "machine torch": "torch",
+    "machine onnxruntime": "ONNX Runtime",
+}
+"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`), and what computes
+it. They are in no key, and an episode has only those that its bits depend on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,3 +131,12 @@ class EpisodeResult:
     def game_s(self) -> float:
         """Simulated seconds."""
         return self.ticks * self.dt_s
+
+
+def merged_versions(several: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Return the versions of several episodes as one mapping; several values of one name are all shown, sorted."""
+    found: dict[str, set[str]] = {}
+    for versions in several:
+        for name, version in versions.items():
+            found.setdefault(name, set()).add(version)
+    return {name: ", ".join(sorted(values)) for name, values in found.items()}

@@ -229,14 +229,14 @@ def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
     message = f"there is no perturbation {text.strip()!r}."
     if near is not None:
         message += f" Did you mean {near!r}?"
-    examples = [example for form in forms if (example := _example(form, []))]
+    examples = list(filter(None, (_example(form, []) for form in forms)))
     return RequirementError(f"{message} Known sentences: {', '.join(map(repr, [CLEAN, *examples]))}.")
 
 
 def _example(form: Template[_S], numbers: list[float]) -> str | None:
     """Return a valid sentence of the form, with the given numbers as far as they are possible."""
     usual = {**form.cls.example, **form.fixed}
-    given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers, strict=False)}
+    given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers)}  # noqa: B905
     for values in ({**usual, **given}, usual):
         with contextlib.suppress(UsageError):  # an impossible severity is no example
             return form.fill(_built(form.cls, values).parameters())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
@@ -26,6 +27,8 @@ _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
     "Select tests that use the drive fixture, or leave --drive-robust out."
 )
+
+_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "highway-env")
 
 
 class RunRecord(Protocol):
@@ -146,9 +149,14 @@ class RunOutputs:
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:
-        versions = {"pytest-drive-robust": __version__, **self._versions}
+        versions = {"pytest-drive-robust": __version__, **_libraries(), **self._versions}
         events, notes = self._record.events(), tuple(self._notes)
         return RunResult.of(self._options, events, self._record.find, versions=versions, notes=notes)
+
+
+def _libraries() -> dict[str, str]:
+    """Return the versions that are installed for this run, whether or not they could change a bit of it."""
+    return {name: metadata.version(name) for name in _LIBRARIES}
 
 
 def _reason(error: Exception) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.domain.result import EpisodeResult, Trace, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
@@ -107,7 +107,9 @@ class _Reader:
                 simulator=settings["simulator"],
                 stuck_stop_s=settings.get("stuck_stop_s"),
                 agent=AgentPrint(**{name: told.get(name, "") for name in ("distribution", "source", "weights")}),
-                versions=dict(self._document.get("versions", {})),
+                versions=merged_versions(
+                    item.get("versions", {}) for item in self._document["episodes"] if item["agent"] == agent
+                ),
                 plugins=tuple(settings.get("plugins", ())),  # runs that were saved before these were told lack them
             )
         return self._prints[agent]

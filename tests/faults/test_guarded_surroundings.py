@@ -57,7 +57,7 @@ def test_the_global_generators_start_alike_whatever_was_driven_before(
 
 
 def test_what_is_printed_is_kept_only_at_its_end(make_supervisor: Callable[..., Supervisor]) -> None:
-    supervisor = make_supervisor(Limits(episode_s=20.0, output_bytes=1000))
+    supervisor = make_supervisor(Limits(episode_s=300.0, output_bytes=1000))
     assert supervisor.drive(request("Shouts")).outcome is Outcome.COMPLETED
     assert supervisor.output.endswith("\\udcff the last words\n")
     assert "�" in supervisor.output
@@ -73,7 +73,7 @@ def test_a_process_that_is_not_as_before_is_replaced(supervisor: Supervisor, age
     assert supervisor.drive(request(agent)).trace.digest == steady.trace.digest
     assert supervisor.pid is None
     assert pid is not None
-    assert gone_within(pid, 5.0)
+    assert gone_within(pid)
     assert supervisor.drive(request("Steady")).trace.digest == steady.trace.digest
 
 
@@ -82,7 +82,7 @@ def test_processes_that_an_agent_leaves_end_with_its_episode(
     supervisor: Supervisor, noted_pid: Callable[[], int], agent: str
 ) -> None:
     assert supervisor.drive(request(agent)).outcome is Outcome.COMPLETED
-    assert gone_within(noted_pid(), 5.0)
+    assert gone_within(noted_pid())
     assert supervisor.drive(request("Steady")).outcome is Outcome.COMPLETED
 
 
@@ -91,7 +91,7 @@ def test_processes_of_an_agent_that_was_lost_end_too(
     supervisor: Supervisor, noted_pid: Callable[[], int], agent: str
 ) -> None:
     assert supervisor.drive(request(agent)).outcome is Outcome.AGENT_ERROR
-    assert gone_within(noted_pid(), 5.0)
+    assert gone_within(noted_pid())
 
 
 def test_a_process_that_grew_too_much_is_replaced(make_supervisor: Callable[..., Supervisor]) -> None:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
 from pytest_drive_robust import Control
+from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["PoseEstimate", "PositionFilter"]
 
@@ -71,12 +72,12 @@ class PositionFilter:
 def _predicted(state: PoseEstimate, last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
     """Predict one tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
-    tangent = math.tan(last.steer * STEER_MAX_RAD)
-    slip = math.atan(0.5 * tangent)
-    turn = _DT_S * math.cos(slip) * tangent / WHEELBASE_M
+    tangent = scalars.tan(last.steer * STEER_MAX_RAD)
+    slip = scalars.atan(0.5 * tangent)
+    turn = _DT_S * scalars.cos(slip) * tangent / WHEELBASE_M
     push = last.throttle * min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0)) if last.brake <= 0.0 else 0.0
     after = max(v + _DT_S * (push - last.brake * BRAKE_MAX_MPS2), 0.0)
-    c, s = _DT_S * math.cos(yaw + slip), _DT_S * math.sin(yaw + slip)
+    c, s = (_DT_S * part for part in scalars.cos_sin(yaw + slip))
     moved = [x + v * c, y + v * s, yaw + v * turn, after]
     # columns of the Jacobian beyond the identity: x, y by yaw; x, y, yaw by speed
     rows = (

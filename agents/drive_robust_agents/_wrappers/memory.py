@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust import Observation
+from pytest_drive_robust.arithmetic import arrays
 
 __all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "Sensed", "can_bus", "motion_between"]
 
@@ -37,7 +38,7 @@ def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats
     A point (x, y) in the frame of now lies at R(yaw) (x, y) + (forward, right) in the frame of then.
     """
     dx, dy = (now[:, :2] - old[:, :2]).T
-    c, s = np.cos(old[:, 2]), np.sin(old[:, 2])
+    c, s = arrays.cos_sin(old[:, 2])
     turned = np.remainder(now[:, 2] - old[:, 2] + math.pi, math.tau) - math.pi
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turned]).astype(np.float32)
 

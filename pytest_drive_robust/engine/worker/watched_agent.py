@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.engine.shared_state import SharedState
-from pytest_drive_robust.runner.episode.rescore import AgentRig
+from pytest_drive_robust.runner.episode.stored_controls import AgentRig
 
 __all__ = ["CUT_OFF", "WatchedAgent"]
 

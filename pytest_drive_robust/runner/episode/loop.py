@@ -1,7 +1,7 @@
 """The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`.
 
 `RunningEpisode` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
-(`runner.lockstep.lockstep`).
+(`runner.driver`).
 """
 
 from __future__ import annotations
