@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -42,6 +43,10 @@ class BurstFrameDrop(Perturbation):
     length: Literal["fixed", "uniform"] = "fixed"
 
     phrase: ClassVar[str] = "{length_s} s burst frame drop"
+    readings: ClassVar[Mapping[str, Mapping[str, object]]] = {
+        "paper": {"length": "fixed"},
+        "released": {"length": "uniform"},
+    }
     ladder: ClassVar = ("length_s", (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0))
 
     def __post_init__(self) -> None:

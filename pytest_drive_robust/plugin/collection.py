@@ -65,7 +65,8 @@ class CollectionPlugin:
         self._scopes.setdefault((scope.agent, scope.routes_spec), scope)
         callspec = getattr(item, "callspec", None)
         params = callspec.params.values() if callspec is not None else ()
-        wanted = [value for value in params if isinstance(value, Requirement)]
+        reading = marker.asked_reading(context.options.asked_reading)
+        wanted = [value.read_as(reading) for value in params if isinstance(value, Requirement)]
         verdict_rule = marker.verdict_rule(context.options.verdict_rule).for_routes(len(scope.routes))
         for requirement in wanted:
             context.scopes.check_setting(requirement.setting)

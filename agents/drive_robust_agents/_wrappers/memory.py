@@ -3,7 +3,8 @@
 The published wrappers (Bench2DriveZoo `team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`) fill an 18-number
 "can bus" from GPS, compass, speedometer and IMU, and the bird's-eye features of the last frame are shifted by it, so
 that a wrong position moves the memory against the picture. Here the can bus has six numbers, and the memory is the one
-of 0.5 s ago, in training as at run time (the published ones are trained at 0.5 s and driven at 0.05 s).
+of 0.5 s ago, in training as at run time (the published ones are trained at 0.5 s and driven at 0.05 s). Its age is
+told by the tick of the observation, so that it is the same where the agent is asked only every few ticks.
 """
 
 from __future__ import annotations
