@@ -38,6 +38,7 @@ class Kernel:
         return self.dispatcher._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
+        """Compile or load it for these arguments, unless that was done, and run it."""
         return self.dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:
