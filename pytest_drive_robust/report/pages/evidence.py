@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["growth", "reading_order"]
 
-_MOST_POINTS = 45
+_MOST_POINTS = 30
 """An interval over hundreds of routes takes milliseconds: of long readings not every step is computed."""
 
 

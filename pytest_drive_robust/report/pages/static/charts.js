@@ -46,7 +46,7 @@ driveRobust.charts = (() => {
 
   /* How the value and its interval changed with every route that was read. */
   function growth(item) {
-    const [width, height, margin] = [640, 300, { left: 52, right: 16, top: 14, bottom: 40 }];
+    const [width, height, margin] = [640, 300, { left: 68, right: 16, top: 14, bottom: 44 }];
     const points = item.growth.filter((point) => point[1] !== null);
     if (!points.length) return null;
     const all = points.flatMap((point) => point.slice(1)).concat([item.limit, item.lenient]);
@@ -88,7 +88,7 @@ driveRobust.charts = (() => {
 
   /* Clean score across, perturbed score up; each point is a link. `pairs` are [clean, perturbed, link, words]. */
   function scatter(pairs, label) {
-    const [width, height, margin] = [400, 400, { left: 46, right: 14, top: 14, bottom: 42 }];
+    const [width, height, margin] = [400, 400, { left: 58, right: 14, top: 14, bottom: 46 }];
     const x = (value) => margin.left + (value / 100) * (width - margin.left - margin.right);
     const y = (value) => margin.top + (1 - value / 100) * (height - margin.top - margin.bottom);
     const svg = h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": label });

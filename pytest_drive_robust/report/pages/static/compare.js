@@ -24,16 +24,16 @@ driveRobust.views.set("compare", (() => {
   }
 
   function table(cells) {
-    const reach = Math.max(5, ...cells.filter((cell) => cell.dsChange).map((cell) => Math.max(Math.abs(cell.dsChange[1]), Math.abs(cell.dsChange[2]))));
+    const reach = Math.max(5, ...cells.filter((cell) => cell.dsChange && cell.changed).map((cell) => Math.max(Math.abs(cell.dsChange[1]), Math.abs(cell.dsChange[2]))));
     return scroller("Changes", h("table", { class: "list" },
       h("thead", {}, h("tr", {}, ["verdict", "setting", "agent", "DS before", "now", "change of DS", "", "SR", "RD", "routes changed"].map((name) => h("th", { scope: "col", class: /DS|now|SR|RD|routes/.test(name) ? "number" : null }, name || h("span", { class: "hidden" }, "change, drawn"))))),
       h("tbody", {}, cells.map((cell) => h("tr", {},
         h("td", {}, badge(cell.verdict)), h("th", { scope: "row" }, cell.setting), h("td", {}, cell.agent),
         h("td", { class: "number" }, fixed(cell.before.ds, 1)), h("td", { class: "number" }, fixed(cell.after.ds, 1)),
-        h("td", { class: "number" }, cell.dsChange ? [signed(cell.dsChange[0], 1), h("span", { class: "range" }, ` ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`)] : "\u2013"),
-        h("td", {}, cell.dsChange ? driveRobust.charts.change(cell.dsChange, reach, 1, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
+        h("td", { class: "number" }, cell.dsChange && cell.changed ? [signed(cell.dsChange[0], 1), h("span", { class: "range" }, ` ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`)] : "\u2013"),
+        h("td", {}, cell.dsChange && cell.changed ? driveRobust.charts.change(cell.dsChange, reach, 1, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
         h("td", { class: "number" }, `${shown("SR", cell.before.sr)} \u2192 ${shown("SR", cell.after.sr)}`),
-        h("td", { class: "number" }, cell.rise ? [`${shown("RD", cell.rise.before)} \u2192 ${shown("RD", cell.rise.after)}`, h("span", { class: "range" }, ` ${signed(cell.rise.low, 2)} to ${signed(cell.rise.high, 2)}`)] : "\u2013"),
+        h("td", { class: "number" }, cell.rise ? [`${shown("RD", cell.rise.before)} \u2192 ${shown("RD", cell.rise.after)}`, h("span", { class: "range" }, cell.changed ? ` ${signed(cell.rise.low, 2)} to ${signed(cell.rise.high, 2)}` : "")] : "\u2013"),
         h("td", { class: "number" }, `${cell.changed} of ${cell.routes}`))))));
   }
 

@@ -36,12 +36,12 @@ driveRobust.episodeTable = (() => {
         const cells = columns.map(([name, of]) => {
           if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, item.place.scenario));
           if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}` }, fixed(item.ds, 1));
-          if (name === "clean DS") return h("td", { class: "number" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
-          if (name === "driven") return h("td", { class: "number" }, seconds(item.seconds));
-          if (name === "route") return h("td", {}, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
-          return h("td", {}, of(item));
+          if (name === "clean DS") return h("td", { class: "number twin" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
+          if (name === "driven") return h("td", { class: "number driven" }, seconds(item.seconds));
+          if (name === "route") return h("td", { class: "route" }, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
+          return h("td", { class: name === "what happened" ? "story" : name }, of(item));
         });
-        return h("tr", {}, numbered ? h("td", { class: "number soft" }, at + 1) : null, cells);
+        return h("tr", {}, numbered ? h("td", { class: "number soft place" }, at + 1) : null, cells);
       }));
       more.hidden = episodes.length <= count;
     }

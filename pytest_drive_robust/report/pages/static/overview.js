@@ -115,7 +115,7 @@ driveRobust.views.set("", (() => {
     const most = clusters[0].episodes.length;
     return h("section", {}, h("h2", {}, "What goes wrong most"),
       h("ul", { class: "bars" }, clusters.map((cluster, number) => h("li", {}, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence), h("span", { class: "barline", vars: { share: `${(100 * cluster.episodes.length) / most}%` } }), h("span", { class: "number" }, cluster.episodes.length)))),
-      h("p", {}, h("a", { href: link(["failures"]) }, `All ${run.clusters.length} kinds of ${counted(total, "failure")}`)));
+      h("p", {}, h("a", { href: link(["failures"]) }, `${counted(total, "failure")} of ${counted(run.clusters.length, "kind")}`)));
   }
 
   function notes(run) {

@@ -111,10 +111,10 @@ driveRobust.views.set("episode", (() => {
       this.dt = dt;
       const own = shown[shown.length - 1].episode;
       this.panes = shown.map(({ episode, data }) => ({
-        episode, role: episode === own ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
+        episode, role: episode === own && (shown.length > 1 || episode.twin >= 0) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
       }));
-      this.own = this.panes.find((pane) => pane.role === "perturbed") || this.panes[0];
-      this.twin = this.panes.find((pane) => pane.role === "clean") || null;
+      this.own = this.panes.find((pane) => pane.episode === own);
+      this.twin = this.panes.find((pane) => pane !== this.own) || null;
       this.length = Math.max(...this.panes.map((pane) => pane.scene.ticks));
       this.tick = Math.min(Math.max(start / dt, 0), this.length);
       this.speed = 1;
@@ -173,7 +173,7 @@ driveRobust.views.set("episode", (() => {
     legend(two) {
       const item = (name, words) => h("li", {}, h("span", { class: `swatch ${name}`, "aria-hidden": "true" }), words);
       return h("ul", { class: "legend" },
-        two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item("perturbed", titleOf(this.own.episode, this.own.episode)),
+        two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
         item("route", "route"), item("plan", "the agent's plan"),
         this.own.episode.spans.length ? item("span", "a failure is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);

@@ -17,7 +17,7 @@ driveRobust.views.set("requirement", (() => {
         h("p", { class: "lead" }, sentenceOf(item)),
         item.reason ? h("p", { class: "notice" }, item.reason) : null,
         worst(item, routes),
-        h("div", { class: "columns" },
+        h("div", { class: routes.some(({ twin }) => twin) ? "columns" : "columns single" },
           item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthWords(item)) : null,
           scatter(item, routes)),
         table(item, routes),
