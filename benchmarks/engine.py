@@ -111,10 +111,10 @@ def framework(rounds: int) -> Rows:
     bare(), driven()
     once = [(bare(), driven()) for _ in range(rounds)]
     requests = [_task(route, 0) for route in routes]
-    shares = [marginal_cpu_of_children(requests) / driven() for _ in range(max(1, rounds // 2))]
+    shares = [marginal_cpu_of_workers(requests) / driven() for _ in range(max(1, rounds // 2))]
     return [
         ("drive_episode / bare loop", f"{statistics.median(mine / bare for bare, mine in once):.3f}"),
-        ("guarded children / this process", f"{statistics.median(shares):.3f}"),
+        ("worker process / this process", f"{statistics.median(shares):.3f}"),
     ]
 
 
@@ -127,12 +127,12 @@ def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
     world.score()
 
 
-def marginal_cpu_of_children(requests: list[EpisodeRequest]) -> float:
+def marginal_cpu_of_workers(requests: list[EpisodeRequest]) -> float:
     """Return CPU seconds of these episodes in a worker process that runs already."""
-    return (cpu_of_children(requests * 3) - cpu_of_children(requests)) / 2
+    return (cpu_of_workers(requests * 3) - cpu_of_workers(requests)) / 2
 
 
-def cpu_of_children(requests: list[EpisodeRequest]) -> float:
+def cpu_of_workers(requests: list[EpisodeRequest]) -> float:
     """Return CPU seconds of these episodes in one worker process, with its start and what this process does for it."""
     start = used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF)
     drive_all(ProcessExecutor(worker_setup, Limits(), slots=1), requests)
@@ -145,7 +145,7 @@ def scaling(rounds: int) -> Rows:
     def pool(slots: int) -> float:
         return drive_all(ProcessExecutor(worker_setup, Limits(), slots=slots), requests)
 
-    yield "two children / one, 40 episodes", ratio_of([(pool(1), pool(2)) for _ in range(rounds)])
+    yield "two worker processes / one, 40 episodes", ratio_of([(pool(1), pool(2)) for _ in range(rounds)])
     if importlib.util.find_spec("ray") is not None:
         from pytest_drive_robust.engine.ray.executor import RayExecutor
 
@@ -153,7 +153,7 @@ def scaling(rounds: int) -> Rows:
             return drive_all(RayExecutor(worker_setup, Limits(), address="local", slots=2), requests)
 
         ray()
-        yield "children / Ray, two each", ratio_of([(pool(2), ray()) for _ in range(rounds)])
+        yield "worker processes / Ray, two each", ratio_of([(pool(2), ray()) for _ in range(rounds)])
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "test_forty.py").write_text(FORTY)
         shared = ("--drive-robust", "--drive-agent", AGENT, "--drive-routes", "dev10", "--drive-store", "off", folder)

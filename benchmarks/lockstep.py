@@ -18,9 +18,9 @@ from rich.table import Table
 
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Setting
 from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.runner.driver import EpisodeDriver
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.lockstep.batch_check import check_lockstep, record
-from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -132,11 +132,11 @@ def singly(made: type[NetAgent]) -> Callable[[], int]:
 
 
 def together(made: type[NetAgent], width: int) -> Callable[[], int]:
-    lockstep = Lockstep(world, lambda name: made(), width=width)
+    driver = EpisodeDriver(world, lambda name: made())
 
     def work() -> int:
         requests = iter(REQUESTS)
-        return sum(result.ticks for _, result in lockstep.drive_batch("net", lambda: next(requests, None)))
+        return sum(result.ticks for _, result in driver.drive_batch("net", lambda: next(requests, None), width))
 
     return work
 

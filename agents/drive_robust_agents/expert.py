@@ -9,7 +9,9 @@ It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, 
 3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
    signs and junctions make it wait (`right_of_way`).
 
-It knows no actor's intentions: where traffic goes at a fork it learns by watching.
+It knows no actor's intentions: where traffic goes at a fork it learns by watching. It reads the tick of each
+observation: asked only every few ticks, as under latency in the mode `hold`, it still knows how hard the others
+accelerate and for how long anybody has been standing.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._planning.traffic import TICK_S, Traffic
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
@@ -77,6 +79,8 @@ class Expert:
         self._ego: EgoState | None = None
         self._held_back = False
         self._intent: Intent | None = None
+        self._tick: int | None = None
+        self._ticks = 1
 
     def plan(self) -> PlannedPath:
         """Return the next 30 m of the path that the last control followed."""
@@ -112,6 +116,9 @@ class Expert:
             self._scene = StaticScene(truth)
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
+        # it cannot be asked twice in one moment; who repeats a tick means the next one
+        self._ticks = 1 if self._tick is None else max(1, observation.tick - self._tick)
+        self._tick = observation.tick
         now = self._see(self._scene, truth)
         self._held_back = self._waits_beside_the_lane(self._lanes, now)
         if self._held_back:
@@ -133,12 +140,13 @@ class Expert:
     def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
         """Gather everything that the decisions of this tick need."""
         world, ego = truth.frame, truth.frame.ego
-        self._traffic.update(world, scene.graph)
+        elapsed_s = TICK_S * self._ticks
+        self._traffic.update(world, scene.graph, elapsed_s)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
         stop = self._right_of_way.stop_row(scene, world, row)
         turned = math.remainder(ego.yaw_rad - float(scene.route[scene.index(row), 2]), math.tau)
         drift = tan(min(max(turned, -1.2), 1.2))
-        return Situation(scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop)
+        return Situation(scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop, elapsed_s)
 
     # --- where ---
 
@@ -199,7 +207,7 @@ class Expert:
             return False
         until = min(self._pass.ends_row, now.row + _PASS_LOOK_M)
         free = self._is_free(lanes.profile + self._pass.shift, now, until)
-        self._doubts = 0 if free else self._doubts + 1
+        self._doubts = 0 if free else self._doubts + self._ticks if self._doubts else 1
         return self._doubts > _DOUBTS
 
     def _is_free(self, profile: Floats, now: Situation, until_row: float, *, within_s: float = math.inf) -> bool:
@@ -223,7 +231,7 @@ class Expert:
             need = edge + scene.half_width_m + _INVADER_GAP_M
             self._aside_m = max(self._aside_m, min(need, half_lane - scene.half_width_m + _EDGE_M))
             self._aside_ticks = _INVADER_TICKS
-        self._aside_ticks -= 1
+        self._aside_ticks -= self._ticks
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
     def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:

@@ -8,12 +8,11 @@ stored as another agent's. Needs the extra `onnx`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import ClassVar
 
 from drive_robust_agents._nets import require
-from drive_robust_agents._wrappers.learned_agent import LearnedAgent
+from drive_robust_agents._wrappers.learned_agent import ON_ONNX, LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
 from drive_robust_agents.uniad import UniAD
@@ -23,11 +22,13 @@ __all__ = ["SimLingoOnnx", "TCPOnnx", "UniADOnnx", "VADOnnx"]
 
 require("onnx", "onnxruntime", extra="onnx")
 
-_ENGINE = {"engine": "onnx", "onnxruntime": metadata.version("onnxruntime")}
+_ENGINE = {"engine": "onnx"}
 
 
 class _Onnx(LearnedAgent):
     """Before the class of an agent: its engine is ONNX Runtime, all else is as it ships."""
+
+    computed_by = ON_ONNX
 
     def __init__(self, *, weights: str | Path | None = None) -> None:
         super().__init__(engine="onnx", weights=weights)

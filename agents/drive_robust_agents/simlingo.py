@@ -8,7 +8,8 @@ in place of placeholders), then its own answer word by word, then learned querie
 20 path points one metre apart, which steer, and 10 waypoints 0.25 s apart, which drive. Commentary before acting;
 instructions learnt from dreams, obeyed after `<follow>`, weighed after `<safety>`. The wrapper: a Kalman filter on GPS
 (noise averages out), a route planner with 7.5 m, the raw speedometer, creeping after 40 s of standing, a brake in the
-first tick. Its augmentation without missing blocks.
+first tick. Its augmentation without missing blocks. As the published one, the wrapper counts calls and takes each for
+0.05 s, be it asked in every tick or, under latency in the mode `hold`, only every few; `position_filter` changes that.
 
 Not kept: InternVL2-1B and its pretraining (a residual net of 0.38 M and four layers of width 128 stand in its place),
 tiles, LoRA, sampling up to 100 new tokens (at most 16, the likeliest), the unscented form of the filter. Unlike the
@@ -17,9 +18,10 @@ published agent it keeps keys and values; commentary costs time that depends on 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +31,18 @@ from drive_robust_agents._nets.prompts import by_targets, comment, driving, inst
 from drive_robust_agents._nets.simlingo import SimLingoNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
-from drive_robust_agents._wrappers.kalman import PositionFilter
+from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["CAMERAS", "SimLingo"]
+__all__ = ["CAMERAS", "Filtered", "SimLingo", "SimLingoElapsed", "SimLingoUnfiltered"]
+
+Filtered = Literal["published", "elapsed", "none"]
+"""How the position is filtered: see `SimLingo`."""
 
 CAMERAS = rig("simlingo", width_px=256, height_px=128)
 """One wide camera above and behind the driver, at a quarter of the published resolution."""
@@ -50,10 +55,20 @@ class SimLingo(LearnedAgent):
 
     `commentary` lets it say what it does, and why, before it plans (`said`). `instruction` is a sentence that it keeps
     to for whole episodes: `"drive at 8 m/s"`, `"change lane to the left"` (`_nets.prompts.PHRASES` has them all); with
-    `safety` it may refuse it. `weights` is a file with its `manifest.json` beside it; those that ship by default.
-    `engine` is `"torch"` or, without commentary, `"onnx"`; `device`, `dtype` and `threads` are those of
-    `_nets.inference`. `network` replaces the network, for tests. Raises `UsageError` for sentences that it does not
-    know, and for weights that are missing or not what their manifest says.
+    `safety` it may refuse it.
+
+    `position_filter` says where it takes the vehicle to be, which is where its target points are seen from:
+
+    * `"published"`: where the Kalman filter has it, which takes every call for 0.05 s whatever the clock says;
+    * `"elapsed"`: where the same filter has it, told by the observation's tick how long ago the last call was;
+    * `"none"`: where GPS and compass have it.
+
+    The first two are the same to the bit while it is asked in every tick.
+
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or,
+    without commentary, `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the
+    network, for tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are
+    missing or not what their manifest says.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
@@ -61,6 +76,7 @@ class SimLingo(LearnedAgent):
     build = SimLingoNet.build
     weights = (SHIPPED / "simlingo.safetensors",)
     drops_within_m = MIN_SIMLINGO_M
+    position_filter: Filtered = "published"
     configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "torch", "dtype": "float32"}
 
     def __init__(
@@ -69,6 +85,7 @@ class SimLingo(LearnedAgent):
         instruction: str | None = None,
         *,
         safety: bool = False,
+        position_filter: Filtered | None = None,
         engine: str = "torch",
         device: str = "cpu",
         dtype: str = "float32",
@@ -78,6 +95,10 @@ class SimLingo(LearnedAgent):
     ) -> None:
         if commentary and engine == "onnx":
             raise UsageError("simlingo says nothing with engine='onnx': give engine='torch' or commentary=False.")
+        if position_filter is not None:
+            self.position_filter = position_filter
+        if self.position_filter not in get_args(Filtered):
+            raise UnknownNameError.of("position_filter of simlingo", self.position_filter, get_args(Filtered))
         self.commentary, self.safety = commentary, safety
         self.instruction = None if instruction is None else parse_instruction(instruction)
         self._method = "generate" if commentary else "forward"
@@ -92,12 +113,12 @@ class SimLingo(LearnedAgent):
         super().reset(route, seed)
         self._filter, self._controller, self._creep = PositionFilter(), PathController(), Creep()
         self._last: Control | None = None
+        self._tick: int | None = None
         self.said = ""
         """The last sentence: what it does and why; empty without commentary."""
 
     def _look(self, observation: Observation) -> NetworkRow:
-        gps, speed_mps = observation.gps, observation.speed.mps
-        here = self._filter.step(gps.x_m, gps.y_m, observation.compass.yaw_rad, speed_mps, self._last or _FULL_BRAKE)
+        here, speed_mps = self._place(observation), observation.speed.mps
         targets = self._target(here.x_m, here.y_m).seen_from(here.x_m, here.y_m, here.yaw_rad)
         inputs: dict[str, NDArray[Any]] = {
             "image": observation.cameras[CAMERAS[0].name].pixels,
@@ -106,6 +127,17 @@ class SimLingo(LearnedAgent):
             "prompt": np.array(prompt_row(self._prompt(speed_mps)), dtype=np.int64),
         }
         return NetworkRow(inputs, targets)
+
+    def _place(self, observation: Observation) -> PoseEstimate:
+        """Return where it takes the vehicle to be. Once a call: the filter remembers."""
+        gps, yaw_rad, speed_mps = observation.gps, observation.compass.yaw_rad, observation.speed.mps
+        if self.position_filter == "none":
+            return PoseEstimate(gps.x_m, gps.y_m, 0.0 if math.isnan(yaw_rad) else yaw_rad, speed_mps)
+        before, self._tick = self._tick, observation.tick
+        ticks = 1
+        if before is not None and self.position_filter == "elapsed":
+            ticks = max(1, observation.tick - before)
+        return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)
@@ -127,3 +159,17 @@ class SimLingo(LearnedAgent):
             control = Control(Creep.THROTTLE, pedals.steer)
         self._last = _FULL_BRAKE if self._last is None else control
         return self._last
+
+
+class SimLingoElapsed(SimLingo):
+    """`simlingo` whose position filter knows how much time went by."""
+
+    position_filter = "elapsed"
+    configuration: ClassVar[Mapping[str, str]] = {**SimLingo.configuration, "position_filter": "elapsed"}
+
+
+class SimLingoUnfiltered(SimLingo):
+    """`simlingo` that takes the GPS as it is."""
+
+    position_filter = "none"
+    configuration: ClassVar[Mapping[str, str]] = {**SimLingo.configuration, "position_filter": "none"}

@@ -25,9 +25,9 @@ from pytest_drive_robust.options.parsers import seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
-from pytest_drive_robust.runner.episode.driver import make_agent
+from pytest_drive_robust.runner.driver import make_agent
+from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import record_episode
-from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.tape import Tape
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
@@ -183,7 +183,7 @@ def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
     with _progress("driving the stored controls") as step:
         tape = record_episode(
             simulator,
-            StoredControls(stored),
+            StoredControls.of(stored),
             route=route,
             setting=Setting.CLEAN,
             seed=stored.episode.seed,

@@ -11,7 +11,8 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 
 __all__ = [
-    "SIGNALS", "Agent", "PlannedPath", "consumed_signals", "has_portable_bits", "is_privileged", "offers_lockstep",
+    "SIGNALS", "Agent", "PlannedPath", "computing_modules", "consumed_signals", "has_portable_bits", "is_privileged",
+    "offers_lockstep",
 ]  # fmt: skip
 
 SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
@@ -30,8 +31,11 @@ class Agent(Protocol):
     * `portable_bits: bool`, of the class or factory: True promises that its controls depend on what it observes and on
       its own code only, to the last bit, whatever the processor and the versions of libraries: no network, no matrix
       product, no elementary function but those of `pytest_drive_robust.arithmetic`, no draws that a library makes.
-      Its episodes are the same bits everywhere; those of others are compared and kept as what they are (False when not
-      said);
+      Its episodes are the same bits everywhere, and the versions of what it imports are no part of their keys (False
+      when not said);
+    * `computed_by: Sequence[str]`, of the class or factory: where bits are not portable, the modules that decide the
+      controls beside the agent's own code, such as `("torch", "numpy")`. Their versions are in the keys of its
+      episodes, and records tell what they compute on this processor (all that its code imports when not said);
     * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint;
     * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
       how it drives and are not in its source, such as what it read from the environment;
@@ -76,8 +80,21 @@ def is_privileged(agent: Agent) -> bool:
 
 
 def has_portable_bits(agent: object) -> bool:
-    """True when an agent or its factory promises the same controls, bit for bit, on every machine."""
+    """Return True when an agent, its factory or a simulator promises the same bits on every machine."""
     return getattr(agent, "portable_bits", False) is True
+
+
+def computing_modules(agent: object) -> tuple[str, ...] | None:
+    """Return the modules that decide the bits of an agent or its factory beside its own code, None when it is silent.
+
+    There are none where bits are portable.
+    """
+    if has_portable_bits(agent):
+        return ()
+    named = getattr(agent, "computed_by", None)
+    if named is None:
+        return None
+    return (named,) if isinstance(named, str) else tuple(named)
 
 
 def consumed_signals(agent: Agent) -> frozenset[str]:

@@ -130,8 +130,12 @@ class Speed:
 class Observation:
     """Everything that the agent is given in `tick`.
 
-    `cameras` maps the name of each `CameraSpec` of the agent to its `Image`. `truth` is None for every agent but
-    those that declare `privileged = True`.
+    `tick` counts the ticks of the simulator from 0, whatever was delivered late or frozen: the difference between two
+    observations is how much time went by, also where the agent is not asked in every tick (latency in the mode `hold`).
+    A wrapper that takes each call for one tick, as published ones do, is wrong there.
+
+    `cameras` maps the name of each `CameraSpec` of the agent to its `Image`. `truth` is None for every agent but those
+    that declare `privileged = True`.
     """
 
     tick: int

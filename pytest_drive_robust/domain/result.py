@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
 from pytest_drive_robust.domain.reception import Reception
+from pytest_drive_robust.domain.tracks import Tracks
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["ANY_MACHINE", "MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace"]
+__all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace", "merged_versions"]
 
-MACHINE_FACTS = ("machine", "machine torch")
-"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`); not in keys."""
-ANY_MACHINE = "any"
-"""Stands for the first of them where the agent's bits do not depend on the machine."""
+MACHINE_FACTS = {
+    "machine libm": "C library",
+    "machine numpy": "numpy",
+    "machine torch": "torch",
+    "machine onnxruntime": "ONNX Runtime",
+}
+"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`), and what computes
+it. They are in no key, and an episode has only those that its bits depend on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +104,7 @@ class EpisodeResult:
     twentieth of the route (empty when the ego never got that far). `end_detail` says in one sentence why the episode
     ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall times of `act`, one per
     call, kept only when the setting's latency is measured. `reception` tells what the setting changed of what the agent
-    got, `given` what it got, tick by tick; both are None when nobody looked.
+    got, `given` what it got, tick by tick, `tracks` what was around the ego; each is None when nobody looked.
     """
 
     episode: Episode
@@ -122,8 +127,18 @@ class EpisodeResult:
     versions: Mapping[str, str] = field(default_factory=dict)
     reception: Reception | None = None
     given: Given | None = field(default=None, compare=False)  # an array has no single truth
+    tracks: Tracks | None = field(default=None, compare=False)
 
     @property
     def game_s(self) -> float:
         """Simulated seconds."""
         return self.ticks * self.dt_s
+
+
+def merged_versions(several: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Return the versions of several episodes as one mapping; several values of one name are all shown, sorted."""
+    found: dict[str, set[str]] = {}
+    for versions in several:
+        for name, version in versions.items():
+            found.setdefault(name, set()).add(version)
+    return {name: ", ".join(sorted(values)) for name, values in found.items()}

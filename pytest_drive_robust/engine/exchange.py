@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["Exchange"]
 
 _CHUNK_BYTES = 1 << 16
-_TRACEBACK_S = 0.1
-_EXIT_S = 0.25
+_EXIT_S = 2.0
+"""How long a process may take to end, after it said where it is; only those take all of it that do not end at all."""
 T = TypeVar("T")
 
 
@@ -159,7 +159,7 @@ class Exchange(Generic[T]):
         if status is None:
             if limit_s:  # faulthandler says where it is
                 worker.kill(signal.SIGABRT)
-                worker.wait(_TRACEBACK_S)
+                worker.wait(_EXIT_S)
             worker.kill()
             worker.wait(_EXIT_S)
         self._listen()

@@ -61,13 +61,13 @@ class WorkerRequest:
     recorded: RecordedControls | None = None
 
     @classmethod
-    def of(cls, request: EpisodeRequest) -> WorkerRequest:
+    def of(cls, request: EpisodeRequest, *, kind: str = DRIVE, width: int | None = None) -> WorkerRequest:
         """Pickle what a worker needs of a request."""
         try:
             setting: bytes | None = pickle.dumps(request.setting)
         except Exception:  # a class of a conftest.py that another one pushed out of sys.modules, a lambda, a lock ...
             setting = None
-        return cls(request.episode, request.route, setting, request.identity)
+        return cls(request.episode, request.route, setting, request.identity, kind, width)
 
     def read(self, registry: Registry) -> EpisodeRequest:
         """Return the episode request. Raises `UsageError` when the classes of its setting are not to be had here."""

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS, AgentRig
+from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS
+from pytest_drive_robust.runner.episode.stored_controls import AgentRig
 
 if TYPE_CHECKING:
     import numpy as np

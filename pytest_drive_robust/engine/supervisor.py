@@ -17,8 +17,8 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.messages import CHECK, SALVAGE, Answer, WorkerRequest
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
 from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
-from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -35,24 +35,21 @@ T = TypeVar("T")
 
 
 class Supervisor:
-    """One worker process at a time, kept warm from episode to episode. `drive` is called from one thread at a time.
+    """One worker process at a time, kept warm from episode to episode (see `runner.executors.Driver`).
 
-    With a `width` it drives in lockstep (see `runner.lockstep.executor.BatchDriver`): an episode of a batch takes as
-    long as all of them, so each may take `width` times the limit of an episode. A call of `act_batch` has the time of
-    any other call. `output` is the end of what was printed by the time of the latest result.
+    It is used from one thread at a time. An episode of a batch takes as long as all of them, so each may take `width`
+    times the limit of an episode. A call of `act_batch` has the time of any other call.
     """
 
-    def __init__(self, fork_server: ForkServer, limits: Limits, *, width: int | None = None) -> None:
+    def __init__(self, fork_server: ForkServer, limits: Limits) -> None:
         self._fork_server = fork_server
-        if width is not None and limits.episode_s is not None:
-            limits = replace(limits, episode_s=limits.episode_s * width)
         self._limits = limits
-        self._width = width
         self._worker: WorkerProcess | None = None
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._failure: Explanation | None = None
         self.output = ""
+        """The end of what was printed by the time of the latest result."""
 
     @property
     def ticks(self) -> int:
@@ -66,19 +63,19 @@ class Supervisor:
         worker = self._worker
         return None if worker is None else worker.pid
 
-    def drive(self, request: EpisodeRequest) -> EpisodeResult:
-        """Drive the episode, whatever happens to the process that drives it; in lockstep in a batch of its own.
+    def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
+        """Drive the episode, whatever happens to the process that drives it; with a `width` in a batch of its own.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all or the request cannot be sent, and
         `Stopped` after `stop`.
         """
-        return self.drive_pickled(WorkerRequest.of(request))
+        return self.drive_pickled(WorkerRequest.of(request, width=width))
 
     def drive_pickled(self, request: WorkerRequest) -> EpisodeResult:
         """Do the same where nobody has to read the request but the worker."""
         started = time.monotonic()
         for final in (*(False,) * DRIVEN_AGAIN, True):
-            ended = self._attempt(replace(request, width=self._width), self._limits)
+            ended = self._attempt(request)
             if isinstance(ended, Explanation):
                 result = self._result_of(ended, request, final=final, started=started)
             else:
@@ -87,15 +84,15 @@ class Supervisor:
                 return result
         raise AssertionError("the last attempt has a result")
 
-    def check(self, request: EpisodeRequest) -> bool:
+    def check(self, request: EpisodeRequest, width: int) -> bool:
         """Return whether the agent may be driven in lockstep; False also when the process broke.
 
         Raises `UsageError`, `Stopped`.
         """
-        ended = self._attempt(replace(WorkerRequest.of(request), kind=CHECK, width=self._width), self._limits)
+        ended = self._attempt(WorkerRequest.of(request, kind=CHECK, width=width))
         return not isinstance(ended, Explanation) and ended.outcome is Outcome.COMPLETED
 
-    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None]) -> Ended:
+    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None], width: int) -> Ended:
         """Drive what `take` gives, up to `width` at a time, until none is under way.
 
         Those without a result, whose process broke, come last. Raises `Stopped`.
@@ -103,13 +100,13 @@ class Supervisor:
         under_way: dict[str, EpisodeRequest] = {}
 
         def take_payload() -> tuple[bytes, EpisodeRequest] | None:
-            request = take() if len(under_way) < (self._width or 1) else None
+            request = take() if len(under_way) < width else None
             if request is None:
                 return None
             under_way[request.key] = request
-            return pickle.dumps(replace(WorkerRequest.of(request), width=self._width)), request
+            return pickle.dumps(WorkerRequest.of(request, width=width)), request
 
-        for request, answer in self._answers(take_payload, self._limits):
+        for request, answer in self._answers(take_payload, self._limits_of(width), poll_s=_POLL_S):
             del under_way[request.key]
             result = answer.result
             yield request, result if isinstance(result, UsageError) else self._judged(result)
@@ -146,7 +143,7 @@ class Supervisor:
         """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
         if recorded is None:
             return None
-        limits = replace(self._limits, act_s=None, episode_s=self._limits.episode_s or _SALVAGE_S)
+        limits = replace(self._limits, act_s=None, episode_s=self._limits_of(request.width).episode_s or _SALVAGE_S)
         output = self.output
         try:
             ended = self._attempt(replace(request, kind=SALVAGE, recorded=recorded), limits)
@@ -156,7 +153,7 @@ class Supervisor:
             self.output = output
         if isinstance(ended, Explanation) or ended.outcome is Outcome.INFRA_ERROR:
             return None
-        mode = {} if self._width is None else {"lockstep": str(self._width)}
+        mode = {} if request.width is None else {"lockstep": str(request.width)}
         return replace(ended, versions={**ended.versions, **mode})
 
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
@@ -167,9 +164,15 @@ class Supervisor:
         detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
-    def _attempt(self, asked: WorkerRequest, limits: Limits) -> EpisodeResult | Explanation:
+    def _limits_of(self, width: int | None) -> Limits:
+        if self._limits.episode_s is None:
+            return self._limits
+        return replace(self._limits, episode_s=self._limits.episode_s * (width or 1))
+
+    def _attempt(self, asked: WorkerRequest, limits: Limits | None = None) -> EpisodeResult | Explanation:
         """Make one request to the worker. Raises `UsageError`, `Stopped`."""
         payloads = [pickle.dumps(asked)]
+        limits = limits or self._limits_of(asked.width)
         for _, answer in self._answers(lambda: (payloads.pop(), None) if payloads else None, limits):
             result = answer.result
         if self._failure is not None:
@@ -178,7 +181,9 @@ class Supervisor:
             raise result
         return result
 
-    def _answers(self, take: Callable[[], tuple[bytes, T] | None], limits: Limits) -> Iterator[tuple[T, Answer]]:
+    def _answers(
+        self, take: Callable[[], tuple[bytes, T] | None], limits: Limits, *, poll_s: float | None = None
+    ) -> Iterator[tuple[T, Answer]]:
         """Yield what the worker, a new one where there is none, answers to what `take` gives (see `Exchange.run`).
 
         At the end `_failure` is how the worker was lost, None when it was not. Raises `UsageError`, `Stopped`.
@@ -191,7 +196,7 @@ class Supervisor:
             while take() is not None:
                 pass  # without an answer
             return
-        exchange: Exchange[T] = Exchange(worker, limits, poll_s=None if self._width is None else _POLL_S)
+        exchange: Exchange[T] = Exchange(worker, limits, poll_s=poll_s)
         for whom, answer in exchange.run(take):
             self._check_stopped()
             self.output = exchange.printed

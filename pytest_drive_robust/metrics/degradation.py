@@ -112,7 +112,7 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
                 f"{name} {reference.get(name, 'absent')} and {versions.get(name, 'absent')}" for name in different
             )
             raise ComparisonError(
-                f"the episodes were driven with different versions of the simulator: {changes} "
+                f"the episodes were driven with different versions of the simulator or of libraries: {changes} "
                 f"(first: {result.episode}). Drive both sets with the same one."
             )
 

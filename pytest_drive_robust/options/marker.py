@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError, nearest
 from pytest_drive_robust.options.parsers import check_seeds
+from pytest_drive_robust.perturbations.readings import DriveReading
 
 __all__ = ["MarkerOptions"]
 
@@ -32,6 +33,13 @@ class MarkerOptions:
     seeds: tuple[int, ...] | None = None
     verdict: str | None = None
     margin: float | None = None
+    reading: str | None = None
+
+    def asked_reading(self, usual: DriveReading | None) -> DriveReading | None:
+        """Return the reading that these marks ask for, else the run's. Raises `UsageError` for an unknown one."""
+        if self.reading is None:
+            return usual
+        return DriveReading(self.reading, f"the marker drive_robust(reading={self.reading!r})")
 
     def verdict_rule(self, usual: VerdictRule) -> VerdictRule:
         """Return the run's verdict rule with what these marks change. Raises `UsageError`."""
@@ -61,9 +69,10 @@ class MarkerOptions:
                 close = nearest(name, names)
                 hint = f" Did you mean {close!r}?" if close else ""
                 raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
-        agent, routes, verdict = (_text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict"))
-        options = cls(agent, routes, _seeds(mark.kwargs.get("seeds")), verdict, mark.kwargs.get("margin"))
-        options.verdict_rule(VerdictRule())  # refuses what it cannot use
+        texts = {name: _text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict", "reading")}
+        options = cls(**texts, seeds=_seeds(mark.kwargs.get("seeds")), margin=mark.kwargs.get("margin"))
+        options.verdict_rule(VerdictRule())  # these two refuse what they cannot use
+        options.asked_reading(None)
         return options
 
 

@@ -7,8 +7,17 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText, OptionSource, combined, option, read_fields, was_given
-from pytest_drive_robust.options.parsers import one_of, seconds, seed_list, share, store_folder, writable_file
+from pytest_drive_robust.options.parsers import (
+    one_of,
+    seconds,
+    seed_list,
+    share,
+    store_folder,
+    writable_file,
+    writable_folder,
+)
 from pytest_drive_robust.options.table import OPTIONS
+from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
 __all__ = ["DEFAULT_ROUTES", "DEFAULT_SIMULATOR", "DEFAULT_STORE", "RunOptions"]
 
@@ -26,10 +35,12 @@ class RunOptions:
     """The choices of one run.
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
-    `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry
-    resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does to its test,
-    `correction` whether fails must stand among all requirements of the run. `store` is the folder of finished
-    episodes or `"off"`; with `fresh` what other runs left there is not used.
+    `json_path`, `csv_path` and `report_path` are None when none was asked for. `agent` and `simulator` are names that
+    the registry resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does
+    to its test, `correction` whether fails must stand among all requirements of the run. `store` is the folder of
+    finished episodes or `"off"`; with `fresh` what other runs left there is not used.
+    `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
+    the default reading, and must not contradict one that was asked for.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
     `plugins` register names of their own, in the words that `drive-robust -p` takes.
     """
@@ -38,6 +49,7 @@ class RunOptions:
     routes: str = option("--drive-routes")
     seeds: tuple[int, ...] = option("--drive-seeds", parse=seed_list)
     simulator: str = option("--drive-sim")
+    reading: str = option("--drive-reading", parse=one_of(READINGS, "reading"))
     metrics: str = option("--drive-metrics", parse=one_of(("bench2drive", "fixed"), "metric mode"))
     verdict_rule: VerdictRule = combined("--drive-verdict", "--drive-margin", "--drive-alpha", parse=_verdict_rule)
     inconclusive: str = option(
@@ -49,15 +61,26 @@ class RunOptions:
     fresh: bool = option("--drive-fresh")
     json_path: Path | None = option("--drive-json", parse=writable_file)
     csv_path: Path | None = option("--drive-csv", parse=writable_file)
+    report_path: Path | None = option("--drive-report", parse=writable_folder)
     plan: bool = option("--drive-plan")
     probe: bool = option("--drive-probe")
     routes_given: bool = field(default=False, compare=False)
+    reading_given: bool = field(default=False, compare=False)
     plugins: tuple[str, ...] = field(default=(), compare=False)
 
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> RunOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
-        return cls(**read_fields(cls, config), routes_given=was_given(OPTIONS["--drive-routes"], config))
+        return cls(
+            **read_fields(cls, config),
+            routes_given=was_given(OPTIONS["--drive-routes"], config),
+            reading_given=was_given(OPTIONS["--drive-reading"], config),
+        )
+
+    @property
+    def asked_reading(self) -> DriveReading | None:
+        """The reading that the command line or the ini file asks for, None where neither does."""
+        return DriveReading(self.reading, f"--drive-reading {self.reading}") if self.reading_given else None
 
     def to_json(self) -> dict[str, object]:
         """Return the options that decide numbers, as plain JSON types."""
@@ -66,6 +89,7 @@ class RunOptions:
             "routes": self.routes,
             "seeds": list(self.seeds),
             "simulator": self.simulator,
+            "reading": self.reading,
             "metrics": self.metrics,
             "stuck_stop_s": self.stuck_stop_s,
             "verdict": self.verdict_rule.kind,

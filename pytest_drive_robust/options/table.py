@@ -46,6 +46,12 @@ _RUN = (
     ),
     Option("--drive-seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "NAME", "embedded", "the simulator, as in gymnasium:merge-v0"),
+    Option(
+        "--drive-reading",
+        "NAME",
+        "paper",
+        "how failures are read where the paper's equations and its released code differ: paper or released",
+    ),
     Option("--drive-metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
     Option("--drive-verdict", "RULE", "auto", "how to judge: auto, evidence, list, point"),
     Option("--drive-margin", "SHARE", "0.10", "how far beyond a limit evidence may still pass"),
@@ -67,6 +73,7 @@ _RUN = (
     _switch("--drive-fresh", "drive again what earlier runs left in the store"),
     Option("--drive-json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
     Option("--drive-csv", "FILE", "", "write one line for each episode to FILE"),
+    Option("--drive-report", "FOLDER", "", "write pages to look at to FOLDER: verdicts, failures, replays"),
     _switch("--drive-plan", "show which episodes are needed and stored; drive nothing"),
     _switch("--drive-probe", "drive one clean episode twice: does one seed suffice?"),
 )

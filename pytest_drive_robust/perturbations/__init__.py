@@ -1,7 +1,8 @@
 """Deployment failures, one small class in one module each, and the stacks of them that episodes are driven under.
 
-Imports point one way, in this order: `severity`, `draws`, `values`; `sentences`; `context`, `paper_variables`; `base`;
-one module for each failure; `ladder`. A new built-in failure is a new module and a line in the table below.
+Imports point one way, in this order: `severity`, `draws`, `values`, `readings`; `sentences`; `context`,
+`paper_variables`; `base`; one module for each failure; `ladder`. A new built-in failure is a new module and a line in
+the table below.
 """
 
 from __future__ import annotations

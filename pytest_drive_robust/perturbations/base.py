@@ -28,7 +28,7 @@ import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
@@ -36,7 +36,12 @@ from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.paper_variables import perturbations_from
-from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, render
+from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, preset, render
+from pytest_drive_robust.perturbations.values import render_value
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 __all__ = ["BUILTIN", "Perturbation", "RunningStack", "Setting"]
 
@@ -56,6 +61,8 @@ class Perturbation:
     * `example` has usual values of the fields without default, for the sentences that messages propose.
     * `ladder` names the severity that searches and strategies step through, and its values from mild to severe:
       `("gain", (0.9, 0.5, 0.1))`. `("ms", "ticks")` steps by whole ticks in milliseconds, up to a second.
+    * `readings` are the switches that a reading sets, where the readings differ:
+      `{"released": {"length": "uniform"}}` (see `perturbations.readings`).
     * `idle_reason` says why it may have changed nothing.
     """
 
@@ -63,6 +70,14 @@ class Perturbation:
     variants: ClassVar[Mapping[str, Mapping[str, object]]] = {}
     example: ClassVar[Mapping[str, object]] = {}
     ladder: ClassVar[tuple[str, tuple[float, ...] | Literal["ticks"]] | None] = None
+    readings: ClassVar[Mapping[str, Mapping[str, object]]] = {}
+
+    def __new__(cls, *args: object, **severities: object) -> Self:
+        """Note which severities are said, so that a reading sets the others only."""
+        made = super().__new__(cls)
+        names = [field.name for field in dataclasses.fields(cls) if field.init] if args else []
+        vars(made)["_said"] = frozenset(severities).union(names[: len(args)])
+        return made
 
     def reset(self, context: EpisodeContext) -> None:
         """Begin an episode. Override to build the state that the other methods need."""
@@ -98,6 +113,36 @@ class Perturbation:
     def parameters(self) -> dict[str, object]:
         """Return the severities by name, defaults included, in the order of their declaration."""
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.init}
+
+    def read_as(self, reading: DriveReading) -> Self:
+        """Return this failure with the switches of a reading; what was read before stays as it is.
+
+        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        """
+        if vars(self).get("_read", False):
+            return self
+        parameters = self.parameters()
+        switches = preset(type(self), reading.name, parameters)
+        for name in sorted(self._was_said() & switches.keys()):
+            if parameters[name] != switches[name]:
+                raise PerturbationError(
+                    f"{type(self).__name__}: {name}={render_value(parameters[name])} contradicts the reading "
+                    f"{reading.name!r}, which has {name}={render_value(switches[name])} ({reading.asked}). "
+                    "Leave one of them out."
+                )
+        made = self.with_severities(**switches)
+        vars(made)["_read"] = True
+        return made
+
+    def with_severities(self, **changed: Any) -> Self:
+        """Return the same with other severities. What was read as some reading stays so."""
+        made = dataclasses.replace(self, **changed)
+        vars(made).update(_said=self._was_said().union(changed), _read=vars(self).get("_read", False))
+        return made
+
+    def _was_said(self) -> frozenset[str]:
+        said: frozenset[str] = vars(self).get("_said", frozenset())
+        return said
 
     def __add__(self, other: Perturbation | Setting) -> Setting:
         """Stack two failures: `BurstFrameDrop(length_s=3) + InferenceLatency(ms=200)`."""
@@ -168,12 +213,23 @@ class Setting:
 
     @property
     def baseline(self) -> Setting:
-        """What this setting is compared with: `clean`, or a clean drive with the same warm-up."""
+        """What this setting is compared with: `clean`, or a clean drive with the same warm-up and way to wait.
+
+        Without a latency both ways do the same; the sentence of the baseline says which reading it belongs to.
+        """
         ticks = self.warmup_ticks
         if not ticks:
             return Setting.CLEAN
-        no_latency: dict[str, object] = {"ms": 0.0, "warmup_ticks": ticks}
+        holds = any(getattr(item, "mode", "fifo") != "fifo" for item in self.perturbations)
+        no_latency: dict[str, object] = {"ms": 0.0, "mode": "hold" if holds else "fifo", "warmup_ticks": ticks}
         return Setting.of(BUILTIN["inference-latency"](**no_latency))
+
+    def read_as(self, reading: DriveReading | None) -> Setting:
+        """Return the setting with each failure as `reading` has it; itself where nobody asked for one.
+
+        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        """
+        return self if reading is None else Setting(tuple(item.read_as(reading) for item in self.perturbations))
 
     def start(self, *, route_id: str, seed: int, dt_s: float, cameras: Sequence[CameraSpec]) -> RunningStack:
         """Copy and reset the perturbations for one episode. Raises `PerturbationError` from their `reset`."""

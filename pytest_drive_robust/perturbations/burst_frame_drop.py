@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -42,6 +43,10 @@ class BurstFrameDrop(Perturbation):
     length: Literal["fixed", "uniform"] = "fixed"
 
     phrase: ClassVar[str] = "{length_s} s burst frame drop"
+    readings: ClassVar[Mapping[str, Mapping[str, object]]] = {
+        "paper": {"length": "fixed"},
+        "released": {"length": "uniform"},
+    }
     ladder: ClassVar = ("length_s", (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.5, 10.0))
 
     def __post_init__(self) -> None:
@@ -131,7 +136,7 @@ class BurstSchedule:
     def until(self, tick: int) -> list[tuple[int, int]]:
         """Return the bursts that began at or before `tick`, the last one cut off there."""
         self.is_frozen(tick)
-        pairs = zip(self._firsts, self._lasts, strict=True)
+        pairs = zip(self._firsts, self._lasts)  # noqa: B905 - the evaluator's Python may be too old for `strict`
         return [(first, min(last, tick)) for first, last in pairs if first <= tick]
 
     def _decide(self) -> None:

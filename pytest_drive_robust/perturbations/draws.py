@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import operator
+from typing import TYPE_CHECKING
 
 from pytest_drive_robust.arithmetic.random_numbers import box_muller
 
 __all__ = ["Draws"]
 
-Four = tuple[float, float, float, float]
+if TYPE_CHECKING:
+    Four = tuple[float, float, float, float]
 
 _BLOCK_TICKS = 256  # one call of numpy serves 12.8 s at 20 Hz
 _UNIT = 2.0**-53  # a float in [0, 1) from the upper 53 bits of a word
@@ -52,7 +54,7 @@ class Draws:
     def normal(self, sensor: str, tick: int) -> Four:
         """Return four independent numbers of the standard normal distribution (Box and Muller, 1958)."""
         u, v, w, z = self.uniform(sensor, tick)
-        return *box_muller(u, v), *box_muller(w, z)
+        return (*box_muller(u, v), *box_muller(w, z))
 
 
 def _key(names: tuple[str, ...]) -> int:

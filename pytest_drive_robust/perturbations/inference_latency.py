@@ -35,7 +35,7 @@ class InferenceLatency(Perturbation):
     `"fifo"`     `a~_t = a_(t-d)`: the agent runs in every tick, its command is applied `d` ticks later. The paper's
                  equation and the default.
     `"hold"`     the released wrapper: the agent runs once, its command is applied `d` ticks later, and only then does
-                 the agent run again; in between the last command is held. So a command is `d` to `2d` ticks old.
+                 the agent run again; in between the last command is held. So a command is `d` to `2d - 1` ticks old.
     `"measured"` hold with `d = floor(inference_s / dt)` of the wall time that each inference took. The times are
                  recorded; given back as `replay_s` they replay the episode exactly.
     ============ =====================================================================================================
@@ -51,7 +51,7 @@ class InferenceLatency(Perturbation):
     Source: paper, "Inference Latency" and the appendix on the injection architecture.
 
     >>> str(InferenceLatency(ms=200)), str(InferenceLatency(ms=200, mode="hold", warmup_ticks=20))
-    ('200 ms latency', '200 ms latency (mode=hold, warmup_ticks=20)')
+    ('200 ms latency', '200 ms latency (reading=released)')
     >>> str(InferenceLatency(mode="measured"))
     'measured latency'
     """
@@ -65,6 +65,10 @@ class InferenceLatency(Perturbation):
     variants: ClassVar[Mapping[str, Mapping[str, object]]] = {"measured latency": {"mode": "measured", "ms": None}}
     example: ClassVar[Mapping[str, object]] = {"ms": 200.0}
     ladder: ClassVar = ("ms", "ticks")
+    readings: ClassVar[Mapping[str, Mapping[str, object]]] = {
+        "paper": {"mode": "fifo", "warmup_ticks": 0},
+        "released": {"mode": "hold", "warmup_ticks": 20},
+    }
 
     def __post_init__(self) -> None:
         checked_choice(self, "mode", ("fifo", "hold", "measured"))

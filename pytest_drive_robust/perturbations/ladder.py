@@ -16,6 +16,8 @@ from typing import Any
 
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.perturbations.sentences import brackets
 from pytest_drive_robust.perturbations.severity import whole_ticks
 from pytest_drive_robust.perturbations.values import render_value
 
@@ -28,22 +30,24 @@ _LONGEST_DELAY_S = 1.0
 class Ladder:
     """`levels` of the severity `field`, mildest first; the other severities are those of `template`.
 
-    `tick_ms` is the length of a tick where a level is so many whole ticks in milliseconds, else None.
+    `tick_ms` is the length of a tick where a level is so many whole ticks in milliseconds, else None. `reading` is how
+    the failure is read, the template and what is compared with it.
     """
 
     template: Perturbation
     field: str
     levels: tuple[float, ...]
     tick_ms: float | None = None
+    reading: DriveReading | None = None
 
     def at(self, level: float) -> Perturbation:
         """Return the perturbation of that severity. Raises `PerturbationError` for one that it cannot have."""
-        changed: dict[str, Any] = {self.field: level}
-        return dataclasses.replace(self.template, **changed)
+        return self.template.with_severities(**{self.field: level})
 
     def level_of(self, perturbation: Perturbation) -> float:
         """Return its severity on this ladder. Raises `PerturbationError` for what differs in another severity."""
         if type(perturbation) is type(self.template):
+            perturbation = perturbation if self.reading is None else perturbation.read_as(self.reading)
             level = perturbation.parameters()[self.field]
             if isinstance(level, (int, float)) and self.at(level).parameters() == perturbation.parameters():
                 return float(level)
@@ -73,6 +77,12 @@ class Ladder:
         """What people call the failure: the words of its phrase, `"latency"`, `"GPS noise"`."""
         return failure_word(type(self.template))
 
+    @property
+    def name(self) -> str:
+        """The word, and in brackets what is unusual about the failure: `"latency (reading=released)"`."""
+        unusual = brackets(self.template)
+        return f"{self.word} ({unusual})" if unusual else self.word
+
 
 def failure_word(cls: type[Perturbation]) -> str:
     """Return the phrase of a class without severities and their units.
@@ -86,11 +96,16 @@ def failure_word(cls: type[Perturbation]) -> str:
 
 
 def ladder_of(
-    perturbation: Perturbation | type[Perturbation], *, dt_s: float, levels: Iterable[float] | None = None
+    perturbation: Perturbation | type[Perturbation],
+    *,
+    dt_s: float,
+    levels: Iterable[float] | None = None,
+    reading: DriveReading | None = None,
 ) -> Ladder:
     """Return the ladder of a class with its default severities, or of an object, whose other severities are kept.
 
-    `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first.
+    `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first. `reading` is how the
+    failure is to be read, None where nobody asked.
     Raises `PerturbationError` for a class without a ladder, and for levels that go up and down or are no severities.
 
     >>> from pytest_drive_robust.perturbations import InferenceLatency, SpeedNoise
@@ -105,9 +120,10 @@ def ladder_of(
             f"the levels of {cls.__name__} are {steps}, expected at least one, from mild to severe."
         )
     changed: dict[str, Any] = {field: steps[0]}
-    template = cls(**changed) if isinstance(perturbation, type) else dataclasses.replace(perturbation, **changed)
+    template = cls(**changed) if isinstance(perturbation, type) else perturbation.with_severities(**changed)
     tick_ms = 1000.0 * dt_s if cls.ladder is not None and cls.ladder[1] == "ticks" else None
-    ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms)
+    template = template if reading is None else template.read_as(reading)
+    ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms, reading)
     for level in ladder.levels:
         ladder.at(level)  # refused now, not after an hour of driving
     return ladder

@@ -75,7 +75,7 @@ def perturbations_from(environ: Mapping[str, str], known: Mapping[str, Callable[
     ['occlusion 0.8']
     >>> environ = {"INFERENCE_LATENCY_ENABLE": "1", "INFERENCE_LATENCY_MS": "200"}
     >>> [str(item) for item in perturbations_from(environ, BUILTIN)]
-    ['200 ms latency (mode=hold, warmup_ticks=20)']
+    ['200 ms latency (reading=released)']
     """
     variables = _Variables(environ, known)
     for name in _SEEDS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -33,7 +34,7 @@ class PartialObservation(Perturbation):
     default type (Gaussian of 31 x 31 pixels within the rectangle).
 
     Source: paper, "Camera-Stream Perturbations", which says "mask ratio"; the released code takes it of the sides, so
-    0.5 covers 25 % and 0.8 covers 64 % of the image. That reading is the default.
+    0.5 covers 25 % and 0.8 covers 64 % of the image. That is the default in either reading.
 
     >>> str(PartialObservation(ratio=0.8)), str(PartialObservation(ratio=0.8, fill="gray"))
     ('occlusion 0.8', 'occlusion 0.8 (fill=gray)')
@@ -45,6 +46,7 @@ class PartialObservation(Perturbation):
     hold_s: float = 0.0
 
     phrase: ClassVar[str] = "occlusion {ratio}"
+    readings: ClassVar[Mapping[str, Mapping[str, object]]] = {"released": {"area": False}}
     ladder: ClassVar = ("ratio", tuple(step / 10.0 for step in range(1, 11)))
 
     def __post_init__(self) -> None:

@@ -11,9 +11,10 @@ import dataclasses
 import re
 import string
 from collections.abc import Iterable, Mapping, Sequence
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
+from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 from pytest_drive_robust.perturbations.values import (
     field_types,
     is_number_type,
@@ -22,10 +23,27 @@ from pytest_drive_robust.perturbations.values import (
     split_outside_quotes,
 )
 
-__all__ = ["CLEAN", "Spoken", "Template", "kebab_name", "parse", "parse_stack", "render", "templates_of"]
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+__all__ = [
+    "CLEAN",
+    "Spoken",
+    "Template",
+    "brackets",
+    "kebab_name",
+    "parse",
+    "parse_stack",
+    "preset",
+    "render",
+    "templates_of",
+]
 
 CLEAN = "clean"
 """The sentence of the empty stack."""
+
+_READING = "reading"
+"""What brackets may hold beside the fields of a class; a class with a field of that name keeps it."""
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
 _BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
@@ -38,9 +56,13 @@ class Spoken(Protocol):
     phrase: ClassVar[str]
     variants: ClassVar[Mapping[str, Mapping[str, object]]]
     example: ClassVar[Mapping[str, object]]
+    readings: ClassVar[Mapping[str, Mapping[str, object]]]
 
     def parameters(self) -> dict[str, object]:
         """Return the severities by name."""
+
+    def read_as(self, reading: DriveReading) -> Self:
+        """Return the same with the switches of a reading."""
 
 
 _S = TypeVar("_S", bound=Spoken)
@@ -103,19 +125,48 @@ def kebab_name(cls: type) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", cls.__name__).lower()
 
 
+def preset(cls: type[Spoken], reading: str, parameters: Mapping[str, object]) -> dict[str, object]:
+    """Return the switches that a reading sets in a failure with these parameters: none that its sentence form implies.
+
+    >>> from pytest_drive_robust.perturbations import InferenceLatency
+    >>> late, measured = InferenceLatency(ms=200), InferenceLatency(mode="measured")
+    >>> preset(InferenceLatency, "released", late.parameters())
+    {'mode': 'hold', 'warmup_ticks': 20}
+    >>> preset(InferenceLatency, "released", measured.parameters())
+    {'warmup_ticks': 20}
+    """
+    implied = _form_of(cls, parameters).fixed
+    return {name: value for name, value in cls.readings.get(reading, {}).items() if name not in implied}
+
+
 def render(perturbation: Spoken) -> str:
     """Return the sentence; fields that it does not show follow in brackets when they are not the default."""
     parameters = perturbation.parameters()
-    template = next(form for form in templates_of(type(perturbation)) if form.fits(parameters))
-    defaults = _defaults(type(perturbation))
-    hidden = [
-        f"{name}={render_value(value)}"
+    sentence, hidden = _form_of(type(perturbation), parameters).fill(parameters), brackets(perturbation)
+    return f"{sentence} ({hidden})" if hidden else sentence
+
+
+def brackets(perturbation: Spoken) -> str:
+    """Return what follows the sentence form in brackets: the fields that it does not show and that are unusual.
+
+    The switches of a reading that is not the default are shown as that reading.
+    """
+    cls, parameters = type(perturbation), perturbation.parameters()
+    template, defaults = _form_of(cls, parameters), _defaults(cls)
+    unusual = {
+        name: value
         for name, value in parameters.items()
         if name not in template.shown and name not in template.fixed
         if name not in defaults or value != defaults[name]
-    ]
-    sentence = template.fill(parameters)
-    return f"{sentence} ({', '.join(hidden)})" if hidden else sentence
+    }
+    hidden = [f"{name}={render_value(value)}" for name, value in unusual.items()]
+    for reading in READINGS if unusual and _READING not in parameters else ():
+        switches = preset(cls, reading, parameters)
+        alike = all(parameters[name] == value for name, value in switches.items())
+        if alike and switches.keys() & unusual.keys():
+            others = (f"{name}={render_value(value)}" for name, value in unusual.items() if name not in switches)
+            hidden = [f"{_READING}={reading}", *others]
+    return ", ".join(hidden)
 
 
 def parse(text: str, known: Iterable[type[_S]]) -> _S:
@@ -132,12 +183,17 @@ def parse(text: str, known: Iterable[type[_S]]) -> _S:
     cls = template.cls
     values: dict[str, object] = dict(template.fixed)
     groups = match.groupdict()
-    brackets = groups.pop("_brackets")
+    bracketed = groups.pop("_brackets")
     for name, value in groups.items():
         values[name] = _converted(cls, name, value)
-    for name, value in _bracketed(text, brackets, cls, values):
-        values[name] = _converted(cls, name, value)
-    return _built(cls, values)
+    reading = None
+    for name, value in _bracketed(text, bracketed, cls, values):
+        if name == _READING and name not in field_types(cls):
+            reading = DriveReading(value, f"{_READING}={value} in {text.strip()!r}")
+        else:
+            values[name] = _converted(cls, name, value)
+    made = _built(cls, values)
+    return made if reading is None else made.read_as(reading)
 
 
 def parse_stack(text: str, known: Iterable[type[_S]]) -> tuple[_S, ...]:
@@ -178,7 +234,7 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
     """Return the `name=value` pairs within the brackets, names checked."""
     if brackets is None:
         return
-    open_fields = [name for name in field_types(cls) if name not in taken]
+    open_fields = [name for name in dict.fromkeys((*field_types(cls), _READING)) if name not in taken]
     for pair in split_outside_quotes(brackets, ","):
         name, equals, value = (part.strip() for part in pair.partition("="))
         if name in open_fields and value:
@@ -212,6 +268,10 @@ def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
         raise PerturbationError(f"{cls.__name__} cannot be built from a sentence: {error}") from error
 
 
+def _form_of(cls: type[_S], parameters: Mapping[str, object]) -> Template[_S]:
+    return next(form for form in templates_of(cls) if form.fits(parameters))
+
+
 def _defaults(cls: type) -> dict[str, object]:
     defaults: dict[str, object] = {}
     for field in dataclasses.fields(cls):
@@ -229,14 +289,14 @@ def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
     message = f"there is no perturbation {text.strip()!r}."
     if near is not None:
         message += f" Did you mean {near!r}?"
-    examples = [example for form in forms if (example := _example(form, []))]
+    examples = list(filter(None, (_example(form, []) for form in forms)))
     return RequirementError(f"{message} Known sentences: {', '.join(map(repr, [CLEAN, *examples]))}.")
 
 
 def _example(form: Template[_S], numbers: list[float]) -> str | None:
     """Return a valid sentence of the form, with the given numbers as far as they are possible."""
     usual = {**form.cls.example, **form.fixed}
-    given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers, strict=False)}
+    given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers)}  # noqa: B905
     for values in ({**usual, **given}, usual):
         with contextlib.suppress(UsageError):  # an impossible severity is no example
             return form.fill(_built(form.cls, values).parameters())

@@ -75,7 +75,7 @@ def backend_for(
         if options.simulator == RESULTS:
             from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
 
-            results = ResultsExecutor.read(execution.results, registry.perturbations())
+            results = ResultsExecutor.read(execution.results, registry.perturbations(), options.asked_reading)
             return OutsideScopes(options, registry, resolve_routes, results), results
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
         from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor

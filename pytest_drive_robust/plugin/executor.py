@@ -13,8 +13,7 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.executors import InlineExecutor
-from pytest_drive_robust.runner.lockstep.executor import factory_offers_lockstep
+from pytest_drive_robust.runner.executors import InlineExecutor, factory_offers_lockstep
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 if TYPE_CHECKING:
@@ -41,7 +40,10 @@ def executor_of(
     is not installed.
     """
     if execution.executor == "inline":
-        return _inline(options, ticked, width=execution.lockstep)
+        world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
+        return InlineExecutor(
+            default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
+        )
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
@@ -53,30 +55,15 @@ def executor_of(
         from pytest_drive_robust.engine.ray.executor import RayExecutor
 
         return RayExecutor(worker_setup, limits, address=execution.ray_address, slots=execution.workers)
-    slots = execution.slots(shared=shared)
-    if execution.lockstep is not None:
-        from pytest_drive_robust.engine.pool import lockstep_in_processes
-
-        return lockstep_in_processes(
-            worker_setup,
-            limits,
-            workers=slots,
-            width=execution.lockstep,
-            shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
-        )
     from pytest_drive_robust.engine.pool import ProcessExecutor
 
-    return ProcessExecutor(worker_setup, limits, slots=slots)
-
-
-def _inline(options: RunOptions, ticked: Callable[[], object], *, width: int | None) -> Executor:
-    """Return an executor that drives in this process."""
-    from pytest_drive_robust.runner.lockstep.executor import lockstep_inline
-
-    world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
-    if width is None:
-        return InlineExecutor(default_registry(), simulator=options.simulator, options=world, ticked=ticked)
-    return lockstep_inline(default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=width)
+    return ProcessExecutor(
+        worker_setup,
+        limits,
+        slots=execution.slots(shared=shared),
+        width=execution.lockstep,
+        shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
+    )
 
 
 def _setup_of(config: pytest.Config, options: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:

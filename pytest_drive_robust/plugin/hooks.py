@@ -19,8 +19,9 @@ from pytest_drive_robust.plugin.fixtures import FIXTURES, NEEDS_FLAG
 __all__: list[str] = []
 
 _MARKER_LINE = (
-    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], verdict=RULE, margin=SHARE): drive these tests with this "
-    "agent, these routes and these seeds, and judge them by this rule, whatever the command line says."
+    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], reading=NAME, verdict=RULE, margin=SHARE): drive these tests "
+    "with this agent, these routes and these seeds, read failures so, and judge them by this rule, whatever the "
+    "command line says."
 )
 
 

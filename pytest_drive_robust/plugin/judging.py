@@ -18,6 +18,7 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
+from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
@@ -85,10 +86,18 @@ class Drive:
     Episodes are driven when they are first asked for; every test of the run shares them.
     """
 
-    def __init__(self, context: DriveContext, scope: Scope, verdict_rule: VerdictRule, item: pytest.Item) -> None:
+    def __init__(
+        self,
+        context: DriveContext,
+        scope: Scope,
+        verdict_rule: VerdictRule,
+        reading: DriveReading | None,
+        item: pytest.Item,
+    ) -> None:
         self._context = context
         self._scope = scope
         self._verdict_rule = verdict_rule
+        self._reading = reading
         self._item = item
 
     @property
@@ -121,6 +130,7 @@ class Drive:
         with self._errors_of(str(requirement)):
             rule = MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._verdict_rule)
             verdict_rule = rule.for_routes(len(self.routes))
+            requirement = requirement.read_as(self._reading)
             judgement = self._context.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
         self._record(judgement)
         if judgement.verdict.decision == "inconclusive":
@@ -148,7 +158,7 @@ class Drive:
         """Return every episode under `setting`, driven where missing: routes within seeds."""
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
-            return self._context.campaign.episodes(self._scope, _as_setting(setting))
+            return self._context.campaign.episodes(self._scope, self._setting(setting))
 
     def largest(
         self,
@@ -168,7 +178,8 @@ class Drive:
         """
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
-            ladder = ladder_of(perturbation, dt_s=self._context.scopes.dt_s, levels=levels)
+            dt_s, reading = self._context.scopes.dt_s, self._reading
+            ladder = ladder_of(perturbation, dt_s=dt_s, levels=levels, reading=reading)
             bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
         self._context.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
@@ -181,9 +192,8 @@ class Drive:
         """
         __tracebackhide__ = True
         with self._errors_of(str(requirement)):
-            return minimal_failure(
-                requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=self._context.scopes.dt_s
-            )
+            requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
+            return minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
 
     def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
@@ -192,8 +202,12 @@ class Drive:
         """Measure by a requirement whose limit says nothing; the test has its own."""
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
-            requirement = Requirement(metric, _as_setting(setting), comparison, limit)
+            requirement = Requirement(metric, self._setting(setting), comparison, limit)
             return Estimate.of(self._context.campaign.measure(requirement, self._scope))
+
+    def _setting(self, given: Setting | Perturbation) -> Setting:
+        """Return what is driven: the failures as this test reads them."""
+        return (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
 
     @contextmanager
     def _errors_of(self, what: str) -> Iterator[None]:
@@ -264,16 +278,16 @@ class DriveContext(NamedTuple):
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:
-        """Return what judges requirements for the agent, routes, seeds and rule of a test. Raises `UsageError`."""
+        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test.
+
+        Raises `UsageError`.
+        """
         marker = marker_options(item)
         verdict_rule = replace(marker.verdict_rule(self.options.verdict_rule), family=self.family)
-        return Drive(self, self.scopes.of(marker), verdict_rule, item)
+        reading = marker.asked_reading(self.options.asked_reading)
+        return Drive(self, self.scopes.of(marker), verdict_rule, reading, item)
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:
     """Return what the markers of a test say. Raises `UsageError`."""
     return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
-
-
-def _as_setting(setting: Setting | Perturbation) -> Setting:
-    return setting if isinstance(setting, Setting) else Setting.of(setting)

@@ -87,7 +87,7 @@ def header(options: RunOptions) -> str:
     correction = "" if options.correction == "none" else f" correction={options.correction}"
     return (
         f"drive-robust: agent={options.agent} sim={options.simulator} routes={_routes_in_words(options)} "
-        f"seeds={seeds} metrics={options.metrics}{correction}"
+        f"seeds={seeds} reading={options.reading} metrics={options.metrics}{correction}"
     )
 
 

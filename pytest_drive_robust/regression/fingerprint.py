@@ -5,7 +5,7 @@ kind        what differs                                                    by d
 =========== =============================================================== ==========
 simulator   its name, its version, when it stops a stuck episode            refuse
 routes      the content of a route that both call by the same id            refuse
-versions    Python and the libraries that decide the numbers                warn
+versions    libraries that decide the numbers, Python, the machine's bits   warn
 agent       its distribution, source or weights: that is what is compared   tell
 =========== =============================================================== ==========
 """
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from pytest_drive_robust.domain.result import ANY_MACHINE, MACHINE_FACTS
+from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["AgentPrint", "Fingerprint", "Mismatch", "MismatchPolicy", "mismatches", "parse_policy"]
@@ -41,7 +41,8 @@ class AgentPrint:
 class Fingerprint:
     """What the episodes of one agent were driven with. `simulator` is the name that was asked for.
 
-    `plugins` are needed to drive them again, and are no part of what they were.
+    `versions` are those that the records of these episodes tell: of an agent whose bits are the same everywhere that is
+    the simulator alone. `plugins` are needed to drive them again, and are no part of what they were.
     """
 
     simulator: str
@@ -100,19 +101,17 @@ def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
     told = {"simulator", before.simulator.partition(":")[0], after.simulator.partition(":")[0], *_NOT_NUMBERS}
     for name in sorted({*before.versions, *after.versions} - told):
         was, now = before.versions.get(name), after.versions.get(name)
-        if was == now:
+        if was == now or was is None or now is None:
             continue
         if name in MACHINE_FACTS:
-            if was and now and ANY_MACHINE not in (was, now):
-                library = "torch" if "torch" in name else "numpy"
-                yield Mismatch(
-                    "versions",
-                    f"the agent's bits depend on the machine, whose {library} computes otherwise: the same agent may "
-                    "score a little differently here; drive-robust replay FILE.episode --stored-controls drives a "
-                    "stored episode again to the same bits anywhere",
-                )
+            yield Mismatch(
+                "versions",
+                f"these bits depend on the machine, whose {MACHINE_FACTS[name]} computes otherwise: the same agent may "
+                "score a little differently here; drive-robust replay FILE.episode --stored-controls drives a stored "
+                "episode again to the same bits anywhere",
+            )
         else:
-            yield Mismatch("versions", f"{name} was {was or 'not recorded'} and is {now or 'not recorded'}")
+            yield Mismatch("versions", f"{name} was {was} and is {now}")
 
 
 def _agents(before: AgentPrint, after: AgentPrint, agent: str) -> Iterable[Mismatch]:

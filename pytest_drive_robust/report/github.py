@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.report.numbers import interval_text, legible, shown
 from pytest_drive_robust.report.terminal import columns_of, footnotes, numbers_of
 
@@ -61,7 +62,8 @@ def _headline(run: RunResult) -> str:
     parts += [f"{counts['fail']} broken"] if counts["fail"] else []
     parts += [f"{counts['error']} not judged"] if counts["error"] else []
     parts += [f"{open_} open"] if open_ else []
-    return ", ".join(parts)
+    reading = run.options.reading
+    return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")
 
 
 def _verdict(judged: Judged) -> tuple[str, ...]:

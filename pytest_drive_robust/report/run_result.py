@@ -6,7 +6,7 @@ import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult, merged_versions
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.averages import mean, values_by_route
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
@@ -119,7 +119,7 @@ class RunResult:
             rows=tuple(_row(item, episodes, judged, spared, options=options) for item in asked),
             judged=tuple(judged),
             episodes=episodes,
-            versions={"python": platform.python_version(), **versions, **_simulator_versions(episodes.values())},
+            versions={"python": platform.python_version(), **versions, **_versions_told(episodes.values())},
             notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, Troubled))),
             identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
             searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
@@ -231,10 +231,7 @@ def _worst(verdicts: Iterable[str]) -> str:
     return next((verdict for verdict in ("error", "fail", "inconclusive", "pass") if verdict in found), "-")
 
 
-def _simulator_versions(results: Iterable[EpisodeResult]) -> dict[str, str]:
-    """Return what the episodes say decided their numbers. Several values of one name are all shown."""
-    found: dict[str, dict[str, None]] = {}
-    for result in results:
-        for name, version in result.versions.items():
-            found.setdefault(name, {})[version] = None
-    return {name: ", ".join(versions) for name, versions in found.items()}
+def _versions_told(results: Iterable[EpisodeResult]) -> dict[str, str]:
+    """Return what the episodes say decided their numbers. What a machine computes is told of each episode by itself."""
+    merged = merged_versions(result.versions for result in results)
+    return {name: version for name, version in merged.items() if name not in MACHINE_FACTS and name != "python"}

@@ -9,16 +9,15 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.episode.driver import make_agent
-from pytest_drive_robust.runner.episode.generators import borrowed_for
-from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import difference
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+    from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["RepeatedEpisode", "drive_twice"]
 
@@ -75,15 +74,12 @@ def drive_twice(
 
     Raises `UsageError` when the agent or the simulator cannot be made.
     """
+    episode = Episode(agent, route.id, str(Setting.CLEAN), seed)
+    request = EpisodeRequest(episode, route, Setting.CLEAN)
     world = registry.simulator(simulator, options)
     try:
-        first, second = (_drive_clean(world, registry, agent=agent, route=route, seed=seed) for _ in range(2))
+        drivers = [EpisodeDriver(lambda: world, lambda name: make_agent(registry, name)) for _ in range(2)]
+        first, second = (driver.drive_once(request) for driver in drivers)
     finally:
         world.close()
     return RepeatedEpisode(first, second)
-
-
-def _drive_clean(world: Simulator, registry: Registry, *, agent: str, route: Route, seed: int) -> EpisodeResult:
-    made = make_agent(registry, agent)
-    with borrowed_for(Episode(agent, route.id, str(Setting.CLEAN), seed)):
-        return drive_episode(world, made, route=route, setting=Setting.CLEAN, seed=seed, agent_name=agent)

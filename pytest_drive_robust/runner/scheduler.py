@@ -203,7 +203,7 @@ class Scheduler:
             return True
         self._later.pop(key, None)
         self._observer(Started(key, request.episode.agent, request.episode.setting, request.route.label))
-        self._tell_compiling()  # an executor may drive, and compile, within `submit`
+        self._tell_compiling()  # before an executor drives, and compiles, in this thread
         try:
             self._under_way[key] = _Drive(request, self._executor.submit(request), claim)
         except BaseException:

@@ -12,7 +12,7 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
-from pytest_drive_robust.runner.lockstep.executor import factory_offers_lockstep
+from pytest_drive_robust.runner.executors import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for

@@ -121,7 +121,7 @@ class Bracket:
 
     def __str__(self) -> str:
         limit = self.metric.format_limit(self.limit)
-        head = f"{self.metric} {self.comparison} {limit} under {self.ladder.word}: {self.sentence} ({self.basis})"
+        head = f"{self.metric} {self.comparison} {limit} under {self.ladder.name}: {self.sentence} ({self.basis})"
         return "\n  ".join([head, *self.warnings])
 
     __repr__ = __str__

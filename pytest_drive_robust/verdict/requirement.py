@@ -9,16 +9,21 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError, nearest
 from pytest_drive_robust.metrics.table import METRICS, Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
+from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.perturbations.sentences import brackets
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
 from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 __all__ = ["MarginRequirement", "Requirement", "Unjudged", "by_evidence", "known_metric", "metric_names", "requirement"]
 
@@ -95,6 +100,15 @@ class Requirement:
         limit = self.metric.format_limit(self.limit)
         return f"{_slug(self.metric.name)}-{_slug(str(self.setting))}-{comparison}-{_slug(limit)}"
 
+    def read_as(self, reading: DriveReading | None) -> Self:
+        """Return the same with the failures as `reading` has them; itself where nobody asked for one.
+
+        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        """
+        if reading is None:
+            return self
+        return type(self)(self.metric, self.setting.read_as(reading), self.comparison, self.limit)
+
     @property
     def needs_clean(self) -> bool:
         """True when the clean episodes must be driven to judge it."""
@@ -137,7 +151,8 @@ class MarginRequirement(Requirement):
 
     It is the requirement at that severity, `RD under 150 ms latency <= 0.30`, said from the other side: judged by the
     same rule, and when it is not met the message says how far the agent does get (`drive.largest`). The other
-    severities of the failure have their defaults; for others use `drive.largest` on an object.
+    severities of the failure have their defaults; those that have not follow in the brackets:
+    `latency margin >= 150 ms (RD <= 0.30, mode=hold)`.
     """
 
     @property
@@ -154,7 +169,8 @@ class MarginRequirement(Requirement):
         ladder = ladder_of(self.perturbation, dt_s=ANY_TICK_S)
         level = ladder.label(ladder.level_of(self.perturbation))
         limit = self.metric.format_limit(self.limit)
-        return f"{ladder.word} margin >= {level} ({self.metric} {self.comparison} {limit})"
+        others = "".join(f", {unusual}" for unusual in [brackets(self.perturbation)] if unusual)
+        return f"{ladder.word} margin >= {level} ({self.metric} {self.comparison} {limit}{others})"
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ _DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(_DIGITS)
 _MARGIN = re.compile(
     rf"(?P<words>.+?)\s+margin\s*(?:>=|≥)\s*(?P<level>{_DIGITS})\s*(?P<unit>[a-z]*)"
-    rf"(?:\s*\((?P<metric>\w+)\s*(?P<comparison><=|>=|≤|≥)\s*(?P<limit>{_DIGITS})\))?",
+    rf"(?:\s*\((?:(?P<metric>\w+)\s*(?P<comparison><=|>=|≤|≥)\s*(?P<limit>{_DIGITS})\s*(?:,|(?=\))))?"
+    r"\s*(?P<others>[^()]*)\))?",
     re.IGNORECASE,
 )
 
@@ -126,7 +127,10 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     metric = known_metric(found["metric"] or "RD")
     comparison = _COMPARISONS[found["comparison"] or "<="]
     limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
-    return MarginRequirement(metric, Setting.of(ladder.at(float(found["level"]))), comparison, limit)
+    setting = Setting.of(ladder.at(float(found["level"])))
+    if found["others"]:
+        setting = Setting.parse(f"{setting} ({found['others']})", known)
+    return MarginRequirement(metric, setting, comparison, limit)
 
 
 def _ladder(words: str, known: Known) -> Ladder:

@@ -28,9 +28,10 @@ SEEDS = ("--drive-seeds", ",".join(map(str, range(20))))
 SCOPE = Scope("agent", "some", tuple(fake_route(str(number), length_m=9.0) for number in range(6)), (0, 1))
 
 
-def test_one_long_test_is_driven_by_both_workers_and_says_the_same(suite, driven):
-    folder = suite(test=ONE_LONG_TEST)
-    result = folder.runpytest_inprocess("--drive-robust", "-n2", *SEEDS, "--drive-json", "shared.json")
+def test_one_long_test_is_driven_by_both_workers_and_says_the_same(suite, meeting, driven):
+    folder = suite(test=ONE_LONG_TEST, conftest=meeting)
+    both = ("--drive-sim", "meeting", "-n2")
+    result = folder.runpytest_inprocess("--drive-robust", *both, *SEEDS, "--drive-json", "shared.json")
     result.assert_outcomes(passed=2)
     assert len(driven()) == len(set(driven())) == 60
     assert len({line.split()[2] for line in (folder.path / "driven.log").read_text().splitlines()}) == 2
@@ -38,9 +39,10 @@ def test_one_long_test_is_driven_by_both_workers_and_says_the_same(suite, driven
     assert judged(folder.path / "shared.json") == judged(folder.path / "alone.json")
 
 
-def test_without_a_store_too(suite, driven):
-    folder = suite(test=ONE_LONG_TEST)
-    result = folder.runpytest_inprocess("--drive-robust", "-n2", *SEEDS, "--drive-store", "off")
+def test_without_a_store_too(suite, meeting, driven):
+    folder = suite(test=ONE_LONG_TEST, conftest=meeting)
+    both = ("--drive-sim", "meeting", "-n2")
+    result = folder.runpytest_inprocess("--drive-robust", *both, *SEEDS, "--drive-store", "off")
     result.assert_outcomes(passed=2)
     assert len(driven()) == len(set(driven())) == 60
     assert len({line.split()[2] for line in (folder.path / "driven.log").read_text().splitlines()}) == 2

@@ -50,7 +50,7 @@ def test_a_killed_worker_hangs_nobody_and_loses_only_its_own_test(suite, driven)
     assert len(driven()) == 4
 
 
-def test_both_workers_drive_and_each_episode_is_driven_once(suite, driven):
+def test_both_workers_drive_and_each_episode_is_driven_once(suite, meeting, driven):
     where = """
 def test_folder(request):
     from pathlib import Path
@@ -58,8 +58,9 @@ def test_folder(request):
     assert folder.is_dir()
     Path("folder.txt").write_text(str(folder))
 """
-    folder = suite(test=TESTS + where)
-    result = folder.runpytest_inprocess("--drive-robust", "-n2", "--drive-seeds", ",".join(map(str, range(20))))
+    folder = suite(test=TESTS + where, conftest=meeting)
+    both = ("--drive-sim", "meeting", "-n2")
+    result = folder.runpytest_inprocess("--drive-robust", *both, "--drive-seeds", ",".join(map(str, range(20))))
     result.assert_outcomes(passed=7)
     assert len(driven()) == len(set(driven())) == 60
     processes = {line.split()[2] for line in (folder.path / "driven.log").read_text().splitlines()}

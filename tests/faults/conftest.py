@@ -11,7 +11,8 @@ from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
 
-LIMITS = Limits(episode_s=20.0, act_s=0.5)
+LIMITS = Limits(episode_s=300.0, act_s=2.0)
+"""A call of these agents takes microseconds, or hangs: on a busy machine nobody waits two seconds for a core."""
 
 
 @pytest.fixture(scope="session")

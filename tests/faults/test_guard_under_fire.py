@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from guarded_worlds import HERE, gone_within, request, worker_setup
+from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
@@ -21,7 +22,7 @@ from pytest_drive_robust.engine.supervisor import Stopped, Supervisor
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 
 Make = Callable[..., Supervisor]
-LIMITS = Limits(episode_s=20.0, act_s=0.5)
+LIMITS = Limits(episode_s=300.0, act_s=2.0)
 
 
 @pytest.fixture
@@ -47,9 +48,9 @@ def test_a_world_that_ends_its_process_is_our_error(make_supervisor: Make, simul
 
 
 def test_a_world_that_hangs_is_our_error(make_supervisor: Make) -> None:
-    result = make_supervisor(Limits(episode_s=0.4), "HangsInStep").drive(request("Steady"))
+    result = make_supervisor(Limits(episode_s=2.0), "HangsInStep").drive(request("Steady"))
     assert (result.outcome, result.end) == (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED)
-    assert "longer than 0.4 s, most of it in the simulation; it was at tick 20" in result.end_detail
+    assert "longer than 2 s, most of it in the simulation; it was at tick 20" in result.end_detail
 
 
 def test_a_world_that_raises_is_tried_three_times(make_supervisor: Make, note: Path) -> None:
@@ -74,7 +75,7 @@ def test_a_fork_server_that_was_killed_is_started_again(make_supervisor: Make) -
         assert old is not None
         assert child is not None
         os.kill(old, signal.SIGKILL)
-        assert gone_within(child, 5.0)
+        assert gone_within(child)
         assert supervisor.drive(request("Steady")).trace.digest == first.trace.digest
         assert fork_server.pid != old
     finally:
@@ -127,9 +128,9 @@ def test_stop_cuts_an_episode_off_and_leaves_nothing(make_supervisor: Make) -> N
     assert pid is not None
     supervisor.stop()
     supervisor.stop()
-    driving.join(10.0)
+    driving.join(PATIENCE_S)
     assert len(caught) == 1
-    assert gone_within(pid, 5.0)
+    assert gone_within(pid)
     with pytest.raises(Stopped):
         supervisor.drive(request("Steady"))
     supervisor.close()
@@ -166,9 +167,9 @@ def test_stop_does_not_wait_until_everything_is_loaded(tmp_path: Path) -> None:
         time.sleep(0.001)
     pid = fork_server.pid
     supervisor.stop()
-    driving.join(20.0)
+    driving.join(PATIENCE_S)
     assert len(caught) == 1
-    assert gone_within(pid, 5.0)
+    assert gone_within(pid)
     supervisor.close()
     fork_server.close()
 
@@ -202,11 +203,13 @@ def test_closing_ends_the_processes(make_supervisor: Make) -> None:
     fork_server.close()
     for pid in pids:
         assert pid is not None
-        assert gone_within(pid, 5.0)
+        assert gone_within(pid)
 
 
 PARENT = """
+import os
 import sys
+from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from guarded_worlds import worker_setup, request
 from pytest_drive_robust.engine.supervisor import Supervisor
@@ -219,9 +222,9 @@ supervisors = [Supervisor(fork_server, Limits()) for _ in range(2)]
 agents = ("Hangs", "LeavesADaemonAndHangs")
 for supervisor, agent in zip(supervisors, agents):
     threading.Thread(target=supervisor.drive, args=(request(agent),), daemon=True).start()
-while min(supervisor.ticks for supervisor in supervisors) < 30:
+note = Path(os.environ["DRIVE_ROBUST_TEST_NOTE"])
+while min(supervisor.ticks for supervisor in supervisors) < 30 or not (note.exists() and note.read_text()):
     time.sleep(0.01)
-time.sleep(0.2)
 print(fork_server.pid, *[supervisor.pid for supervisor in supervisors], flush=True)
 time.sleep(600)
 """
@@ -235,8 +238,7 @@ def test_nothing_outlives_a_parent_that_is_killed(note: Path) -> None:
         assert len(pids) == 3
         parent.kill()
     pids.append(int(note.read_text()))
-    deadline = time.monotonic() + 1.0
-    assert [pid for pid in pids if not gone_within(pid, max(0.0, deadline - time.monotonic()))] == []
+    assert [pid for pid in pids if not gone_within(pid)] == []
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import guarded_agents
 import numpy as np
 import pytest
 from guarded_worlds import ROUTE, request
+from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -19,7 +20,7 @@ from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.testing import FakeSimulator
+from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 FAULT_TICK = guarded_agents.FAULT_TICK
 
@@ -117,7 +118,7 @@ def test_a_call_that_does_not_return_is_cut_off_in_time(supervisor: Supervisor, 
     assert_still_fine(supervisor)
     result = supervisor.drive(request(agent))
     assert_lost_in_act(result, End.AGENT_TIMED_OUT)
-    assert result.end_detail.startswith("took longer than 0.5 s in act at tick 30")
+    assert result.end_detail.startswith("took longer than 2 s in act at tick 30")
     assert_still_fine(supervisor)
 
 
@@ -133,15 +134,15 @@ def test_a_reset_that_does_not_return_is_cut_off(supervisor: Supervisor) -> None
 
 
 def test_many_slow_calls_are_too_slow_together(make_supervisor: Callable[..., Supervisor]) -> None:
-    result = make_supervisor(Limits(episode_s=0.5)).drive(request("Dawdles"))
+    result = make_supervisor(Limits(episode_s=3.0)).drive(request("Dawdles", route=fake_route(length_m=5000.0)))
     assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, End.AGENT_TIMED_OUT)
-    assert "the episode took longer than 0.5 s, the agent used 0." in result.end_detail
-    assert 5 <= result.ticks <= 25
+    assert "the episode took longer than 3 s, the agent used " in result.end_detail
+    assert 0 < result.ticks < 2000  # some calls, and not to the end: a tick takes 20 ms
     assert result.route_completion_pct > 0.0
 
 
 def test_memory_without_end_is_refused(make_supervisor: Callable[..., Supervisor]) -> None:
-    supervisor = make_supervisor(Limits(episode_s=20.0, memory_bytes=700_000_000))
+    supervisor = make_supervisor(Limits(episode_s=300.0, memory_bytes=700_000_000))
     result = supervisor.drive(request("TakesTooMuchMemory"))
     assert_lost_in_act(result, End.AGENT_CRASHED_HARD)
     assert "MemoryError" in result.end_detail
@@ -169,10 +170,10 @@ def test_a_process_that_somebody_kills_once_is_driven_again(supervisor: Supervis
         killed.append(supervisor.pid or 0)
         os.kill(killed[0], signal.SIGKILL)
 
-    killer = threading.Thread(target=kill_when_under_way)
+    killer = threading.Thread(target=kill_when_under_way, daemon=True)
     killer.start()
     result = supervisor.drive(request("Dawdles"))
-    killer.join()
+    killer.join(PATIENCE_S)
     assert killed
     assert killed[0] != supervisor.pid
     assert (result.outcome, result.trace.digest) == (Outcome.COMPLETED, inline(guarded_agents.Steady).trace.digest)

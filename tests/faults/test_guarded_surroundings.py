@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,7 +58,7 @@ def test_the_global_generators_start_alike_whatever_was_driven_before(
 
 
 def test_what_is_printed_is_kept_only_at_its_end(make_supervisor: Callable[..., Supervisor]) -> None:
-    supervisor = make_supervisor(Limits(episode_s=20.0, output_bytes=1000))
+    supervisor = make_supervisor(Limits(episode_s=300.0, output_bytes=1000))
     assert supervisor.drive(request("Shouts")).outcome is Outcome.COMPLETED
     assert supervisor.output.endswith("\\udcff the last words\n")
     assert "�" in supervisor.output
@@ -73,7 +74,7 @@ def test_a_process_that_is_not_as_before_is_replaced(supervisor: Supervisor, age
     assert supervisor.drive(request(agent)).trace.digest == steady.trace.digest
     assert supervisor.pid is None
     assert pid is not None
-    assert gone_within(pid, 5.0)
+    assert gone_within(pid)
     assert supervisor.drive(request("Steady")).trace.digest == steady.trace.digest
 
 
@@ -82,7 +83,7 @@ def test_processes_that_an_agent_leaves_end_with_its_episode(
     supervisor: Supervisor, noted_pid: Callable[[], int], agent: str
 ) -> None:
     assert supervisor.drive(request(agent)).outcome is Outcome.COMPLETED
-    assert gone_within(noted_pid(), 5.0)
+    assert gone_within(noted_pid())
     assert supervisor.drive(request("Steady")).outcome is Outcome.COMPLETED
 
 
@@ -91,7 +92,7 @@ def test_processes_of_an_agent_that_was_lost_end_too(
     supervisor: Supervisor, noted_pid: Callable[[], int], agent: str
 ) -> None:
     assert supervisor.drive(request(agent)).outcome is Outcome.AGENT_ERROR
-    assert gone_within(noted_pid(), 5.0)
+    assert gone_within(noted_pid())
 
 
 def test_a_process_that_grew_too_much_is_replaced(make_supervisor: Callable[..., Supervisor]) -> None:
@@ -103,6 +104,12 @@ def test_a_process_that_grew_too_much_is_replaced(make_supervisor: Callable[...,
     assert 2 <= len(pids - {None}) <= 5
 
 
+def own_bytes(pid: int) -> int:
+    """Return the memory of a process without that of files, which the system takes and gives as others need it."""
+    pages = Path(f"/proc/{pid}/statm").read_text().split()
+    return (int(pages[1]) - int(pages[2])) * os.sysconf("SC_PAGE_SIZE")
+
+
 @pytest.mark.slow
 def test_a_leak_over_200_episodes_never_takes_much_memory(make_supervisor: Callable[..., Supervisor]) -> None:
     supervisor = make_supervisor(Limits(growth_bytes=100 << 20))
@@ -110,7 +117,7 @@ def test_a_leak_over_200_episodes_never_takes_much_memory(make_supervisor: Calla
     for _ in range(200):
         assert supervisor.drive(request("Leaks")).outcome is Outcome.COMPLETED
         if supervisor.pid is not None and alive(supervisor.pid):
-            largest = max(largest, int(Path(f"/proc/{supervisor.pid}/statm").read_text().split()[1]) * 4096)
+            largest = max(largest, own_bytes(supervisor.pid))
     assert largest < 300 << 20
 
 
@@ -120,5 +127,5 @@ def test_the_memory_of_a_process_does_not_grow_over_500_episodes(supervisor: Sup
     for _ in range(500):
         assert supervisor.drive(request("Steady")).outcome is Outcome.COMPLETED
         assert supervisor.pid is not None
-        sizes.append(int(Path(f"/proc/{supervisor.pid}/statm").read_text().split()[1]) * 4096)
+        sizes.append(own_bytes(supervisor.pid))
     assert sizes[-1] - sizes[50] < 2 << 20

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import sys
-import time
 
 import pytest
-from killed_campaign import Campaign, descendants
+from killed_campaign import Campaign
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at processes in /proc")
 
@@ -22,18 +21,21 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 SLOWLY_S = 0.002
 ENGINES = {"processes": ("--drive-workers", "2"), "workers of xdist": ("-n", "2")}
+EPISODES_PER_KILL = {"processes": 2, "workers of xdist": 3}
+"""How many at most are begun again: the two in flight. Under xdist one kill costs what that worker drove; and once in a
+run that lost a test, the two workers that live at its end may be at episodes that nobody else asks for."""
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_kills_cost_only_what_was_in_flight(tmp_path, undisturbed, engine):
-    campaign = Campaign(tmp_path / "suite", tick_s=SLOWLY_S)
+    campaign = Campaign(tmp_path / "suite", tick_s=SLOWLY_S, hold=24)
     campaign.write()
     campaign.disturb(ENGINES[engine], kills=8, seed=1)
     campaign.run(*ENGINES[engine])
     assert campaign.kills >= 4
     assert campaign.lost == []
     assert campaign.digests() == undisturbed.digests()
-    assert campaign.begun() <= campaign.episodes + 2 * campaign.kills  # two in flight
+    assert campaign.begun() <= campaign.episodes + EPISODES_PER_KILL[engine] * campaign.kills
 
 
 @pytest.mark.slow
@@ -60,27 +62,3 @@ def test_a_second_run_drives_nothing(tmp_path, engine):
     assert campaign.begun() == campaign.episodes
     assert campaign.run() == 0
     assert campaign.begun() == campaign.episodes
-
-
-def test_no_process_outlives_a_killed_controller(tmp_path):
-    campaign = Campaign(tmp_path / "suite", tick_s=SLOWLY_S)
-    campaign.write()
-    process = campaign.begin("--drive-workers", "2")
-    while campaign.begun() < 4 and process.poll() is None:
-        time.sleep(0.02)
-    below = descendants(process.pid)
-    assert below
-    process.kill()
-    process.wait()
-    deadline = time.monotonic() + 3.0
-    while any(_lives(pid) for pid in below) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert [pid for pid in below if _lives(pid)] == []
-
-
-def _lives(pid: int) -> bool:
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False

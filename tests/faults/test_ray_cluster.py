@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from heeding_interrupts import heed_interrupts
+from patience import PATIENCE_S
 from ray_project import MODULE, load_project, setup_of, write_project
 
 from pytest_drive_robust.domain.episode import Episode
@@ -39,7 +40,6 @@ pytestmark = [
 ]
 
 STORE_BYTES = 80 << 20
-DEADLINE_S = 60.0
 
 
 class Project:
@@ -60,7 +60,9 @@ class Project:
         executor = InlineExecutor(
             self.registry, simulator=worker_setup.simulator, options=worker_setup.options, ticked=lambda: None
         )
-        return executor.submit(request).result()
+        future = executor.submit(request)
+        executor.close()
+        return future.result()
 
     def ray(self, address: str | None) -> RayExecutor:
         limits = Limits(act_s=2.0)
@@ -109,7 +111,7 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
     bad = [request for agent in broken for request in project.requests(agent, 1)]
     executor = project.ray(cluster.address)
     futures = [executor.submit(request) for request in (*good[:3], *bad, *good[3:])]
-    found = {future.result(DEADLINE_S).episode: future.result() for future in futures}
+    found = {future.result(PATIENCE_S).episode: future.result() for future in futures}
     assert executor.slots == 2
     executor.close()
     for request in (*good, *project.requests("raises", 1)):
@@ -124,7 +126,7 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
 
 def test_an_agent_gets_the_gpu_that_it_asks_for(cluster, project):
     executor = project.ray(cluster.address)
-    result = executor.submit(project.requests("withgpu", 1)[0]).result(DEADLINE_S)
+    result = executor.submit(project.requests("withgpu", 1)[0]).result(PATIENCE_S)
     assert executor.slots == 1
     executor.close()
     assert result.ticks == 60
@@ -134,7 +136,7 @@ def test_an_agent_gets_the_gpu_that_it_asks_for(cluster, project):
 def test_what_no_node_has_is_told_at_once(cluster, project):
     executor = project.ray(cluster.address)
     with pytest.raises(UsageError, match=r"num_cpus=1, num_gpus=8, and no node of the cluster has that"):
-        executor.submit(project.requests("withmanygpus", 1)[0]).result(DEADLINE_S)
+        executor.submit(project.requests("withmanygpus", 1)[0]).result(PATIENCE_S)
     executor.close()
 
 
@@ -142,18 +144,18 @@ def test_weights_that_did_not_travel_are_refused(cluster, project):
     (project.folder / ".rayignore").write_text("weights.bin\n")
     executor = project.ray(cluster.address)
     with pytest.raises(UsageError, match=r"weights.*cannot be read"):
-        executor.submit(project.requests("weighted", 1)[0]).result(DEADLINE_S)
+        executor.submit(project.requests("weighted", 1)[0]).result(PATIENCE_S)
     executor.close()
 
 
 def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
-    project = Project(tmp_path / "project", tick_s=0.5)
+    project = Project(tmp_path / "project", tick_s=10.0)
     executor = project.ray(cluster.address)
     futures = [executor.submit(request) for request in project.requests("steady", 3)]
     wait_for(lambda: len(project.begun()) == 2)
     started = time.monotonic()
     executor.close(cancel=True)
-    assert time.monotonic() - started < 20.0
+    assert time.monotonic() - started < PATIENCE_S  # an episode takes ten minutes
     for future in futures:
         with pytest.raises(Stopped):
             future.result(0)
@@ -167,7 +169,7 @@ def test_a_lost_node_costs_only_its_running_episodes(cluster, tmp_path):
     futures = [executor.submit(request) for request in requests]
     wait_for(lambda: sum(future.done() for future in futures) >= 4)
     cluster.remove_node(cluster.nodes[1], allow_graceful=False)
-    results = [future.result(DEADLINE_S) for future in futures]
+    results = [future.result(PATIENCE_S) for future in futures]
     wait_for(lambda: executor.slots == 1)
     executor.close()
     assert len(project.begun()) <= len(requests) + 1  # two in flight, one of them on the node that went
@@ -178,11 +180,11 @@ def test_a_cluster_that_ends_is_told_once(cluster, tmp_path):
     project = Project(tmp_path / "project", tick_s=0.05)
     executor = project.ray(cluster.address)
     first, *others = [executor.submit(request) for request in project.requests("steady", 3)]
-    first.result(DEADLINE_S)
+    first.result(PATIENCE_S)
     cluster.shutdown()
-    assert {future.result(DEADLINE_S).outcome for future in others} == {Outcome.INFRA_ERROR}
+    assert {future.result(PATIENCE_S).outcome for future in others} == {Outcome.INFRA_ERROR}
     request = project.requests("steady", 1)[0]
-    wait_for(lambda: isinstance(executor.submit(request).exception(DEADLINE_S), UsageError))
+    wait_for(lambda: isinstance(executor.submit(request).exception(PATIENCE_S), UsageError))
     with pytest.raises(UsageError, match=r"no Ray cluster can be used at"):
         executor.submit(request).result(0)
     executor.close()
@@ -222,7 +224,7 @@ def start_pytest(folder: Path, *options: str) -> subprocess.Popen[str]:
 
 def test_a_cluster_of_our_own_says_nothing_and_leaves_nothing(suite):
     process = start_pytest(suite, "--drive-executor", "ray", "--drive-workers", "2")
-    assert process.wait(DEADLINE_S) == 0, (suite / "output.txt").read_text()
+    assert process.wait(PATIENCE_S) == 0, (suite / "output.txt").read_text()
     output = (suite / "output.txt").read_text()
     assert "2 passed" in output
     assert "raylet" not in output
@@ -236,20 +238,20 @@ def test_an_interrupted_run_leaves_no_process(suite, number):
     wait_for(lambda: (suite / "begun.log").exists())
     os.killpg(process.pid, number)
     expected = 2 if number == signal.SIGINT else -number
-    assert process.wait(30.0) == expected, (suite / "output.txt").read_text()
+    assert process.wait(PATIENCE_S) == expected, (suite / "output.txt").read_text()
     wait_for(lambda: not processes_in(str(suite)))
 
 
 def test_an_address_where_nobody_is_is_a_usage_error(suite):
     process = start_pytest(suite, "--drive-executor", "ray", "--drive-ray-address", "127.0.0.1:9")
-    process.wait(DEADLINE_S)
+    process.wait(PATIENCE_S)
     output = (suite / "output.txt").read_text()
     assert "no Ray cluster can be used at '127.0.0.1:9'" in output
     assert "ray start --head" in output
 
 
 def wait_for(condition: Any) -> None:
-    ends = time.monotonic() + DEADLINE_S
+    ends = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < ends, "it did not come to pass"
         time.sleep(0.05)

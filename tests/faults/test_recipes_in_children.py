@@ -175,7 +175,7 @@ def test_the_embedded_world_gives_the_same_bits_in_a_child(embedded: Supervisor,
     registry = default_registry()
     simulator, agent = registry.simulator("embedded", OPTIONS), registry.agent("classical")
     here = drive_episode(simulator, agent, route=route, setting=setting, seed=1, agent_name="classical")
-    here = with_machine(here, agent)
+    here = with_machine(here, agent, simulator)
     there = embedded.drive(request("classical", setting=setting, route=route, seed=1))
     assert there.trace.digest == here.trace.digest
     assert encode_episode(replace(there, wall_s=0.0)) == encode_episode(replace(here, wall_s=0.0))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from killed_campaign import Campaign
+from patience import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forks and reads /proc")
 
@@ -83,7 +84,7 @@ def test_two_runs_at_once_drive_each_episode_once(tmp_path, other):
     campaign = Campaign(tmp_path / "suite", routes=8, tick_s=0.002)
     campaign.write()
     runs = [campaign.begin(*PROCESSES), campaign.begin(*other)]
-    assert [run.wait(timeout=120) for run in runs] == [0, 0], output_of(campaign)
+    assert [run.wait(timeout=PATIENCE_S) for run in runs] == [0, 0], output_of(campaign)
     assert len(campaign.stored()) == campaign.begun() == campaign.episodes
     assert each_once(campaign)
 

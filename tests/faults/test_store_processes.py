@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import store_holder
+from patience import PATIENCE_S
 from store_holder import episode, key_of
 
 from pytest_drive_robust.store.care import verify
@@ -64,8 +65,8 @@ def test_killed_writers_lose_nothing_that_they_acknowledged(tmp_path):
 
 
 def test_processes_that_want_the_same_episodes_drive_each_once(tmp_path):
-    with holder(tmp_path, "share", 60, 1) as one, holder(tmp_path, "share", 60, 2) as two:
-        told = [process.communicate(timeout=60)[0].split() for process in (one, two)]
+    with holder(tmp_path, "share", 60, 1, 2) as one, holder(tmp_path, "share", 60, 2, 2) as two:
+        told = [process.communicate(timeout=PATIENCE_S)[0].split() for process in (one, two)]
     assert sorted(int(number) for driven in told for number in driven) == list(range(60))
     assert all(told)
     assert list((tmp_path / "claims").iterdir()) == []
@@ -78,14 +79,14 @@ def test_what_a_killed_process_was_driving_is_driven_by_the_next_one(tmp_path):
             others = [int(other.stdout.readline()) for _ in range(9)]
             assert sorted(others) == [0, 1, 2, 3, 4, 5, 6, 8, 9]
             stuck.kill()
-            assert other.communicate(timeout=30)[0].split() == ["7"]
+            assert other.communicate(timeout=PATIENCE_S)[0].split() == ["7"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no such limit there")
 @pytest.mark.parametrize("most_bytes", [0, 1, 20_000])
 def test_a_system_that_takes_a_part_of_a_file_leaves_none(tmp_path, most_bytes):
     with holder(tmp_path, "cramp", most_bytes) as process:
-        kept, problems = process.communicate(timeout=30)[0].splitlines()
+        kept, problems = process.communicate(timeout=PATIENCE_S)[0].splitlines()
     assert kept == "True"
     assert "cannot be written to (File too large). This run goes on" in problems
     assert [path.name for path in tmp_path.rglob("*") if path.is_file() and "episodes" in path.parts] == []

@@ -1,4 +1,4 @@
-"""Drive episodes in this process and print what came of them, and what its libraries compute, as digests.
+"""Drive episodes in this process and print what came of each, then what its libraries compute, as lines of JSON.
 
     python tests/helpers/driven_digests.py '{"agents": ["expert"], "routes": "dev10", "settings": ["clean"]}'
 
@@ -15,7 +15,7 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +32,8 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -80,6 +80,11 @@ class Network:
         shown = observation.cameras["front"].pixels[::4, ::8, 1].astype(np.float64).ravel() / 255.0
         throttle, steer = np.tanh((self.first @ shown / 10.0) @ self.second)
         return Control(throttle=0.3 + 0.3 * float(throttle), steer=0.3 * float(steer))
+
+
+OWN = {"watcher": Watcher, "network": Network}
+STORED = "stored controls of "
+"""Before the label of an episode whose stored controls are driven again."""
 
 
 def digest(pieces: Iterable[bytes]) -> str:
@@ -147,35 +152,49 @@ def drive(agent: Any, name: str, *, route: Any, setting: str, ticks: int | None)
     )
 
 
-def driven(order: dict[str, Any]) -> dict[str, Any]:
-    """Return digests by agent, route and setting, and the episodes of the agents in `keep`."""
-    own = {"watcher": Watcher, "network": Network}
-    digests: dict[str, str] = {}
-    scores: dict[str, float] = {}
-    stored: dict[str, str] = {}
+def labels_of(order: dict[str, Any]) -> list[str]:
+    """Return `agent | route | setting` of every episode of an order, and of every stored one that is driven again."""
     routes = resolve_routes(order["routes"])[:: order.get("every", 1)]
-    for name in order["agents"]:
-        agent = own[name]() if name in own else default_registry().agent(name)
-        for route in routes:
-            for setting in order["settings"]:
-                label = f"{name} | {route.id} | {setting}"
-                result = drive(agent, name, route=route, setting=setting, ticks=order.get("ticks"))
-                if result.end.name == "SIMULATION_CRASHED":
-                    raise SystemExit(f"{label}: {result.end_detail}")
-                seen = agent.seen.digest() if isinstance(agent, Watcher) else b""
-                digests[label] = digest([facts_of(result), seen])
-                scores[label] = driving_score(result)
-                if name in order.get("keep", ()):
-                    stored[label] = base64.b64encode(encode_episode(result)).decode()
-    by_id = {route.id: route for route in routes}
-    for label, text in order.get("stored", {}).items():
-        earlier = decode_episode(base64.b64decode(text))
-        route = by_id[earlier.episode.route_id]
-        again = drive(StoredControls(earlier), "stored", route=route, setting="clean", ticks=order.get("ticks"))
-        digests[f"stored controls of {label}"] = difference(again, earlier) or "the same"
-    return {"digests": digests, "scores": scores, "stored": stored, "libraries": libraries()}
+    own = [
+        f"{name} | {route.id} | {setting}"
+        for name in order["agents"]
+        for route in routes
+        for setting in order["settings"]
+    ]
+    return own + [f"{STORED}{label}" for label in order.get("stored", {})]
+
+
+def driven(order: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield what came of each episode of the order (or of its `labels` alone), then what the libraries compute."""
+    routes = {route.id: route for route in resolve_routes(order["routes"])}
+    agents: dict[str, Any] = {}
+    for label in order.get("labels", labels_of(order)):
+        name, route_id, setting = label.removeprefix(STORED).split(" | ")
+        if label.startswith(STORED):
+            earlier = decode_episode(base64.b64decode(order["stored"][label.removeprefix(STORED)]))
+            told = {"route": routes[route_id], "setting": "clean", "ticks": order.get("ticks")}
+            again = drive(StoredControls.of(earlier), "stored", **told)
+            yield {"label": label, "digest": difference(again, earlier) or "the same"}
+            continue
+        if name not in agents:
+            agents[name] = OWN[name]() if name in OWN else default_registry().agent(name)
+        yield _driven(agents[name], label, routes[route_id], setting, order)
+    yield {"libraries": libraries()}
+
+
+def _driven(agent: Any, label: str, route: Any, setting: str, order: dict[str, Any]) -> dict[str, Any]:
+    name = label.split(" | ")[0]
+    result = drive(agent, name, route=route, setting=setting, ticks=order.get("ticks"))
+    if result.end.name == "SIMULATION_CRASHED":
+        raise SystemExit(f"{label}: {result.end_detail}")
+    seen = agent.seen.digest() if isinstance(agent, Watcher) else b""
+    found = {"label": label, "digest": digest([facts_of(result), seen]), "score": driving_score(result)}
+    if name in order.get("keep", ()):
+        found["stored"] = base64.b64encode(encode_episode(result)).decode()
+    return found
 
 
 if __name__ == "__main__":
     text = Path(sys.argv[1][1:]).read_text() if sys.argv[1].startswith("@") else sys.argv[1]
-    print(json.dumps(driven(json.loads(text))))
+    for line in driven(json.loads(text)):
+        print(json.dumps(line), flush=True)

@@ -52,7 +52,7 @@ if mode == "hang":
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     time.sleep(600)
 if mode == "server-dies":
-    time.sleep(1.2)
+    time.sleep(4.0)  # until whoever looks twice a second has seen it
     os.killpg(server.pid, signal.SIGKILL)
     server.wait()
     while True:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from patience import PATIENCE_S
+
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec
@@ -46,7 +48,7 @@ def alive(pid: int) -> bool:
         return False
 
 
-def gone_within(pid: int, seconds: float) -> bool:
+def gone_within(pid: int, seconds: float = PATIENCE_S) -> bool:
     """Return whether the process ends in time."""
     deadline = time.monotonic() + seconds
     while alive(pid) and time.monotonic() < deadline:

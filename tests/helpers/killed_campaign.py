@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from heeding_interrupts import heed_interrupts
+from patience import PATIENCE_S
 
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.store.folder import FolderStore
@@ -27,7 +28,9 @@ from pytest_drive_robust import Control, Perturbation
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
 LOG = Path(__file__).parent / "begun.log"
+GO, SECOND = (Path(__file__).parent / name for name in ("go", "second"))
 TICK_S = float(os.environ["CAMPAIGN_TICK_S"])
+HOLD = int(os.environ["CAMPAIGN_HOLD"])
 
 
 @dataclass
@@ -43,11 +46,25 @@ class SlowSimulator(FakeSimulator):
     def reset(self, route, *, seed, cameras):
         with LOG.open("a") as log:
             log.write(f"{route.id} {seed}\\n")
+        while HOLD and len(LOG.read_text().splitlines()) >= HOLD and not GO.exists():
+            time.sleep(0.005)
         return super().reset(route, seed=seed, cameras=cameras)
 
     def step(self, control):
         time.sleep(TICK_S)
         return super().step(control)
+
+
+def pytest_runtest_logstart(nodeid):
+    with (GO.parent / "tests.log").open("a") as log:
+        log.write(f"{os.getpid()} {nodeid}\\n")
+
+
+def pytest_keyboard_interrupt():
+    with (GO.parent / "interrupted.log").open("a") as log:
+        log.write(f"{os.getpid()}\\n")
+    while "CAMPAIGN_SECOND" in os.environ and not SECOND.exists():
+        time.sleep(0.005)
 
 
 def pytest_drive_robust_register(registry):
@@ -84,11 +101,16 @@ drive_verdict = point
 
 @dataclass
 class Campaign:
-    """A folder with a suite; `episodes` are what it needs in all, and each of their ticks takes `tick_s`."""
+    """A folder with a suite; `episodes` are what it needs in all, and each of their ticks takes `tick_s`.
+
+    From the `hold`-th episode on (0: none) each waits at its beginning until `go`: so many have begun then as there
+    are slots beside the first, and all before are stored.
+    """
 
     folder: Path
     routes: int = 12
     tick_s: float = 0.0
+    hold: int = 0
     kills: int = 0
     lost: list[str] = field(default_factory=list)
 
@@ -106,7 +128,7 @@ class Campaign:
         (self.folder / "test_suite.py").write_text(SUITE)
         (self.folder / "tox.ini").write_text(INI)
 
-    def begin(self, *arguments: str) -> subprocess.Popen[bytes]:
+    def begin(self, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         """Start pytest in a session of its own."""
         without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")
         command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", *without, *arguments]
@@ -118,12 +140,26 @@ class Campaign:
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 preexec_fn=heed_interrupts,
-                env={**os.environ, "CAMPAIGN_TICK_S": str(self.tick_s)},
+                env={
+                    **os.environ,
+                    "CAMPAIGN_TICK_S": str(self.tick_s),
+                    "CAMPAIGN_HOLD": str(self.hold),
+                    **environment,
+                },
             )
 
     def run(self, *arguments: str) -> int:
         """Run pytest to its end; the exit code."""
-        return self.begin(*arguments).wait(timeout=120)
+        return self.begin(*arguments).wait(timeout=PATIENCE_S)
+
+    def go(self) -> None:
+        """Let those go on that wait."""
+        (self.folder / "go").touch()
+
+    def noted(self, name: str) -> list[list[str]]:
+        """Return the words of each line of a log: `"tests"` that began, with their process, or `"interrupted"`."""
+        log = self.folder / f"{name}.log"
+        return [line.split(maxsplit=1) for line in log.read_text().splitlines()] if log.exists() else []
 
     def stored(self) -> set[str]:
         """Return the keys of whole records in the store."""
@@ -150,15 +186,18 @@ class Campaign:
     def disturb(self, arguments: Sequence[str], *, kills: int, seed: int, controller_share: float = 0.2) -> None:
         """Run pytest until `kills` of its processes were killed and then to its end, starting it again when it dies.
 
-        Most runs are left alone until they drive; one in ten is killed while it starts.
+        Most runs are left alone until they drive; one in ten is killed while it starts. What waits at `hold` goes on
+        after half of the kills.
         """
         draw = random.Random(seed)
         while True:
             at_once, before = draw.random() < 0.1, self.begun()
             process = self.begin(*arguments)
             while process.poll() is None:
+                if 2 * self.kills >= kills:
+                    self.go()
                 if self.kills >= kills:
-                    process.wait(timeout=120)
+                    process.wait(timeout=PATIENCE_S)
                 elif at_once or self.begun() > before:
                     time.sleep(draw.uniform(0.05, 0.4))
                     self._kill_one(process, draw, controller_share)

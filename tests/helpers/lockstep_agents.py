@@ -15,8 +15,8 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.driver import EpisodeDriver
 from pytest_drive_robust.runner.lockstep.batch import WIDTH
-from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.record import encode_episode
@@ -103,11 +103,10 @@ def drive_together(
     width: int = WIDTH,
 ) -> list[EpisodeResult]:
     """Drive `requests`, `width` at a time, and give their results in the order of `requests`."""
-    lockstep = Lockstep(make_world, lambda name: make_agent(), width=width)
+    driver = EpisodeDriver(make_world, lambda name: make_agent())
     try:
-        results = {
-            id(request): result for request, result in lockstep.drive_batch(requests[0].episode.agent, taking(requests))
-        }
+        driving = driver.drive_batch(requests[0].episode.agent, taking(requests), width)
+        results = {id(request): result for request, result in driving}
     finally:
-        lockstep.close()
+        driver.close()
     return [results[id(request)] for request in requests]

@@ -39,7 +39,7 @@ def report(
     return {
         "schema": 1,
         "settings": {"seeds": [0], "metrics": "bench2drive", "stuck_stop_s": 30.0},
-        "versions": {"simulator": "made-up 1", "machine": "0123"},
+        "versions": {"simulator": "made-up 1", "machine torch": "0123"},
         "fingerprint": {
             "agents": {agent: {"distribution": "none 1.0", "source": "aa", "weights": "bb"}},
             "routes": {str(100 * place + 101): f"digest{place}" for place in range(routes)},

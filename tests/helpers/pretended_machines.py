@@ -7,17 +7,18 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["MACHINES", "OLD", "PLAIN", "SAME", "Driven", "Machine", "drive_on"]
+__all__ = ["MACHINES", "OLD", "PLAIN", "RUNNING", "SAME", "Driven", "Machine", "drive_on", "gathered", "lines_on"]
 
 SAME = "the same"
 """What `driven_digests` says in the place of a digest of stored controls that gave the stored trajectory again."""
 
 _SCRIPT = Path(__file__).with_name("driven_digests.py")
+_ROOT = Path(__file__).parent.parent.parent
 
 _TOLD = {
     *("GLIBC_TUNABLES", "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE", "NUMBA_CPU_NAME"),
@@ -88,13 +89,16 @@ OLD = Machine(
 )
 
 
+RUNNING: set[subprocess.Popen[str]] = set()
+"""The processes that drive now."""
+
+
 def drive_on(
     machine: Machine,
     *,
     agents: Sequence[str],
     routes: str,
     settings: Sequence[str],
-    python: str = sys.executable,
     **more: Any,
 ) -> Driven:
     """Drive every agent on the routes under the settings in a process of its own.
@@ -103,13 +107,43 @@ def drive_on(
     `RuntimeError` with what the process said when it fails.
     """
     order = {"agents": list(agents), "routes": routes, "settings": list(settings), **more}
+    return gathered(lines_on(machine, order))
+
+
+def gathered(lines: Iterable[Mapping[str, Any]]) -> Driven:
+    """Return what the lines of `driven_digests` tell together."""
+    digests, scores, stored, libraries = {}, {}, {}, {}
+    for line in lines:
+        libraries = line.get("libraries", libraries)
+        if "label" in line:
+            label = line["label"]
+            digests[label] = line["digest"]
+            scores.update({label: line["score"]} if "score" in line else {})
+            stored.update({label: line["stored"]} if "stored" in line else {})
+    return Driven(digests, scores, stored, libraries)
+
+
+def lines_on(machine: Machine, order: Mapping[str, Any], python: str = sys.executable) -> Iterator[dict[str, Any]]:
+    """Yield what `driven_digests` prints on that machine as soon as it does. `python` drives this checkout, too.
+
+    Raises `RuntimeError` with what the process said when it fails.
+    """
     environment = {name: value for name, value in os.environ.items() if name not in _TOLD} | dict(machine.environment)
-    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
+    environment["PYTHONPATH"] = os.pathsep.join(map(str, (_ROOT, _ROOT / "agents")))
+    with tempfile.NamedTemporaryFile("w", suffix=".json") as file, tempfile.TemporaryFile("w+") as errors:
         json.dump(order, file)
         file.flush()
-        done = subprocess.run(
-            [python, str(_SCRIPT), f"@{file.name}"], env=environment, capture_output=True, text=True, check=False
-        )
-    if done.returncode != 0:
-        raise RuntimeError(f"{machine.name}: {done.stderr[-3000:]}")
-    return Driven(**json.loads(done.stdout.splitlines()[-1]))
+        command = [python, str(_SCRIPT), f"@{file.name}"]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True)
+        RUNNING.add(process)
+        try:
+            assert process.stdout is not None
+            yield from map(json.loads, process.stdout)
+            process.wait()
+        finally:
+            process.kill()
+            process.communicate()
+            RUNNING.discard(process)
+        if process.returncode != 0:
+            errors.seek(0)
+            raise RuntimeError(f"{machine.name}: exit {process.returncode}: {errors.read()[-3000:]}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -64,8 +65,13 @@ def cramp(store: FolderStore, most_bytes: str) -> None:
     print(*store.problems())
 
 
-def share(store: FolderStore, count: str, order: str) -> None:
-    """Drive what nobody drives and nobody has driven, until all are there; say which were driven here."""
+def share(store: FolderStore, count: str, order: str, processes: str = "1") -> None:
+    """Drive what nobody drives and nobody has driven, until all are there; say which were driven here.
+
+    The first episode lasts until so many processes are at one.
+    """
+    begun = store.folder / "begun"
+    begun.mkdir(parents=True, exist_ok=True)
     numbers = [int(word) for word in np.random.Generator(np.random.Philox(key=int(order))).permutation(int(count))]
     while any(store.get(key_of(number)) is None for number in numbers):
         for number in numbers:
@@ -73,6 +79,9 @@ def share(store: FolderStore, count: str, order: str) -> None:
                 continue
             with claim:
                 if store.get(key_of(number)) is None:
+                    (begun / str(os.getpid())).touch()
+                    while len(list(begun.iterdir())) < int(processes):
+                        time.sleep(0.005)
                     time.sleep(0.005)
                     store.put(key_of(number), episode(number))
                     print(number, flush=True)

@@ -37,6 +37,7 @@ def test_the_file_holds_settings_verdicts_summaries_and_episodes(mixed):
         "routes": "routes.xml",
         "seeds": [0],
         "simulator": "fake",
+        "reading": "paper",
         "metrics": "bench2drive",
         "stuck_stop_s": None,
         "verdict": "point",

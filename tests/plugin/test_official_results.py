@@ -77,6 +77,18 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
     assert not (pytester.path / ".drive-robust").exists()
 
 
+def test_results_of_the_released_code_are_named_in_its_reading(results, pytester):
+    named = "clean=clean.json,0 ms latency=clean.json,200 ms latency=late.json"
+    result = results(named, "--drive-reading", "released", "--drive-json", "run.json")
+    result.assert_outcomes(passed=2, failed=1)
+    document = json.loads((pytester.path / "run.json").read_text())
+    assert "RD under 200 ms latency (reading=released) <= 0.60" in {
+        row["requirement"] for row in document["requirements"]
+    }
+    spelled = named.replace("200 ms latency", "200 ms latency (mode=hold, warmup_ticks=20)")
+    results(spelled, "--drive-reading", "released").assert_outcomes(passed=2, failed=1)
+
+
 def test_some_routes_can_be_judged_by_their_ids(results):
     result = results(BOTH, "--drive-routes", "1,2")
     result.stdout.fnmatch_lines(["RD under 200 ms latency = 0.20, limit <= 0.10*2 routes x 1 seed*"])

@@ -10,6 +10,7 @@ import time
 
 import pytest
 from heeding_interrupts import heed_interrupts
+from patience import PATIENCE_S
 
 GREEN = "RD under throttle 0.9 <= 0.30"
 RED = "RD under throttle 0.3 <= 0.30"
@@ -231,7 +232,7 @@ def test_slow(drive):
     drive.episodes(Setting.CLEAN)
     Path("ready").touch()
     import time
-    for _ in range(400):
+    for _ in range(12000):
         time.sleep(0.05)
 """
     folder = suite(test=test)
@@ -242,7 +243,7 @@ def test_slow(drive):
         while not (folder.path / "ready").exists() and process.poll() is None:
             time.sleep(0.05)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=30)
+        output, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2, output
     assert "steady" in output
     assert "KeyboardInterrupt" in output

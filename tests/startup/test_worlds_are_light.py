@@ -29,7 +29,7 @@ print(isinstance(lane, highway_env.road.lane.AbstractLane), len(highway_env.__fi
 
 
 def printed(code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 

@@ -9,8 +9,6 @@ before is the one without *its* memory), so that training on pairs of pictures s
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -18,6 +16,7 @@ from torch.nn import functional
 from drive_robust_agents._nets.attention import attend
 from drive_robust_agents._nets.bev_grid import BevSpec, TokensInSight, camera_views
 from drive_robust_agents._nets.blocks import BasicBlock, ImageNorm, MiniResNet, Mlp
+from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["BevEncoder", "BevLift", "CameraEncoder", "TemporalFusion", "columns_of", "rows_of", "warp"]
 
@@ -152,7 +151,7 @@ def rows_of(x_m: Tensor, spec: BevSpec) -> Tensor:
 
 def columns_of(y_m: Tensor, spec: BevSpec) -> Tensor:
     """Return the column coordinate -1..1 (edges of the grid) of metres to the right."""
-    off = y_m * (math.sinh(spec.bend) / spec.aside_m)
+    off = y_m * (scalars.sinh(spec.bend) / spec.aside_m)
     return torch.sign(off) * torch.log(off.abs() + torch.sqrt(off * off + 1.0)) / spec.bend  # asinh, as ONNX knows it
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust import CameraSpec, rig
+from pytest_drive_robust.arithmetic import arrays, scalars
 
 __all__ = ["OUT_OF_SIGHT", "BevSpec", "TokensInSight", "camera_views", "project"]
 
@@ -63,12 +64,12 @@ class BevSpec:
         ahead = (np.arange(self.rows * finer) + 0.5) / (self.rows * finer)
         aside = (np.arange(self.columns * finer) + 0.5) / (self.columns * finer) * 2.0 - 1.0
         x = -self.behind_m + (self.behind_m + self.ahead_m) * ahead
-        y = self.aside_m * np.sinh(self.bend * aside) / math.sinh(self.bend)
+        y = self.aside_m * arrays.sinh(self.bend * aside) / scalars.sinh(self.bend)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).astype(np.float32)
 
     def sizes(self, *, finer: int = 1) -> Floats:
         """Return the length and width (rows * finer, columns * finer, 2) of the cells [m]."""
-        edges = np.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / math.sinh(self.bend)
+        edges = arrays.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / scalars.sinh(self.bend)
         width = self.aside_m * np.diff(edges)
         length = np.full(self.rows * finer, (self.behind_m + self.ahead_m) / (self.rows * finer))
         return np.stack(np.meshgrid(length, width, indexing="ij"), axis=-1).astype(np.float32)
@@ -120,12 +121,12 @@ def project(
     The centre of pixel (row, column) is (column + 0.5, row + 0.5). Values behind the camera mean nothing.
     """
     yaw, pitch = math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
-    focal_px = camera.width_px / 2.0 / math.tan(math.radians(camera.fov_deg) / 2.0)
+    focal_px = camera.width_px / 2.0 / scalars.tan(math.radians(camera.fov_deg) / 2.0)
     dx, dy, dz = x_m - camera.x_m, y_m - camera.y_m, z_m - camera.z_m
-    level = dx * math.cos(yaw) + dy * math.sin(yaw)
-    right = dy * math.cos(yaw) - dx * math.sin(yaw)
-    forward = level * math.cos(pitch) + dz * math.sin(pitch)
-    up = dz * math.cos(pitch) - level * math.sin(pitch)
+    level = dx * scalars.cos(yaw) + dy * scalars.sin(yaw)
+    right = dy * scalars.cos(yaw) - dx * scalars.sin(yaw)
+    forward = level * scalars.cos(pitch) + dz * scalars.sin(pitch)
+    up = dz * scalars.cos(pitch) - level * scalars.sin(pitch)
     safe = np.maximum(forward, _NEAREST_M)
     u, v = camera.width_px / 2.0 + focal_px * right / safe, camera.height_px / 2.0 - focal_px * up / safe
     return u, v, forward > _NEAREST_M

@@ -14,7 +14,7 @@ from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.projection import leaders
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._planning.traffic import TICK_S, Traffic
 
 __all__ = ["Situation", "SpeedChoice", "is_free"]
 
@@ -35,7 +35,6 @@ _THROUGH = np.array([(a, 99.0, a) for a in _ACCELERATIONS])
 _THEN_STEADY = np.array([(a, _REACT_S + 1.0, 0.0) for a in _ACCELERATIONS])
 """Three ways to go on with each of the accelerations: it, for so many seconds, and what then."""
 _HORIZON_STEPS = 30
-_DT_S = 0.05
 _GAP_MPS = 7.0
 """Below this speed a quick start is worth it when only that uses a gap."""
 _PATIENCE_S = 8.0
@@ -60,6 +59,7 @@ class Situation:
     """What the decisions of one tick share.
 
     The ego is `right_m` metres beside the route at `row` and gains `drift` metres to the right on each metre of it.
+    The decisions before were `elapsed_s` ago.
     """
 
     scene: StaticScene
@@ -70,6 +70,7 @@ class Situation:
     drift: float
     speed_mps: float
     stop_row: float
+    elapsed_s: float = TICK_S
 
     def path(self, profile: Floats) -> Floats:
         """Return the path from where the ego is onto a profile: see `lateral.path_of`."""
@@ -102,7 +103,7 @@ class SpeedChoice:
         `hurry` asks for more than comfort, while the ego is where it must not linger.
         """
         v, scene = now.speed_mps, now.scene
-        self._waited_s = self._waited_s + _DT_S if v < 0.5 else 0.0
+        self._waited_s = self._waited_s + now.elapsed_s if v < 0.5 else 0.0
         self._pushing = self._waited_s > _PATIENCE_S or (self._pushing and v < _GAP_MPS)
         limit = min(float(scene.limits[scene.index(now.row + 0.3 * v)]), max(cruise_mps, 3.0))
         trial = _SpeedTrial(now, path, stop_row, pushy=self._pushing, hurry=hurry)

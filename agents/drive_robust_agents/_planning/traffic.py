@@ -1,4 +1,4 @@
-"""Everybody else, tick by tick: who they are, how they accelerate, how long they have been standing, where they go."""
+"""Everybody else, look by look: who they are, how they accelerate, how long they have been standing, where they go."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.jit.arrays import Floats2
 from pytest_drive_robust.jit.kernels import entry
 
-__all__ = ["HORIZON_S", "Traffic"]
+__all__ = ["HORIZON_S", "TICK_S", "Traffic"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0
 _STEPS = round(HORIZON_S / STEP_S)
-_DT_S = 0.05
+TICK_S = 0.05
+"""Seconds from one tick of an observation to the next."""
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
 _LEAST_MPS2, _MOST_MPS2 = 0.3, 8.0
@@ -44,10 +45,11 @@ class Traffic:
         self.stood_s: Floats = np.zeros(0)
         self.forecast: Floats = np.zeros((0, 2, 6))
 
-    def update(self, world: WorldState, graph: LaneGraph) -> None:
-        """See the actors of a new tick."""
+    def update(self, world: WorldState, graph: LaneGraph, elapsed_s: float = TICK_S) -> None:
+        """See the actors of a new moment, so many seconds after the last one."""
         actors = np.array(world.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
-        self._memory, self.boxes, self.stood_s, about = _look(actors, world.ego.x_m, world.ego.y_m, self._memory)
+        looked = _look(actors, world.ego.x_m, world.ego.y_m, self._memory, elapsed_s)
+        self._memory, self.boxes, self.stood_s, about = looked
         self.kinds, self.ids, follows = about
         self.forecast = tracks(
             self.boxes, follows, graph.points, graph.owner, graph.first, graph.after, graph.entries, graph.feeders,
@@ -56,10 +58,13 @@ class Traffic:
 
 
 @entry
-def _look(actors: Floats2, x_m: float, y_m: float, memory: Floats2) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return (memory for the next tick, boxes, seconds without moving, (3, k) of kind, id, follows a lane).
+def _look(
+    actors: Floats2, x_m: float, y_m: float, memory: Floats2, elapsed_s: float
+) -> tuple[Floats, Floats, Floats, Ints]:
+    """Return (memory for the next look, boxes, seconds without moving, (3, k) of kind, id, follows a lane).
 
-    `memory` (n, 2) is speed (NaN: not seen) and seconds without moving in the last tick, by the actor's id.
+    `memory` (n, 2) is speed (NaN: not seen) and seconds without moving at the last look, by the actor's id;
+    `elapsed_s` is how long ago that was.
     """
     most = -1
     for i in range(len(actors)):
@@ -78,7 +83,7 @@ def _look(actors: Floats2, x_m: float, y_m: float, memory: Floats2) -> tuple[Flo
                 continue
             speed, gained, stood = actors[i, _SPEED], 0.0, 0.0
             if number < len(memory) and memory[number, 0] == memory[number, 0]:
-                gained = (speed - memory[number, 0]) / _DT_S
+                gained = (speed - memory[number, 0]) / elapsed_s
             gained = min(max(gained, -_MOST_MPS2), _MOST_MPS2) if abs(gained) > _LEAST_MPS2 else 0.0
             if kind >= _BICYCLE:
                 gained = 0.0
@@ -87,7 +92,7 @@ def _look(actors: Floats2, x_m: float, y_m: float, memory: Floats2) -> tuple[Flo
                     continue
                 gained = 0.0
             if speed < 0.1:
-                stood = _DT_S + (memory[number, 1] if number < len(memory) else 0.0)
+                stood = elapsed_s + (memory[number, 1] if number < len(memory) else 0.0)
             now[number, 0], now[number, 1] = speed, stood
             boxes[count, 0], boxes[count, 1], boxes[count, 2] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
             boxes[count, 3], boxes[count, 4], boxes[count, 5] = speed, actors[i, _LENGTH], actors[i, _WIDTH]

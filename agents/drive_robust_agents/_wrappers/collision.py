@@ -8,10 +8,10 @@ two unknowns each; damped Newton steps solve them.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
+
+from pytest_drive_robust.arithmetic import arrays, scalars
 
 __all__ = ["clear_of"]
 
@@ -56,23 +56,23 @@ def _settled(start: Floats, cells: Floats) -> Floats:
             step = 0.5 * step
         else:
             break
-        if math.hypot(step[0], step[1]) < _STILL_M:
+        if scalars.hypot(step[0], step[1]) < _STILL_M:
             break
     return point
 
 
 def _cost(point: Floats, start: Floats, cells: Floats) -> float:
-    bells = np.exp(((cells - point) ** 2).sum(axis=1) * (-0.5 / _SPREAD_M**2))
+    bells = arrays.exp(((cells - point) ** 2).sum(axis=1) * (-0.5 / _SPREAD_M**2))
     return float(((point - start) ** 2).sum() + _HEIGHT * bells.sum())
 
 
 def _newton(point: Floats, start: Floats, cells: Floats) -> Floats:
     """Return the damped Newton step, at most half a metre; negative curvatures are lifted, so that it leads down."""
     away = (point - cells) / _SPREAD_M**2
-    bells = _HEIGHT * np.exp((away**2).sum(axis=1) * (-0.5 * _SPREAD_M**2))
+    bells = _HEIGHT * arrays.exp((away**2).sum(axis=1) * (-0.5 * _SPREAD_M**2))
     slope = 2.0 * (point - start) - (bells[:, None] * away).sum(axis=0)
     curve = (2.0 - bells.sum() / _SPREAD_M**2) * np.eye(2) + (bells[:, None] * away).T @ away
     values, axes = np.linalg.eigh(curve)
     step: Floats = -axes @ ((axes.T @ slope) / np.maximum(np.abs(values), _LEAST_CURVATURE))
-    length = math.hypot(step[0], step[1])
+    length = scalars.hypot(step[0], step[1])
     return step * min(1.0, _LONGEST_M / length) if length > 0.0 else step

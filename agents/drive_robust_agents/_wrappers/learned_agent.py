@@ -17,7 +17,10 @@ from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 
-__all__ = ["LearnedAgent", "NetworkRow"]
+__all__ = ["ON_ONNX", "LearnedAgent", "NetworkRow"]
+
+ON_ONNX = ("onnxruntime", "torch", "numpy")
+"""What decides the bits of an agent on ONNX Runtime; torch writes its model."""
 
 
 class NetworkRow(NamedTuple):
@@ -40,6 +43,7 @@ class LearnedAgent(ABC):
     build: ClassVar[Build]
     weights: ClassVar[tuple[Path, ...]]
     drops_within_m: ClassVar[float] = MIN_M
+    computed_by: tuple[str, ...] = ("torch", "numpy")
 
     _options: Mapping[str, object] = MappingProxyType({})
     """Those of the network; an agent that has any sets them before it calls this constructor."""
@@ -67,6 +71,8 @@ class LearnedAgent(ABC):
             weights=weights,
             **self._options,
         )
+        if engine == "onnx":
+            self.computed_by = ON_ONNX
         self.reset(GlobalPlan(()), 0)
 
     @classmethod

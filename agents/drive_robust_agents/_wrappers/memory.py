@@ -3,7 +3,8 @@
 The published wrappers (Bench2DriveZoo `team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`) fill an 18-number
 "can bus" from GPS, compass, speedometer and IMU, and the bird's-eye features of the last frame are shifted by it, so
 that a wrong position moves the memory against the picture. Here the can bus has six numbers, and the memory is the one
-of 0.5 s ago, in training as at run time (the published ones are trained at 0.5 s and driven at 0.05 s).
+of 0.5 s ago, in training as at run time (the published ones are trained at 0.5 s and driven at 0.05 s). Its age is
+told by the tick of the observation, so that it is the same where the agent is asked only every few ticks.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust import Observation
+from pytest_drive_robust.arithmetic import arrays
 
 __all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "Sensed", "can_bus", "motion_between"]
 
@@ -37,7 +39,7 @@ def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats
     A point (x, y) in the frame of now lies at R(yaw) (x, y) + (forward, right) in the frame of then.
     """
     dx, dy = (now[:, :2] - old[:, :2]).T
-    c, s = np.cos(old[:, 2]), np.sin(old[:, 2])
+    c, s = arrays.cos_sin(old[:, 2])
     turned = np.remainder(now[:, 2] - old[:, 2] + math.pi, math.tau) - math.pi
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turned]).astype(np.float32)
 

@@ -9,11 +9,11 @@ The path is points one metre apart, the speed waypoints are 0.25 s apart, the fi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drive_robust_agents._wrappers.pid import Gains, Pedals, Point, WindowedPid, turn_of
+from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["Creep", "PathController", "PathTuning", "along"]
 
@@ -64,7 +64,7 @@ class PathController:
         """Return the controls for this tick; takes at least one point of a path and `speed_to` + 1 waypoints."""
         tuning = self.tuning
         (x0, y0), (x1, y1) = speed_points[tuning.speed_from], speed_points[tuning.speed_to]
-        desired = math.hypot(x1 - x0, y1 - y0) / (_STEP_S * (tuning.speed_to - tuning.speed_from))
+        desired = scalars.hypot(x1 - x0, y1 - y0) / (_STEP_S * (tuning.speed_to - tuning.speed_from))
         brake = desired < tuning.brake_below_mps or speed_mps / desired > tuning.brake_ratio
         missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
         throttle = min(max(self._speed.step(missing), 0.0), 1.0)
@@ -102,7 +102,7 @@ def along(path: Sequence[Point], distance_m: float) -> Point:
     """
     x, y, left = 0.0, 0.0, distance_m
     for next_x, next_y in path:
-        step = math.hypot(next_x - x, next_y - y)
+        step = scalars.hypot(next_x - x, next_y - y)
         if step >= left > 0.0:
             share = left / step
             return x + share * (next_x - x), y + share * (next_y - y)

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+from pytest_drive_robust.arithmetic import scalars
+
 __all__ = [
     "Gains",
     "Pedals",
@@ -126,7 +128,7 @@ class WaypointController:
         (before_x, before_y), (last_x, last_y) = waypoints[-2], waypoints[-1]
         angle, of_target = turn_of(aim), turn_of(target)
         led_to = turn_of((last_x - before_x, last_y - before_y))
-        near = math.hypot(target[0], target[1]) < tuning.calm_within_m
+        near = scalars.hypot(target[0], target[1]) < tuning.calm_within_m
         by_target = (near and abs(of_target) < abs(angle)) or (
             abs(of_target - led_to) > tuning.target_turn and target[0] < tuning.target_within_m
         )
@@ -142,8 +144,8 @@ class WaypointController:
         aim, best, length, pairs = waypoints[0], math.inf, 0.0, min(self.tuning.speed_pairs, len(waypoints) - 1)
         for number, (start, end) in enumerate(pairwise(waypoints)):
             if number < pairs:
-                length += math.hypot(end[0] - start[0], end[1] - start[1])
-            off = abs(0.5 * math.hypot(start[0] + end[0], start[1] + end[1]) - self.tuning.aim_m)
+                length += scalars.hypot(end[0] - start[0], end[1] - start[1])
+            off = abs(0.5 * scalars.hypot(start[0] + end[0], start[1] + end[1]) - self.tuning.aim_m)
             if off < best:
                 aim, best = start, off
         return aim, 2.0 * length / pairs
@@ -168,4 +170,4 @@ def turn_of(point: Point) -> float:
     x, y = point
     if x * x + y * y < 0.25:
         return 0.0
-    return math.atan2(y, x) * (2.0 / math.pi)
+    return scalars.atan2(y, x) * (2.0 / math.pi)

@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 from pytest_drive_robust import GlobalPlan, RoadOption
+from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["MAX_M", "MIN_M", "MIN_SIMLINGO_M", "RoutePlanner", "Target", "to_ego"]
 
@@ -56,7 +57,7 @@ class RoutePlanner:
             raise ValueError("the plan has no points, expected at least one: was reset called?")
         self._points = tuple((point.x_m, point.y_m, point.command) for point in plan.points)
         self._gaps_m = tuple(
-            math.hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(self._points, self._points[1:], strict=False)
+            scalars.hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(self._points, self._points[1:], strict=False)
         )
         self._min_m, self._max_m = min_m, max_m
         self.dropped = 0
@@ -70,7 +71,7 @@ class RoutePlanner:
             if along > self._max_m:
                 break
             along += self._gaps_m[k - 1]
-            away = math.hypot(points[k][0] - x_m, points[k][1] - y_m)
+            away = scalars.hypot(points[k][0] - x_m, points[k][1] - y_m)
             if farthest < away <= self._min_m:
                 reached, farthest = k, away
         self.dropped = min(reached, max(len(points) - 2, first))
@@ -81,5 +82,5 @@ class RoutePlanner:
 def to_ego(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
     """Return (forward, right) metres of a difference in the route's frame; a compass that says NaN counts as 0."""
     yaw = 0.0 if math.isnan(yaw_rad) else yaw_rad
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = scalars.cos_sin(yaw)
     return c * dx_m + s * dy_m, c * dy_m - s * dx_m

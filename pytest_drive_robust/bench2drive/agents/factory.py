@@ -74,9 +74,4 @@ class OfficialAgentFactory:
 
 def leaderboard_agent(argument: str) -> OfficialAgentFactory:
     """Return what `leaderboard:argument` makes agents with. Raises `UsageError`."""
-    return _factory(argument, os.getcwd())
-
-
-@functools.cache
-def _factory(argument: str, folder: str) -> OfficialAgentFactory:
     return OfficialAgentFactory(Reference.parse(argument))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -15,38 +16,51 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["ResultsExecutor", "ResultsSource", "parse_results", "read_setting"]
 
 _MOST_SHOWN = 10
+_OUTER_COMMA = re.compile(r",(?![^()]*\))")
+_UP_TO_OUTER_EQUALS = re.compile(r"(?:\([^()]*\)|[^=(])*")
 
 
-def parse_results(text: str, known: Mapping[str, type[Perturbation]] | None = None) -> dict[str, Path]:
+def parse_results(
+    text: str, known: Mapping[str, type[Perturbation]] | None = None, reading: DriveReading | None = None
+) -> dict[str, Path]:
     """Read `"clean=DIR,latency 200 ms=DIR2"` as paths by the sentence of their setting (`str(Setting)`).
 
     A part without `=` belongs to the path before it, so that paths may have commas. `known` are the perturbation
-    classes (default: the built-in ones). Raises `UsageError`, `RequirementError` for a sentence that does not parse.
+    classes (default: the built-in ones), `reading` is how failures are read, None where nobody asked. Raises
+    `UsageError`, `RequirementError` for a sentence that does not parse.
     """
     parts: list[str] = []
-    for piece in text.split(","):
+    for piece in _OUTER_COMMA.split(text):
         if "=" in piece or not parts:
             parts.append(piece)
         else:
             parts[-1] += f",{piece}"
     found: dict[str, Path] = {}
     for part in parts:
-        sentence, equals, path = (word.strip() for word in part.partition("="))
+        sentence, equals, path = (word.strip() for word in _named(part))
         if not (sentence and equals and path):
             raise UsageError(
                 f"--drive-results holds {part.strip()!r}, expected SETTING=FOLDER as in "
                 '--drive-results "clean=results/clean,200 ms latency=results/latency".'
             )
-        setting = str(read_setting(sentence, known))
+        setting = str(read_setting(sentence, known).read_as(reading))
         if setting in found:
             raise UsageError(f"--drive-results names {setting!r} twice: {str(found[setting])!r} and {path!r}.")
         found[setting] = Path(path)
     return found
+
+
+def _named(part: str) -> tuple[str, str, str]:
+    """Cut at the first `=` that stands in no brackets: `200 ms latency (reading=released)=DIR`."""
+    found = _UP_TO_OUTER_EQUALS.match(part)
+    end = 0 if found is None else found.end()
+    return part[:end], part[end : end + 1], part[end + 1 :]
 
 
 def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
@@ -127,9 +141,12 @@ class ResultsExecutor:
         self._sources = {source.setting: source for source in sources}
 
     @classmethod
-    def read(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> ResultsExecutor:
-        """Read everything that a `--drive-results` names. Raises `UsageError`."""
-        return cls([ResultsSource.read(setting, path) for setting, path in parse_results(text, known).items()])
+    def read(
+        cls, text: str, known: Mapping[str, type[Perturbation]] | None = None, reading: DriveReading | None = None
+    ) -> ResultsExecutor:
+        """Read everything that a `--drive-results` names, as `parse_results` does. Raises `UsageError`."""
+        named = parse_results(text, known, reading)
+        return cls([ResultsSource.read(setting, path) for setting, path in named.items()])
 
     @property
     def routes(self) -> tuple[Route, ...]:

@@ -14,11 +14,10 @@ from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.contract import blame
-from pytest_drive_robust.runner.episode.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.episode.rescore import bare_result, drive_again
-from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.agent import Agent
@@ -52,7 +51,6 @@ class RequestHandler:
         self._driver = EpisodeDriver(
             self._make_world, self._make_agent, wrap=self._watched, on_tick=state.ticked, watch=state
         )
-        self._lockstep: Lockstep | None = None
         self._process_states: dict[str, Mapping[int, Any]] = {}
 
     def replies(self, token: bytes, payload: bytes) -> Iterator[Reply]:
@@ -73,8 +71,6 @@ class RequestHandler:
         """Free the worlds and the agents."""
         self._driver.close()
         self._process_states.clear()
-        if self._lockstep is not None:
-            self._lockstep.close()
 
     def _result_of(self, asked: WorkerRequest) -> EpisodeResult | UsageError:
         try:
@@ -86,7 +82,7 @@ class RequestHandler:
             return self._broken(asked, error)
 
     def _drive(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
-        result = self._driver.drive(request)
+        result = self._driver.drive_once(request)
         if result.outcome is Outcome.AGENT_ERROR:  # another one will be made, in the process as it is then
             self._process_states.pop(request.episode.agent, None)
         return result
@@ -98,7 +94,9 @@ class RequestHandler:
         `UsageError` when it must not.
         """
         outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
-        if self._batches(asked).check(request):
+        assert asked.width is not None
+        self._state.phase("sim", 0)
+        if self._driver.check(request, asked.width):
             outcome, end = Outcome.COMPLETED, End.COMPLETED
         return bare_result(request.route, request.episode, outcome=outcome, end=end, detail="")
 
@@ -106,10 +104,9 @@ class RequestHandler:
         assert asked.recorded is not None
         episode, route = request.episode, request.route
         self._state.phase("sim", 0)
-        result = drive_again(
-            self._driver.world(), asked.recorded, route=route, setting=request.setting, episode=episode
-        )
-        return with_machine(result, None)
+        world = self._driver.world()
+        result = drive_again(world, asked.recorded, route=route, setting=request.setting, episode=episode)
+        return with_machine(result, self._registry.entry("agents", episode.agent).load(), world)
 
     def _drive_together(self, token: bytes, first: WorkerRequest) -> Iterator[Reply]:
         """Drive the first request and all that arrive before none is under way any more; they are of one agent.
@@ -132,7 +129,9 @@ class RequestHandler:
             tokens[id(request)] = token
             return request
 
-        driving = self._batches(first).drive_batch(first.episode.agent, take)
+        assert first.width is not None
+        self._state.phase("sim", 0)
+        driving = self._driver.drive_batch(first.episode.agent, take, first.width)
         while under_way:
             try:
                 request, result = next(driving)
@@ -145,21 +144,6 @@ class RequestHandler:
                 if not under_way:
                     driving.close()  # before the state of the process is put back
                 yield reply._replace(is_last=not under_way)
-
-    def _batches(self, asked: WorkerRequest) -> Lockstep:
-        """Return what drives in lockstep. The worlds and agents of one name are kept."""
-        self._state.phase("sim", 0)
-        if self._lockstep is None:
-            assert asked.width is not None
-            self._lockstep = Lockstep(
-                self._make_world,
-                self._make_agent,
-                width=asked.width,
-                wrap=self._watched,
-                watch=self._state,
-                on_tick=self._state.ticked,
-            )
-        return self._lockstep
 
     def _broken(self, asked: WorkerRequest, error: BaseException) -> EpisodeResult:
         """Return what came of an episode when something was raised that is no fault of its agent.

@@ -2,6 +2,19 @@
 
 `identify` is told once per scope and compared by people and `fingerprint`; `identity_of` is a part of every key of the
 store: what is not in it may change without an episode being driven again.
+
+Versions of Python and of libraries are in it where they may decide a bit, and nowhere else:
+
+================================= ====================================================================================
+the embedded world, metrics       none: their arithmetic is our own (`pytest_drive_robust.arithmetic`)
+other simulators                  what `versions()` tells, Python, and what the code of their environments imports
+agents with `portable_bits`       none
+agents with `computed_by`         Python and the modules that they name
+other agents                      Python and all that their code imports
+perturbations that are not ours   Python and all that their code imports
+================================= ====================================================================================
+
+What the processor decides is in no key: records tell it (`runner.episode.machine`).
 """
 
 from __future__ import annotations
@@ -9,19 +22,27 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust import arithmetic, domain, jit, perturbations, simulators
+from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.runner import driver
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
 from pytest_drive_robust.runner.cache_key.object_code import code_of
-from pytest_drive_robust.runner.cache_key.source_files import code_digest, file_of, hex_of, module_digest, source_digest
-from pytest_drive_robust.runner.episode import contract, driver, generators, loop, recorder, witness
-from pytest_drive_robust.runner.lockstep import batch, lockstep
+from pytest_drive_robust.runner.cache_key.source_files import (
+    code_digest,
+    file_of,
+    hex_of,
+    module_digest,
+    source_digest,
+    versions_of,
+)
+from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, witness
+from pytest_drive_robust.runner.lockstep import batch
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
@@ -36,7 +57,7 @@ __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulat
 
 _DECIDING = (arithmetic, jit, domain, perturbations, driver, loop, contract, recorder, witness, generators, base)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
-_LOCKSTEP = (lockstep, batch)
+_LOCKSTEP = (batch,)
 
 _BLOCK_BYTES = 1 << 20
 
@@ -68,7 +89,10 @@ def identity_of(
 
 
 def agent_identity(agent: str, registry: Registry) -> str:
-    """Return 32 hex digits of an agent: name, distribution, code, weights, and the `configuration` of its factory."""
+    """Return 32 hex digits of an agent: name, distribution, code, weights, and the `configuration` of its factory.
+
+    With the versions of the libraries that decide what it computes (see above).
+    """
     entry = registry.entry("agents", agent)
     factory = entry.load()
     given = getattr(factory, "configuration", None)
@@ -80,19 +104,22 @@ def agent_identity(agent: str, registry: Registry) -> str:
             f"those of an earlier run (numbers, text, lists, mappings, dataclasses): {error}."
         ) from None
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
-    return digest_of(agent, _distribution(entry), code_of(factory), weights, configuration)
+    modules = computing_modules(factory)
+    code, versions = code_of(factory, libraries=modules is None), versions_of(modules) if modules else {}
+    return digest_of(agent, _distribution(entry), code, weights, configuration, versions)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
     """Return 32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
 
-    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment.
+    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment. One with
+    `portable_bits` computes the same with every version of Python.
     """
     factory = registry.entry("simulators", name).load()
     modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
     others = [module_digest(file_of(module), module.__name__) for module in modules]
     facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
-    return digest_of(facts, sys.version_info[:2], _own_code(factory), others)
+    return digest_of(facts, {} if has_portable_bits(world) else versions_of(()), _own_code(factory), others)
 
 
 def route_digest(route: Route) -> str:

@@ -7,7 +7,7 @@ import inspect
 import os
 import secrets
 from types import FunctionType, MethodType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
 from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
@@ -39,40 +39,47 @@ def _class_code(cls: type) -> str:
     return _CODES[cls]
 
 
-def code_of(target: object) -> str:
+def code_of(target: object, *, libraries: bool = True) -> str:
     """Return a text that is equal for equal code with equal parameters.
 
     That is the source (see `source_files`), and the arguments of a `functools.partial`, the default values and the
     closure of a function, the state of an object that is called. Where one of them has no comparable content, the text
-    is of this session only.
+    is of this session only. `libraries`: the versions of Python and of installed libraries count, too.
     """
     try:
-        return canonical_text(_describe(target, ()))
+        return canonical_text(_describe(target, _Within((), libraries)))
     except (UnknownSourceError, TypeError) as error:
         return f"session {SESSION} {type(target).__qualname__} {error}"
 
 
-def _describe(target: Any, within: tuple[int, ...]) -> object:
-    if id(target) in within:
+class _Within(NamedTuple):
+    """The objects around the one that is described, and whether libraries count."""
+
+    objects: tuple[int, ...]
+    libraries: bool
+
+
+def _describe(target: Any, within: _Within) -> object:
+    if id(target) in within.objects:
         return "itself"
-    within = (*within, id(target))
+    within = _Within((*within.objects, id(target)), within.libraries)
     if isinstance(target, functools.partial):
         return ["partial", _describe(target.func, within), _value(target.args, within), _value(target.keywords, within)]
     if isinstance(target, MethodType):
         return ["method", _describe(target.__func__, within), _value(target.__self__, within)]
     target = inspect.unwrap(target) if callable(target) else target
     if isinstance(target, type):
-        return ["class", target.__qualname__, _source(target), _made_at_run_time(target, within)]
+        return ["class", target.__qualname__, _source(target, within), _made_at_run_time(target, within)]
     if isinstance(target, FunctionType):
-        return ["function", target.__qualname__, _source(target), _bindings(target, within)]
+        return ["function", target.__qualname__, _source(target, within), _bindings(target, within)]
     if isinstance(target, ModuleType):
-        return ["module", _source(target)]
+        return ["module", _source(target, within)]
     configuration = getattr(target, "configuration", None)
     state = vars(target) if configuration is None else configuration
     return ["object", _describe(type(target), within), _value(state, within)]
 
 
-def _value(value: Any, within: tuple[int, ...]) -> object:
+def _value(value: Any, within: _Within) -> object:
     """Return plain values as they are; code within them as code."""
     if isinstance(value, dict):
         return [[name, _value(item, within)] for name, item in value.items()]
@@ -85,7 +92,7 @@ def _value(value: Any, within: tuple[int, ...]) -> object:
     return value
 
 
-def _bindings(function: FunctionType, within: tuple[int, ...]) -> object:
+def _bindings(function: FunctionType, within: _Within) -> object:
     """Return what a function carries besides its text: defaults and the variables of functions around it."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     defaults = (function.__defaults__ or (), function.__kwdefaults__ or {})
@@ -99,7 +106,7 @@ def _content(cell: Any) -> object:
         return None
 
 
-def _made_at_run_time(cls: type, within: tuple[int, ...]) -> object:
+def _made_at_run_time(cls: type, within: _Within) -> object:
     """Return for a class inside a function what its methods and attributes took from there."""
     if "<locals>" not in cls.__qualname__:
         return []
@@ -112,6 +119,6 @@ def _made_at_run_time(cls: type, within: tuple[int, ...]) -> object:
     return found
 
 
-def _source(target: Any) -> str:
+def _source(target: Any, within: _Within) -> str:
     module = target.__name__ if isinstance(target, ModuleType) else str(getattr(target, "__module__", ""))
-    return module_digest(file_of(target), module)
+    return module_digest(file_of(target), module, libraries=within.libraries)

@@ -2,7 +2,8 @@
 
 Those are all files of its top-level package (or its one file), and then, the same way, of everything that they import
 which is no installed distribution. Installed distributions count by name and version, the standard library by that of
-Python. Imports are found by reading, not by running: an import inside a function counts, one by a computed name not.
+Python, unless who wrote the code promises that no library decides what it computes, or says which ones do. Imports are
+found by reading, not by running: an import inside a function counts, one by a computed name not.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ import sys
 from collections.abc import Iterable, Iterator
 from importlib import metadata
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 
-__all__ = ["UnknownSourceError", "code_digest", "file_of", "hex_of", "module_digest", "source_digest"]
+__all__ = [
+    "UnknownSourceError", "code_digest", "file_of", "hex_of", "imported_versions", "module_digest", "source_digest",
+    "versions_of",
+]  # fmt: skip
 
 _OWN = __name__.partition(".")[0]
 _DIGEST_BYTES = 6
@@ -39,11 +43,39 @@ class UnknownSourceError(Exception):
     """There is no telling what the code is: it was typed in, made up at run time, or holds something unknowable."""
 
 
-def module_digest(file: Path, module: str) -> str:
-    """Return 32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports."""
+def module_digest(file: Path, module: str, *, libraries: bool = True) -> str:
+    """Return 32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports.
+
+    `libraries`: with the versions of Python and of what is installed, and not with the files alone.
+    """
     walk = _Walk()
     walk.add_module(file, module)
-    return walk.digest()
+    return walk.digest(libraries=libraries)
+
+
+def imported_versions(target: object) -> dict[str, str]:
+    """Return the versions of Python and of what the code of a class, function or module imports, by module.
+
+    Raises `UnknownSourceError`.
+    """
+    walk = _Walk()
+    walk.add_module(file_of(target), str(getattr(target, "__module__", "")))
+    return dict(sorted(walk.versions().items()))
+
+
+def versions_of(modules: Iterable[str]) -> dict[str, str]:
+    """Return the versions of Python and of these modules, by name; `"absent"` for one that is not installed."""
+    found = {name: _find(name) for name in modules}
+    versions = {
+        name: "absent" if spec is None or spec.origin is None else _version(name, Path(spec.origin).resolve())
+        for name, spec in sorted(found.items())
+    }
+    return {**_python(), **versions}
+
+
+def _python() -> dict[str, str]:
+    """Return the version that decides results: patches change none."""
+    return {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
 
 
 def source_digest(factory: object) -> str:
@@ -63,12 +95,31 @@ def source_digest(factory: object) -> str:
 def file_of(target: object) -> Path:
     """Return the file of a class, function or module. Raises `UnknownSourceError`."""
     try:
-        file = Path(inspect.getfile(inspect.unwrap(target))).resolve()  # type: ignore[arg-type]
+        found = inspect.unwrap(target)  # type: ignore[arg-type]
+        file = Path(_file_of_methods(found) or inspect.getfile(found)).resolve()
     except (OSError, TypeError, ValueError) as error:
         raise UnknownSourceError(str(error)) from None
     if not file.is_file():
         raise UnknownSourceError(f"there is no file {file}")
     return file
+
+
+def _file_of_methods(target: object) -> str:
+    """Return the file that the methods of a class were read from; empty for other things, and where they do not tell.
+
+    `inspect` takes the file of whatever module has the name now. That is another one where two conftest.py share a
+    name, and none where the module was removed from `sys.modules`.
+    """
+    if not isinstance(target, type):
+        return ""
+    for member in vars(target).values():
+        function = inspect.unwrap(member) if isinstance(member, FunctionType) else None
+        # What a decorator made is written elsewhere, and what `dataclass` made nowhere.
+        if isinstance(function, FunctionType) and function.__qualname__ == f"{target.__qualname__}.{function.__name__}":
+            file = function.__code__.co_filename
+            if function.__module__ == target.__module__ and Path(file).is_file():
+                return file
+    return ""
 
 
 def code_digest(modules: Iterable[ModuleType]) -> str:
@@ -100,12 +151,19 @@ class _Walk:
 
     def __init__(self) -> None:
         self._found: dict[str, str] = {}
+        self._installed: dict[str, str] = {}  # versions
         self._tops: set[str] = set()
         self._files: set[Path] = set()
         self._specs: dict[str, importlib.machinery.ModuleSpec | None] = {}  # many files import the same few
 
-    def digest(self) -> str:
-        lines = "\n".join(f"{name} {content}" for name, content in sorted(self._found.items()))
+    def versions(self) -> dict[str, str]:
+        """Return the versions of Python and of the distributions that were found."""
+        return {**_python(), **self._installed}
+
+    def digest(self, *, libraries: bool) -> str:
+        """Return 32 hex digits of the files, and of what is installed where `libraries` count."""
+        counted = {f"distribution {name}": version for name, version in self.versions().items()} if libraries else {}
+        lines = "\n".join(f"{name} {content}" for name, content in sorted({**self._found, **counted}.items()))
         return hashlib.blake2b(lines.encode(errors="surrogatepass"), digest_size=16).hexdigest()
 
     def add_module(self, file: Path, module: str) -> None:
@@ -150,7 +208,7 @@ class _Walk:
             self._tops.add(top)
             origin = Path(spec.origin).resolve()
             if _INSTALLED & set(origin.parts):
-                self._found[f"distribution {top}"] = _version(top, origin)
+                self._installed[top] = _version(top, origin)
             elif spec.submodule_search_locations:
                 self._add_folder(origin.parent)
             else:

@@ -1,8 +1,8 @@
-"""What this machine computes: digests of a few fixed results, stored with the episodes of agents that depend on it.
+"""What this machine computes: digests of a few fixed results, stored with the episodes whose bits depend on it.
 
-The world, the perturbations and agents with `portable_bits` give the same bits on every machine. What other agents do
-is computed by numpy, the C library and torch, which choose their code by what the processor can do: their episodes may
-differ where these digests do. They are no part of any key.
+The embedded world, the perturbations and agents with `portable_bits` give the same bits on every machine. What other
+agents and worlds do is computed by the C library, numpy, torch or ONNX Runtime, which choose their code by what the
+processor can do: their episodes may differ where these digests do. They are no part of any key.
 """
 
 from __future__ import annotations
@@ -11,42 +11,81 @@ import functools
 import hashlib
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.domain.agent import has_portable_bits
-from pytest_drive_robust.domain.result import ANY_MACHINE, MACHINE_FACTS
+from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
+from pytest_drive_robust.domain.result import MACHINE_FACTS
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, imported_versions, versions_of
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["machine_facts", "with_machine"]
 
-_NAME, _TORCH = MACHINE_FACTS
+_ANY_CODE = ("libm", "numpy")
+"""What code may compute with that says nothing."""
+_HEAVY = ("torch", "onnxruntime")
+"""Loaded by who needs them, never by us."""
 _SIZE = 37
 """No multiple of any vector width: the ends of loops are computed, too. So small that no library uses several threads,
 because their number changes the bits of a product."""
 
 
-def with_machine(result: EpisodeResult, agent: object) -> EpisodeResult:
-    """Return the result with the digests of this machine among its versions. `agent` is who drove."""
-    return replace(result, versions={**result.versions, **machine_facts(agent)})
+def with_machine(result: EpisodeResult, agent: object, world: Simulator) -> EpisodeResult:
+    """Return the result with what its bits depend on beside the world's own versions: of libraries, and of the machine.
 
-
-def machine_facts(agent: object = None) -> Mapping[str, str]:
-    """Return 12 hex digits of what numpy and the C library compute here, and of torch when the agent holds any of it.
-
-    For an agent whose bits do not depend on them that is `ANY_MACHINE`. Nothing is imported for it but numpy: an agent
-    that holds something of torch has imported it. What other agents imported does not matter, so that an episode gets
-    the same entries in every process and order.
+    `agent` is who drove, or its factory.
     """
-    if has_portable_bits(agent):
-        return {_NAME: ANY_MACHINE}
-    facts = {_NAME: _of_numpy()}
-    if agent is not None and "torch" in sys.modules and _holds_torch(agent):
-        facts[_TORCH] = _of_torch()
-    return facts
+    versions = {**_library_versions(agent), **result.versions, **machine_facts(agent, world)}
+    return replace(result, versions=versions)
+
+
+def machine_facts(agent: object = None, world: object = None) -> Mapping[str, str]:
+    """Return 12 hex digits of what each library computes here that an episode of the agent in the world depends on.
+
+    Those are the modules that an agent names (`computed_by`); of one that names none the C library and numpy, and torch
+    and ONNX Runtime where it holds any of them. A world without `portable_bits` computes with the C library and numpy.
+    Nothing is imported for it but numpy: an agent that computes with torch has imported it. What other agents imported
+    does not matter, so that an episode gets the same entries in every process and order.
+    """
+    named = computing_modules(agent)
+    if named is None:
+        named = (*_ANY_CODE, *(module for module in _HEAVY if agent is not None and _holds(agent, module)))
+    if not has_portable_bits(world):
+        named = (*_ANY_CODE, *named)
+    facts = ((name, name.removeprefix("machine ")) for name in MACHINE_FACTS)
+    return {
+        name: _COMPUTED[module]()
+        for name, module in facts
+        if module in named and (module not in _HEAVY or module in sys.modules)
+    }
+
+
+def _library_versions(agent: object) -> Mapping[str, str]:
+    """Return the versions that the keys of the agent's episodes hold."""
+    modules = computing_modules(agent)
+    if modules is None:
+        return _imported(agent if isinstance(agent, (type, FunctionType)) else type(agent))
+    return versions_of(modules) if modules else {}
+
+
+@functools.cache
+def _imported(code: type | FunctionType) -> Mapping[str, str]:
+    try:
+        return imported_versions(code)
+    except UnknownSourceError:
+        return versions_of(())
+
+
+@functools.cache
+def _of_libm() -> str:
+    line = [(3.0 * step - 54.0) / 18.0 for step in range(_SIZE)]
+    scalars = [(math.sin(x), math.exp(x), math.tanh(x), math.atan2(x, 0.3), abs(x) ** 0.7) for x in line]
+    return _digest([repr(scalars).encode()])
 
 
 @functools.cache
@@ -63,8 +102,6 @@ def _of_numpy() -> str:
         results += [matrix @ values, matrix @ matrix, np.einsum("ij,j->i", matrix, values)]
     results.append(np.linalg.solve(square + 20.0 * np.eye(_SIZE), line))
     results.append(np.fft.rfft(line))
-    scalar = [(math.sin(x), math.exp(x), math.tanh(x), math.hypot(x, 0.3), abs(x) ** 0.7) for x in line.tolist()]
-    results.append(np.array(scalar))
     return _digest(np.ascontiguousarray(result).tobytes() for result in results)
 
 
@@ -89,6 +126,31 @@ def _of_torch() -> str:
         torch.set_num_threads(threads)
 
 
+@functools.cache
+def _of_onnxruntime() -> str:
+    """Return the digest of a matrix product and a tanh, as a model of their own."""
+    import numpy as np
+    from onnx import TensorProto, helper  # its agents need it to build their models
+
+    runtime: Any = sys.modules["onnxruntime"]
+    value, product, result = (
+        helper.make_tensor_value_info(name, TensorProto.FLOAT, [_SIZE, _SIZE]) for name in ("x", "xx", "y")
+    )
+    nodes = [helper.make_node("MatMul", ["x", "x"], ["xx"]), helper.make_node("Tanh", ["xx"], ["y"])]
+    graph = helper.make_graph(nodes, "probe", [value], [product, result])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    session = runtime.InferenceSession(model.SerializeToString(), options, providers=["CPUExecutionProvider"])
+    line = np.arange(_SIZE * _SIZE, dtype=np.float32) % 101 / np.float32(100.0) - np.float32(0.5)
+    return _digest(found.tobytes() for found in session.run(None, {"x": line.reshape(_SIZE, _SIZE)}))
+
+
+_COMPUTED: Mapping[str, Callable[[], str]] = {
+    "libm": _of_libm, "numpy": _of_numpy, "torch": _of_torch, "onnxruntime": _of_onnxruntime,
+}  # fmt: skip
+
+
 def _digest(pieces: Iterable[bytes]) -> str:
     digest = hashlib.blake2b(digest_size=6)
     for piece in pieces:
@@ -96,15 +158,17 @@ def _digest(pieces: Iterable[bytes]) -> str:
     return digest.hexdigest()
 
 
-def _holds_torch(agent: object) -> bool:
-    """Return whether the agent, what it keeps, or the module that it is written in, has something of torch."""
+def _holds(agent: object, library: str) -> bool:
+    """Return whether the agent, what it keeps, or the module that it is written in, has something of the library."""
+    if library not in sys.modules:
+        return False
     module = sys.modules.get(type(agent).__module__)
-    kept = (*getattr(agent, "__dict__", {}).values(), *getattr(module, "__dict__", {}).values())
-    return _is_torch(agent) or any(map(_is_torch, kept))
+    kept = (agent, *getattr(agent, "__dict__", {}).values(), *getattr(module, "__dict__", {}).values())
+    return any(_is_of(value, library) for value in kept)
 
 
-def _is_torch(value: object) -> bool:
+def _is_of(value: object, library: str) -> bool:
     kinds = value.__mro__ if isinstance(value, type) else type(value).__mro__
     names = [kind.__module__ for kind in kinds]
     names += [value.__name__] if isinstance(value, type(sys)) else []
-    return any(isinstance(name, str) and name.partition(".")[0] == "torch" for name in names)
+    return any(isinstance(name, str) and name.partition(".")[0] == library for name in names)

@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.stored_controls import AgentRig, StoredControls
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from pytest_drive_robust.domain.route import GlobalPlan, Route
+    from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["ROW_FIELDS", "AgentRig", "RecordedControls", "bare_result", "drive_again"]
+__all__ = ["ROW_FIELDS", "RecordedControls", "bare_result", "drive_again"]
 
 ROW_FIELDS = 9
 """A row a tick: throttle, steer, brake as asked (NaN: not asked), the same as applied, x, y, speed before the tick."""
 _ASKED = slice(0, 3)
 _APPLIED = slice(3, 6)
 _POSE = slice(6, 9)
-
-
-@dataclass(frozen=True, slots=True)
-class AgentRig:
-    """What is known of an agent that can no longer be asked."""
-
-    cameras: tuple[CameraSpec, ...] = ()
-    consumes: tuple[str, ...] = ()
-    privileged: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,45 +82,13 @@ def bare_result(
     )
 
 
-class _LostError(Exception):
-    """Where the recording ends."""
-
-
-class _ReplayedAgent:
-    """Gives the recorded controls, then raises where the agent was lost."""
-
-    def __init__(self, recorded: RecordedControls, controls: Sequence[Control]) -> None:
-        rig = recorded.rig or AgentRig()
-        self.privileged = False  # nobody reads the truth, which would be copied in every tick
-        self.consumes = frozenset(rig.consumes)
-        self._recorded = recorded
-        self._cameras = rig.cameras
-        self._controls = iter(controls)
-
-    def sensors(self) -> Sequence[CameraSpec]:
-        if self._recorded.rig is None:
-            raise _LostError
-        return self._cameras
-
-    def reset(self, route: GlobalPlan, seed: int) -> None:
-        if self._recorded.call == "reset":
-            raise _LostError
-
-    def act(self, observation: Observation) -> Control:
-        control = next(self._controls, None)
-        if control is None:
-            raise _LostError
-        return control
-
-
 def _drive_recorded(
     simulator: Simulator, recorded: RecordedControls, route: Route, setting: Setting, seed: int, *, as_applied: bool
 ) -> EpisodeResult:
     rows = recorded.rows[:, _APPLIED if as_applied else _ASKED]
     controls = [Control(*row) for row in rows.tolist() if row[0] == row[0]]  # NaN is not itself
-    result = drive_episode(
-        simulator, _ReplayedAgent(recorded, controls), route=route, setting=setting, seed=seed, agent_name="nobody"
-    )
+    agent = StoredControls(controls, rig=recorded.rig, lost_in=recorded.call)
+    result = drive_episode(simulator, agent, route=route, setting=setting, seed=seed, agent_name="nobody")
     return replace(result, privileged=recorded.rig is not None and recorded.rig.privileged)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded.drawing.furniture import LAMP_COLOURS
 from pytest_drive_robust.simulators.embedded.drawing.looks import paint_of
@@ -94,7 +94,7 @@ def _path(picture: Pixels, region: Region, points: Floats, colour: Colour, line_
 def _corners(place: Floats) -> Floats:
     """Return the corners (4, 2) of a rectangle x, y, yaw, length, width: front right and left, rear left and right."""
     x, y, yaw, length, width = (float(value) for value in place)
-    c, s = math.cos(yaw), math.sin(yaw)
+    c, s = scalars.cos_sin(yaw)
     along, across = np.array((c, s)) * length / 2.0, np.array((-s, c)) * width / 2.0
     return np.array((x, y)) + np.stack((along + across, along - across, -along - across, -along + across))
 
@@ -145,7 +145,7 @@ def _stroke(picture: Pixels, region: Region, start: Floats, end: Floats, colour:
 def _light(picture: Pixels, region: Region, place: tuple[float, float], heading_rad: float, colour: Colour) -> None:
     """Draw a disc at the pole with a tick towards the traffic that must obey it."""
     pole = np.array(place)
-    toward = pole - np.array((math.cos(heading_rad), math.sin(heading_rad))) * 2.0
+    toward = pole - np.array(scalars.cos_sin(heading_rad)) * 2.0
     _stroke(picture, region, pole, toward, _OUTLINE)
     middle = _point(region.pixels(pole[None])[0])
     radius = max(3, round(0.8 / region.texel_m)) << _SUBPIXEL_BITS

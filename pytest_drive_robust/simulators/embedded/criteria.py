@@ -102,7 +102,7 @@ def _progress(world: WorldArrays) -> float:
 
 
 @inner
-def _wake_scenario(world: WorldArrays) -> None:
+def _start_scenario(world: WorldArrays) -> None:
     s = world.route_s[world.criteria_ints[c.CI_PROGRESS]]
     if world.clock[1] < 0 and s >= world.trigger_m - TRIGGER_RADIUS_M:
         world.clock[1] = world.clock[0]
@@ -307,7 +307,7 @@ def _end(world: WorldArrays) -> int:
 def judge(world: WorldArrays) -> None:
     """Judge all criteria of one tick, after everybody moved; write `CI_END` when the episode is over."""
     gained = _progress(world)
-    _wake_scenario(world)
+    _start_scenario(world)
     _lane_keeping(world, gained)
     _red_lights(world)
     _stop_signs(world)

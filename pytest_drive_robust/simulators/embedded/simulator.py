@@ -6,9 +6,7 @@ for its name, its tick and its versions, and need not wait for numba and highway
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_drive_robust.domain.control import Control
@@ -49,6 +47,7 @@ class EmbeddedSimulator:
     name = "embedded"
     version = "2"
     dt_s = DT_S
+    portable_bits = True
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
@@ -161,26 +160,9 @@ class EmbeddedSimulator:
         return self.frame
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the backend and of the libraries that compute."""
-        return {"simulator": f"{self.name} {self.version}", **_libraries()}
+        """Return its own version: no version of a library changes a bit (`pytest_drive_robust.arithmetic`)."""
+        return {"simulator": f"{self.name} {self.version}"}
 
     def close(self) -> None:
         """Forget the current world."""
         self._world = self._sensors = self._frame = None
-
-
-@functools.cache
-def _libraries() -> Mapping[str, str]:
-    import cv2
-    import numpy as np
-
-    versions = {"highway-env": _installed("highway-env"), "numba": _installed("numba")}
-    return {**versions, "numpy": np.__version__, "opencv": cv2.__version__}
-
-
-def _installed(distribution: str) -> str:
-    """Return a distribution's version without its import, which takes half a second."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "unknown"

@@ -145,8 +145,7 @@ class GymnasiumSimulator:
         return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the backend and of the libraries that compute."""
-        import cv2
+        """Return the versions of the backend and of the libraries that compute; sensors are those of our own world."""
         import highway_env
 
         return {
@@ -154,7 +153,6 @@ class GymnasiumSimulator:
             "gymnasium": str(gymnasium.__version__),
             "highway-env": str(getattr(highway_env, "__version__", "unknown")),
             "numpy": str(np.__version__),
-            "opencv": str(cv2.__version__),
         }
 
     def close(self) -> None:

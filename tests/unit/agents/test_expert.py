@@ -52,6 +52,32 @@ def test_it_leaves_a_parking_space_only_into_a_gap() -> None:
     assert act(street(right_m=2.9)).throttle > 0.3
 
 
+def behind_a_braking_car(*, every_ticks: int) -> float:
+    """Return the acceleration that it chooses behind a car that brakes at 3 m/s2, asked every so many ticks."""
+    agent = Expert()
+    for tick in range(0, 21, every_ticks):
+        away_m, slower_mps = 9.0 * 0.05 * tick, 3.0 * 0.05 * tick
+        leader = actor(38.0 + away_m - 0.5 * slower_mps * 0.05 * tick, 0.0, speed_mps=9.0 - slower_mps)
+        agent.act(observation(street(leader, x_m=20.0 + away_m, speed_mps=9.0), tick))
+    return agent.intent().acceleration_mps2
+
+
+@pytest.mark.parametrize("every_ticks", [2, 4, 10])
+def test_asked_every_few_ticks_it_judges_who_brakes_ahead_as_in_every_tick(every_ticks: int) -> None:
+    assert behind_a_braking_car(every_ticks=every_ticks) == behind_a_braking_car(every_ticks=1)
+
+
+def test_its_patience_is_counted_in_seconds_and_not_in_answers() -> None:
+    crossing = street(actor(34.0, 1.0), actor(55.0, -LANE_M, speed_mps=10.0, yaw_rad=math.pi), x_m=22.2)
+    waited_s = []
+    for every_ticks in (1, 10):
+        agent = Expert()
+        for tick in range(0, 41, every_ticks):
+            agent.act(observation(crossing, tick))
+        waited_s.append(agent.fork()._speed._waited_s)
+    assert waited_s == pytest.approx([2.05, 2.05])
+
+
 def test_without_ground_truth_it_says_what_it_needs() -> None:
     with pytest.raises(ValueError, match="privileged"):
         Expert().act(observation(None))

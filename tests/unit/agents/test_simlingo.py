@@ -15,7 +15,7 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets import prompts, words  # noqa: E402
 from drive_robust_agents._nets.simlingo import SimLingoNet, SimLingoSpec  # noqa: E402
 from drive_robust_agents._wrappers.path_controller import Creep  # noqa: E402
-from drive_robust_agents.simlingo import CAMERAS, SimLingo  # noqa: E402
+from drive_robust_agents.simlingo import CAMERAS, SimLingo, SimLingoElapsed, SimLingoUnfiltered  # noqa: E402
 from drive_robust_agents.training.data.rigs import agent_rig  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402
 from drive_robust_agents.training.loop.trainer import TrainingOptions  # noqa: E402
@@ -152,6 +152,38 @@ def test_a_speedometer_that_reads_too_low_holds_the_filtered_position_back() -> 
         slow = seen(tick, speed=8.0)
         driver.act(Observation(tick, slow.gps, slow.compass, slow.imu, Speed(4.0, tick), slow.cameras))
     assert network.asked[-1][1]["target"][0, 0, 0] > honest + 3.0
+
+
+def asked_every(ticks: int, position_filter: str | None) -> NDArray[Any]:
+    """Return the target points, metres forward, that it saw on a straight road at 8 m/s, asked every so many ticks."""
+    driver, network = agent(position_filter=position_filter)
+    for tick in range(0, 81, ticks):
+        driver.act(seen(tick, speed=8.0))
+    return np.array([inputs["target"][0, 0, 0] for _, inputs in network.asked])
+
+
+def test_in_every_tick_the_filter_that_knows_the_time_is_the_published_one() -> None:
+    assert np.array_equal(asked_every(1, "elapsed"), asked_every(1, "published"))
+    assert np.array_equal(asked_every(1, None), asked_every(1, "published"))
+
+
+@pytest.mark.parametrize("ticks", [2, 4, 10])
+def test_asked_every_few_ticks_only_the_published_filter_loses_the_vehicle(ticks: int) -> None:
+    published, elapsed, none = (asked_every(ticks, name) for name in ("published", "elapsed", "none"))
+    assert none[-1] == pytest.approx(40.0 - 32.0)
+    assert elapsed[-1] == pytest.approx(none[-1], abs=0.5)
+    assert published[-1] > none[-1] + 6.0
+
+
+def test_an_unknown_filter_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(UsageError, match=r"'elapsd'\. Did you mean 'elapsed'"):
+        agent(position_filter="elapsd")
+
+
+@pytest.mark.parametrize(("variant", "name"), [(SimLingoElapsed, "elapsed"), (SimLingoUnfiltered, "none")])
+def test_a_variant_has_its_filter_and_says_so_in_what_identifies_it(variant: type[SimLingo], name: str) -> None:
+    made = variant(network=Scripted())
+    assert made.position_filter == variant.configuration["position_filter"] == name
 
 
 def test_it_creeps_after_standing_for_forty_seconds() -> None:

@@ -28,7 +28,7 @@ def ends() -> Iterator[tuple[Connection, Connection]]:
         yield ours, theirs
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=list(HealthCheck))
 @given(messages=st.lists(MESSAGES, max_size=4))
 def test_messages_arrive_whole_and_in_order(
     ends: tuple[Connection, Connection], messages: list[tuple[bytes, bytes]]

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.engine.shared_state import Phase, SharedState, shared_file, state_bytes
-from pytest_drive_robust.runner.episode.rescore import AgentRig
+from pytest_drive_robust.runner.episode.stored_controls import AgentRig
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 EGO = EgoState(1.5, -2.5, 0.1, 8.25, 0.0, 0.0, 0.0, 4.5, 1.9)

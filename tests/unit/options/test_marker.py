@@ -4,6 +4,7 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.perturbations.readings import DriveReading
 
 
 def marks(*given):
@@ -32,11 +33,20 @@ def test_seeds_may_be_one_number_or_several(seeds):
         ({"routes": ""}, "routes='', expected text"),
         ({"seeds": "0,1"}, "expected whole numbers"),
         ({"seeds": []}, "at least one seed"),
+        ({"reading": "relesed"}, r"Did you mean 'released'.*the marker drive_robust\(reading='relesed'\)"),
+        ({"reading": 2}, "reading=2, expected text"),
     ],
 )
 def test_what_a_mark_cannot_mean_is_refused(options, message):
     with pytest.raises(UsageError, match=message):
         MarkerOptions.from_marks(marks(options))
+
+
+def test_a_mark_reads_failures_whatever_the_run_asks_for():
+    run = DriveReading("paper", "--drive-reading paper")
+    assert MarkerOptions.from_marks(marks({"reading": "released"})).asked_reading(run).name == "released"
+    assert MarkerOptions.from_marks(marks({"agent": "a"})).asked_reading(run) is run
+    assert MarkerOptions().asked_reading(None) is None
 
 
 def test_a_word_without_its_keyword_is_refused():

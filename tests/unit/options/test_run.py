@@ -37,16 +37,32 @@ def test_the_command_line_wins_over_the_ini_file():
 
 
 def test_every_option_is_read(tmp_path):
-    files = tmp_path / "run.json", tmp_path / "run.csv"
+    files = tmp_path / "run.json", tmp_path / "run.csv", tmp_path / "look"
     values = (
-        *("a", "r.xml", "3, 1", "s", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept", "on"),
+        *("a", "r.xml", "3, 1", "s", "released", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept", "on"),
         *(*map(str, files), "on", "on"),
     )
     config = FakeConfig(**{option.name: value for option, value in zip(options_of(RunOptions), values, strict=True)})
     verdict_rule = VerdictRule("list", 0.2, 0.01)
     assert RunOptions.from_pytest_config(config) == RunOptions(
-        *("a", "r.xml", (3, 1), "s", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True, *files, True, True)
+        *("a", "r.xml", (3, 1), "s", "released", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True),
+        *(*files, True, True),
     )
+
+
+def test_a_reading_is_asked_for_only_where_somebody_says_so():
+    asked = RunOptions.from_pytest_config(FakeConfig({"drive_reading": "released"})).asked_reading
+    assert (asked.name, asked.asked) == ("released", "--drive-reading released")
+    assert RunOptions.from_pytest_config(FakeConfig(drive_reading="paper")).asked_reading.name == "paper"
+    usual = RunOptions.from_pytest_config(FakeConfig())
+    assert (usual.reading, usual.asked_reading) == ("paper", None)
+
+
+def test_an_unknown_reading_is_refused_with_the_nearest_one():
+    with pytest.raises(
+        UsageError, match=r"there is no reading named 'relesed'\. Did you mean 'released'.*--drive-reading"
+    ):
+        RunOptions.from_pytest_config(FakeConfig(drive_reading="relesed"))
 
 
 def test_a_store_that_is_a_file_is_refused(tmp_path):

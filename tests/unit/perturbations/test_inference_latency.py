@@ -53,6 +53,7 @@ N = NEVER
         (InferenceLatency(ms=100, warmup_ticks=5), range(9), [N, N, N, N, N, 3, 4, 5, 6]),
         (InferenceLatency(ms=100, mode="hold", warmup_ticks=5), [0, 2, 4, 6, 8], [N, N, N, N, N, 2, 4, 4, 6]),
         (InferenceLatency(ms=0, warmup_ticks=3), range(9), [N, N, N, 3, 4, 5, 6, 7, 8]),
+        (InferenceLatency(ms=0, mode="hold", warmup_ticks=3), range(9), [N, N, N, 3, 4, 5, 6, 7, 8]),
         (  # 0.12 s: due in tick 2; 0.04 s: due in tick 2 as well, less than a tick later; 0.2 s: from tick 3 to 7
             InferenceLatency(mode="measured", replay_s=(0.12, 0.04, 0.2, 0.05, 0.05)),
             [0, 2, 3, 7, 8],
@@ -144,7 +145,7 @@ def test_a_latency_below_one_tick_is_refused_because_it_would_be_the_clean_setti
 def test_the_baseline_of_a_setting_with_a_warm_up_has_the_same_warm_up() -> None:
     setting = Setting.parse("occlusion 0.5 and 100 ms latency (mode=hold, warmup_ticks=4)")
     assert setting.warmup_ticks == started(setting).warmup_ticks == 4
-    assert str(setting.baseline) == "0 ms latency (warmup_ticks=4)"
+    assert str(setting.baseline) == "0 ms latency (mode=hold, warmup_ticks=4)"
     assert drive(started(setting.baseline), 7) == (list(range(7)), [N, N, N, N, 4, 5, 6])
     assert setting.baseline.baseline == setting.baseline
     assert Setting.parse("200 ms latency").baseline == Setting.CLEAN

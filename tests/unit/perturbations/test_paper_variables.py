@@ -15,15 +15,15 @@ LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
         ({}, "clean"),
         (ON, "clean"),
         ({"ROBUSTNESS_ENABLE": "off", "GPS_DRIFT_ENABLE": "1"}, "clean"),
-        ({**ON, "FRAME_DROP_ENABLE": "1"}, "1 s burst frame drop (length=uniform)"),
-        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "60"}, "3 s burst frame drop (length=uniform)"),
+        ({**ON, "FRAME_DROP_ENABLE": "1"}, "1 s burst frame drop (reading=released)"),
+        ({**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "60"}, "3 s burst frame drop (reading=released)"),
         (
             {**ON, "FRAME_DROP_ENABLE": "1", "BURST_MAX_TICKS": "60", "SIM_RATE": "10"},
-            "6 s burst frame drop (length=uniform)",
+            "6 s burst frame drop (reading=released)",
         ),
         (
             {**ON, "FRAME_DROP_ENABLE": "1", "BURST_PROBABILITY": "0.1"},
-            "1 s burst frame drop (probability=0.1, length=uniform)",
+            "1 s burst frame drop (reading=released, probability=0.1)",
         ),
         ({**ON, "PARTIAL_OBS_ENABLE": "1"}, "occlusion 0.5 (fill=blur)"),
         ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_TYPE": "occlusion"}, "occlusion 0.5"),
@@ -46,10 +46,10 @@ LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
         ({**ON, "SENSOR_DELAY_EGO": "4", "SENSOR_DELAY_CAM": "4"}, "200 ms sensor delay"),
         ({**ON, "BLEND_ENABLE": "1"}, "3 frame blend"),
         ({**ON, "BLEND_ENABLE": "1", "BLEND_NUM": "5", "BLEND_MODE": "linear"}, "5 frame blend (weights=linear)"),
-        (LATE, "100 ms latency (mode=hold, warmup_ticks=20)"),
+        (LATE, "100 ms latency (reading=released)"),
         ({**LATE, "INFERENCE_LATENCY_MS": "200", "WARMUP_STEPS": "0"}, "200 ms latency (mode=hold)"),
-        ({**LATE, "INFERENCE_LATENCY_MODE": "measured"}, "measured latency (warmup_ticks=20)"),
-        ({**LATE, "INFERENCE_LATENCY_MS": "", "ROBUSTNESS_SEED": " "}, "100 ms latency (mode=hold, warmup_ticks=20)"),
+        ({**LATE, "INFERENCE_LATENCY_MODE": "measured"}, "measured latency (reading=released)"),
+        ({**LATE, "INFERENCE_LATENCY_MS": "", "ROBUSTNESS_SEED": " "}, "100 ms latency (reading=released)"),
         (
             {
                 **ON,
@@ -63,7 +63,7 @@ LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
                 "SPEED_BIAS_ENABLE": "1",
                 "WARMUP_STEPS": "0",
             },
-            "50 ms sensor delay and 3 frame blend and 1 s burst frame drop (length=uniform) and "
+            "50 ms sensor delay and 3 frame blend and 1 s burst frame drop (reading=released) and "
             "occlusion 0.5 (fill=blur) and GPS noise 5 m and speed noise 0.5 and 100 ms latency (mode=hold)",
         ),
     ],
@@ -79,9 +79,9 @@ def test_the_released_variables_ask_for_this_setting(environ: dict[str, str], se
     [
         ({"PARTIAL_OBS_RATIO": "0.8"}, "occlusion 0.8"),
         ({"PARTIAL_OBS_RATIO": "0.8", "PARTIAL_OBS_TYPE": "blur"}, "occlusion 0.8 (fill=blur)"),
-        ({"BURST_MAX_TICKS": "60"}, "3 s burst frame drop (length=uniform)"),
-        ({"BURST_PROBABILITY": "0.1"}, "1 s burst frame drop (probability=0.1, length=uniform)"),
-        ({"BURST_MAX_TICKS": "60", "SIM_RATE": "10"}, "6 s burst frame drop (length=uniform)"),
+        ({"BURST_MAX_TICKS": "60"}, "3 s burst frame drop (reading=released)"),
+        ({"BURST_PROBABILITY": "0.1"}, "1 s burst frame drop (reading=released, probability=0.1)"),
+        ({"BURST_MAX_TICKS": "60", "SIM_RATE": "10"}, "6 s burst frame drop (reading=released)"),
         ({"GPS_NOISE_STD": "15"}, "GPS noise 15 m"),
         ({"SPEED_BIAS_MEAN": "0.2"}, "speed noise 0.2"),
         ({"SPEED_BIAS_STD": "0.1"}, "speed noise 0.5 (std=0.1)"),

@@ -40,7 +40,7 @@ _BIKING_M = 1.6
 _BOX_M = (9.5, 16.0)
 _SMALLEST_M = 7.0
 _TURN_RAD = math.radians(45.0)
-_WAKE_BEFORE_M = 9.5
+_TRIGGER_BEFORE_M = 9.5
 """The scenario starts so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
 _WINDOW_M = 30
 _PLAIN = (LineType.NONE, LineType.NONE)
@@ -68,7 +68,7 @@ def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: floa
         crosswalk(town, arm)
     inside = _connect(town, [arm for arm, _ in arms], roads)
     entry_m = float(arc_lengths(ways.before)[-1])
-    return joined(ways.before, inside[1:-1], ways.after), max(entry_m - _WAKE_BEFORE_M, 0.0)
+    return joined(ways.before, inside[1:-1], ways.after), max(entry_m - _TRIGGER_BEFORE_M, 0.0)
 
 
 def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
@@ -98,8 +98,8 @@ def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
     corner = crossing_point(start, end)
     if corner is None or not _TURN_RAD < abs(turn) < math.pi - _TURN_RAD or min(corner) < 4.0:
         return None
-    room = corner[0] - (trigger_m + _WAKE_BEFORE_M - course.start_m)
-    least = min(max(course.start_m + corner[0] - _WAKE_BEFORE_M - 0.5, _SMALLEST_M), _BOX_M[0])
+    room = corner[0] - (trigger_m + _TRIGGER_BEFORE_M - course.start_m)
+    least = min(max(course.start_m + corner[0] - _TRIGGER_BEFORE_M - 0.5, _SMALLEST_M), _BOX_M[0])
     box = min(max(min(*corner, room, _BOX_M[1]), least), max(min(corner), _SMALLEST_M))
     entry = prolonged(before, after_m=corner[0] - box) if corner[0] > box else before
     leave = prolonged(after, before_m=corner[1] - box) if corner[1] > box else after
@@ -114,7 +114,7 @@ def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
     """Place a junction straight ahead: in the middle of where waypoints lack, or as far on as the trigger needs."""
     line, s = course.whole(), arc_lengths(course.whole())
     box = min(max(course.gap_m / 2.0 - 1.0, _BOX_M[0]), _BOX_M[1])
-    entry_m = max(course.start_m + course.gap_m / 2.0 - box, trigger_m + _WAKE_BEFORE_M)
+    entry_m = max(course.start_m + course.gap_m / 2.0 - box, trigger_m + _TRIGGER_BEFORE_M)
     entry_m = min(entry_m, course.start_m + max(course.gap_m - box, 1.0), s[-1] - 2.0 * box - 5.0)
     if entry_m < 3.0:
         raise RouteError(f"{s[-1]:.0f} m are too short for a junction on them")

@@ -54,6 +54,29 @@ def test_exact_sensors_give_the_exact_place() -> None:
     assert np.abs(straight(ticks=200)).max() < 0.01
 
 
+@pytest.mark.parametrize(
+    ("told_ticks", "behind_m"), [(1, {5: 9.6, 20: 25.0}), (2, {5: 0.0, 20: 0.0})], ids=["published", "elapsed"]
+)
+def test_called_every_second_tick_it_falls_behind_unless_it_is_told_so(
+    told_ticks: int, behind_m: dict[int, float]
+) -> None:
+    found, behind = PositionFilter(), {}
+    for tick in range(0, 401, 2):
+        told = found.step(0.4 * tick, 0.0, 0.0, 8.0, ROLLING, told_ticks)
+        behind[tick] = 0.4 * tick - told.x_m
+    assert [behind[20 * seconds] for seconds in behind_m] == pytest.approx(list(behind_m.values()), rel=0.1, abs=0.1)
+
+
+def test_ticks_of_which_nothing_was_measured_are_predicted_one_by_one() -> None:
+    at_once, one_by_one = PositionFilter(), PositionFilter()
+    last = Control(throttle=0.5, steer=0.3)
+    for found in (at_once, one_by_one):
+        found.step(0.0, 0.0, 0.2, 5.0, last)
+    for _ in range(3):
+        one_by_one.step(math.nan, math.nan, math.nan, math.nan, last)
+    assert at_once.step(1.0, 0.1, 0.3, 5.5, last, 4) == one_by_one.step(1.0, 0.1, 0.3, 5.5, last)
+
+
 def test_in_a_bend_it_follows_the_compass() -> None:
     found, yaw, x, y = PositionFilter(), 0.0, 0.0, 0.0
     tangent = 2.85 / 20.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,16 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 
 
 @pytest.fixture
-def process_mark(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[str]:
-    """Whatever a test starts has the mark in its environment, and is gone when the test is over."""
-    monkeypatch.setenv(MARK, tmp_path.name)
+def process_mark(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Whatever a test starts has the mark in its environment, and is gone when the test is over.
+
+    No other test has it: the folders of tests have equal names where these begin alike and run side by side.
+    """
+    mark = uuid.uuid4().hex
+    monkeypatch.setenv(MARK, mark)
     monkeypatch.delenv("CARLA_ROOT", raising=False)
-    yield tmp_path.name
-    assert left_behind(tmp_path.name) == []
+    yield mark
+    assert left_behind(mark) == []
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from fake_bench2drive import MARK, left_behind, make
 from heeding_interrupts import heed_interrupts
+from patience import PATIENCE_S
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.domain.outcome import End, Outcome
@@ -36,7 +37,7 @@ def test_what_the_harness_does_wrong_is_tried_again_and_never_scored(
     }
     futures = {mode: made.submit(task(mode)) for mode in reasons}
     for mode, future in futures.items():
-        result = future.result(60)
+        result = future.result(PATIENCE_S)
         assert (result.outcome, result.end) == (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED)
         assert result.end_detail.count(reasons[mode]) == 2, result.end_detail
     assert left_behind(process_mark) == []
@@ -46,7 +47,7 @@ def test_an_evaluator_that_hangs_is_killed_with_its_server(
     official_executor: Callable[..., Any], process_mark: str
 ) -> None:
     made, task = official_executor(patience=Patience(silence_s=1.0))
-    result = made.submit(task("hang")).result(60)
+    result = made.submit(task("hang")).result(PATIENCE_S)
     assert result.outcome is Outcome.INFRA_ERROR
     assert result.end_detail.count("said nothing for 1 s") == 2
     assert left_behind(process_mark) == []
@@ -56,7 +57,7 @@ def test_a_server_and_evaluator_that_died_are_started_again(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor()
-    result = made.submit(task("segfault-once", Setting.of(GpsNoise(5)), seed=3)).result(60)
+    result = made.submit(task("segfault-once", Setting.of(GpsNoise(5)), seed=3)).result(PATIENCE_S)
     made.close()
     assert result.outcome is Outcome.COMPLETED
     assert result.episode.seed == 3
@@ -68,7 +69,7 @@ def test_daemons_of_an_agent_do_not_outlive_its_route(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor()
-    assert made.submit(task("orphans")).result(60).outcome is Outcome.COMPLETED
+    assert made.submit(task("orphans")).result(PATIENCE_S).outcome is Outcome.COMPLETED
     assert left_behind(process_mark) == []
 
 
@@ -101,7 +102,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
     runner = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=heed_interrupts)
     _wait_for(lambda: any("sleep 600" in line for line in left_behind(process_mark)))
     runner.send_signal(number)
-    runner.wait(30)
+    runner.wait(PATIENCE_S)
     _wait_for(lambda: not left_behind(process_mark))
     assert runner.returncode == (130 if number == signal.SIGINT else -number)
 
@@ -121,12 +122,12 @@ def test_nothing_is_left_when_the_subreaper_is_killed(
                 continue
             if own and any(part.endswith(b"subreaper.py") for part in parts):
                 os.kill(int(entry.name), signal.SIGKILL)
-    assert future.result(60).outcome is Outcome.INFRA_ERROR
+    assert future.result(PATIENCE_S).outcome is Outcome.INFRA_ERROR
     assert left_behind(process_mark) == []
 
 
 def _wait_for(condition: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + 30.0
+    until_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s
         threading.Event().wait(0.05)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_bench2drive import ROUTES
+from patience import PATIENCE_S
 
 from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.bench2drive.results.statuses import STATUSES
@@ -70,7 +71,7 @@ def test_every_official_status_is_an_outcome_and_harness_errors_are_no_scores(
     made, task = official_executor(tries=1, slots=4)
     futures = {status: made.submit(task(f"status:{status}")) for status in STATUSES}
     for status, future in futures.items():
-        result = future.result(60)
+        result = future.result(PATIENCE_S)
         assert (result.outcome, result.end) == STATUSES[status]
         if result.outcome is Outcome.INFRA_ERROR:
             assert result.ticks == 0
@@ -85,7 +86,7 @@ def test_an_evaluator_that_cannot_start_is_the_users_to_put_right(
 ) -> None:
     made, task = official_executor()
     with pytest.raises(UsageError, match=r"a_module_that_is_not_there.*doctor"):
-        made.submit(task("no-module")).result(60)
+        made.submit(task("no-module")).result(PATIENCE_S)
 
 
 def test_tasks_that_the_evaluator_cannot_have_are_refused(official_executor: Callable[..., Any]) -> None:
@@ -127,10 +128,10 @@ def test_tasks_that_the_evaluator_cannot_have_are_refused(official_executor: Cal
 
 def test_an_agent_that_was_edited_is_driven_again(official_executor: Callable[..., Any], tmp_path: Path) -> None:
     made, task = official_executor()
-    made.submit(task("ok")).result(60)
+    made.submit(task("ok")).result(PATIENCE_S)
     with (tmp_path / "own_agent.py").open("a") as file:
         file.write("# another agent\n")
-    made.submit(task("ok")).result(60)
+    made.submit(task("ok")).result(PATIENCE_S)
     assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 2
 
 
@@ -138,8 +139,8 @@ def test_a_finished_episode_is_not_driven_again(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor()
-    first = made.submit(task("ok")).result(60)
-    again = made.submit(task("ok")).result(60)
+    first = made.submit(task("ok")).result(PATIENCE_S)
+    again = made.submit(task("ok")).result(PATIENCE_S)
     made.close()
     assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 1
     assert (again.outcome, again.route_completion_pct, again.schedule) == (first.outcome, 100.0, first.schedule)

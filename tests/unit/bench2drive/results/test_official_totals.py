@@ -37,7 +37,7 @@ def noted(told: dict[str, Any], topic: str) -> str:
     return " | ".join(note for note in told["notes"] if topic in note.partition(":")[0])
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.lists(_RECORDS, min_size=1, max_size=8))
 def test_totals_equal_the_official_formulas(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], records: list[dict[str, Any]]

@@ -15,8 +15,8 @@ import pytest_drive_robust
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import GpsNoise, Setting
-from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.cache_key import identity
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.runner.cache_key import identity, source_files
 from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
 from pytest_drive_robust.runner.cache_key.object_code import SESSION, code_of
@@ -138,12 +138,75 @@ def test_a_circle_of_imports_ends(module):
 
 
 def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
-    from pytest_drive_robust.runner.cache_key import source_files
-
     agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
     first = identity_with(agent)
     monkeypatch.setattr(source_files, "_version", lambda top, origin: "another" if top == "numpy" else "same")
     assert identity_with(agent) != first
+
+
+@pytest.fixture
+def other_versions(monkeypatch):
+    """Return what pretends that Python and all installed libraries have other versions."""
+
+    def pretend() -> None:
+        monkeypatch.setattr(source_files, "_version", lambda top, origin: f"another {top}")
+        monkeypatch.setattr(source_files, "_python", lambda: {"python": "4.0"})
+
+    return pretend
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("classical", False), ("constant", False), ("expert", False), ("random", False), ("reactive", False),
+        ("tcp", True), ("tcp-onnx", True),
+    ],
+)  # fmt: skip
+def test_versions_of_libraries_are_in_the_keys_of_agents_whose_bits_depend_on_them(name, counts, other_versions):
+    pytest.importorskip("onnxruntime" if "onnx" in name else "torch" if counts else "numpy")
+    registry, options = default_registry(), SimulatorOptions()
+    world = registry.simulator("embedded", options)
+
+    def key():
+        identity = identity_of(name, registry, simulator="embedded", world=world, options=options)
+        return replace(REQUEST, identity=identity).key
+
+    here = key()
+    other_versions()
+    assert (key() != here) is counts
+
+
+def test_an_agent_names_what_its_bits_depend_on(module, monkeypatch):
+    agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
+
+    def counts(library):
+        found = []
+        for version in ("1", "2"):
+            versions = {library: version}
+            monkeypatch.setattr(source_files, "_version", lambda top, origin, known=versions: known.get(top, "same"))
+            found.append(identity_with(agent))
+        return found[0] != found[1]
+
+    assert (counts("numpy"), counts("cv2")) == (True, True)
+    agent.computed_by = ("numpy",)
+    assert (counts("numpy"), counts("cv2")) == (True, False)
+    agent.portable_bits = True
+    assert (counts("numpy"), counts("cv2")) == (False, False)
+
+
+def test_a_changed_agent_with_portable_bits_is_driven_again(module):
+    text = AGENT.replace("gain = 1.0", "gain = 1.0; portable_bits = True")
+    assert identity_with(module("lonely_agent", text).Agent) != identity_with(module("lonely_agent", text + "#").Agent)
+
+
+def test_versions_count_in_a_gymnasium_world_whoever_drives(other_versions):
+    registry, options = default_registry(), SimulatorOptions()
+    name = "gymnasium:highway-v0"
+    world = registry.simulator(name, options)
+    first = simulator_identity(name, registry, world, options)
+    assert {"gymnasium", "highway-env", "numpy"} < set(world.versions())
+    other_versions()
+    assert simulator_identity(name, registry, world, options) != first
 
 
 def test_the_name_of_the_agent_counts(module):

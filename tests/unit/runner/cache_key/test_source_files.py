@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import importlib.util
 import sys
 from types import ModuleType
 
 import pytest
 
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, code_digest
+from pytest_drive_robust.runner.cache_key.object_code import code_of
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, code_digest, file_of
 
 
 def test_code_that_cannot_be_found_has_no_digest(tmp_path):
@@ -22,3 +24,34 @@ def test_every_file_of_a_package_counts_in_its_digest(module, tmp_path):
     (tmp_path / "driving_pkg" / "inner").mkdir()
     (tmp_path / "driving_pkg" / "inner" / "tables.py").write_text("LIMIT = 5\n")
     assert code_digest([package]) != first
+
+
+def test_a_class_keeps_its_file_when_its_module_goes_or_another_takes_the_name(tmp_path, monkeypatch):
+    """As where two conftest.py share a name: pytest forgets the first one when it imports the second."""
+
+    def agent(folder: str) -> type:
+        (tmp_path / folder).mkdir()
+        file = tmp_path / folder / "sharing.py"
+        file.write_text(f"class Agent:\n    def act(self, observation):\n        return {folder!r}\n")
+        spec = importlib.util.spec_from_file_location("sharing", file)
+        made = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "sharing", made)
+        spec.loader.exec_module(made)
+        return made.Agent
+
+    first = agent("one")
+    before = code_of(first)
+    monkeypatch.delitem(sys.modules, "sharing")
+    assert code_of(first) == before
+    second = agent("other")
+    assert file_of(first) == tmp_path / "one" / "sharing.py"
+    assert file_of(second) == tmp_path / "other" / "sharing.py"
+    assert code_of(first) == before != code_of(second)
+
+
+def test_methods_that_were_made_elsewhere_do_not_tell_where_a_class_is(module):
+    """Those of a dataclass stand in no file, a decorated one in that of its decorator, an inherited one elsewhere."""
+    module("decorating", "def decorated(f):\n    def inner(self):\n        return f(self)\n    return inner\n")
+    head = "from dataclasses import dataclass\nfrom decorating import decorated\n\n@dataclass\nclass Agent:\n"
+    made = module("made", f"{head}    x: int\n\n    @decorated\n    def act(self):\n        return 0\n")
+    assert file_of(made.Agent).name == "made.py"

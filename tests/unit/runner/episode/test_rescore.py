@@ -13,7 +13,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.episode.rescore import AgentRig, RecordedControls, drive_again
+from pytest_drive_robust.runner.episode.rescore import RecordedControls, drive_again
+from pytest_drive_robust.runner.episode.stored_controls import AgentRig
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 ROUTE = fake_route()

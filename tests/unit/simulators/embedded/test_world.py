@@ -257,7 +257,7 @@ def test_standing_for_a_minute_is_blocked_unless_the_scenario_switches_the_test_
         simulator = EmbeddedSimulator()
         simulator.reset(BY_TYPE[name], seed=0, cameras=())
         while simulator.done is None:
-            awake = simulator.world.state.clock[1] >= 0
-            simulator.step(FULL_BRAKE if awake else Control(throttle=0.5))
+            started = simulator.world.state.clock[1] >= 0
+            simulator.step(FULL_BRAKE if started else Control(throttle=0.5))
         ends[name] = simulator.score().end.value
     assert ends == {"DynamicObjectCrossing": "Failed - Agent got blocked", "ParkedObstacle": "Failed - TickRuntime"}

@@ -31,7 +31,7 @@ def light_of_ego(world: World) -> int:
     raise AssertionError("no light on the route")
 
 
-def lights_after_waking(world: World, ticks: int) -> NDArray[np.int64]:
+def lights_after_trigger(world: World, ticks: int) -> NDArray[np.int64]:
     """Drive until the scenario starts, then stand; return what the lights show, (ticks, lines)."""
     assert drive(world, 20.0, speed_mps=5.0, until=lambda w: bool(w.state.clock[1] >= 0))
     seen = []
@@ -50,7 +50,7 @@ def test_the_light_is_red_for_five_seconds_after_the_trigger_then_green(name: st
         world = World(drawn(name, number), seed=0)
         line = light_of_ego(world)
         assert world.frame().lights[line] == LightState.RED
-        seen = lights_after_waking(world, 160)[:, line]
+        seen = lights_after_trigger(world, 160)[:, line]
         assert seen[0] == LightState.RED
         assert int(np.argmax(seen == LightState.GREEN)) == pytest.approx(100, abs=2)
         assert (seen[102:] == LightState.GREEN).all()
@@ -62,7 +62,7 @@ def test_the_green_light_turns_red_after_five_seconds_for_five_or_until_another_
         world = World(drawn("VanillaSignalizedTurnEncounterGreenLight", number), seed=0)
         line = light_of_ego(world)
         assert world.frame().lights[line] == LightState.GREEN
-        seen = [LightState(int(state)) for state in lights_after_waking(world, 600)[:, line]]
+        seen = [LightState(int(state)) for state in lights_after_trigger(world, 600)[:, line]]
         assert seen.index(LightState.YELLOW) == pytest.approx(100, abs=2)
         red = [k for k, state in enumerate(seen) if state is LightState.RED]
         lasted.append(len(red))
@@ -77,7 +77,7 @@ def test_the_green_light_turns_red_after_five_seconds_for_five_or_until_another_
 def test_roads_that_cross_never_have_green_together(name: str) -> None:
     world = staged(name)
     lines = [line for line in world.lane_map.stop_lines if line.is_light]
-    seen = lights_after_waking(world, 320)
+    seen = lights_after_trigger(world, 320)
     for one in lines:
         for other in lines:
             if abs(math.cos(one.heading_rad - other.heading_rad)) < 0.1:

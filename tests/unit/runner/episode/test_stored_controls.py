@@ -13,8 +13,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.runner.replay.stored_controls import StoredControls
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import FakeSimulator, fake_route
@@ -55,14 +55,14 @@ def driven(agent: object, setting: str) -> EpisodeResult:
 @pytest.mark.parametrize("setting", ["clean", "200 ms latency and GPS noise 5 m", "100 ms latency"])
 def test_the_trajectory_comes_back_bit_for_bit_without_agent_and_setting(setting: str) -> None:
     stored = driven(Uneven(), setting)
-    again = driven(StoredControls(stored), "clean")
+    again = driven(StoredControls.of(stored), "clean")
     assert difference(again, stored) == ""
     assert (again.end, again.infractions, again.ticks) == (stored.end, stored.infractions, stored.ticks)
 
 
 def test_it_ends_where_the_stored_agent_broke_down_and_says_so() -> None:
     stored = driven(Uneven(breaks_at=20), "clean")
-    again = driven(StoredControls(stored), "clean")
+    again = driven(StoredControls.of(stored), "clean")
     assert stored.outcome is Outcome.AGENT_ERROR
     assert difference(again, stored) == ""
     assert "the stored episode ended here: agent_error" in again.end_detail

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -18,9 +19,9 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
+from pytest_drive_robust.runner.driver import EpisodeDriver
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import machine_facts
-from pytest_drive_robust.runner.lockstep.lockstep import Lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
@@ -84,7 +85,7 @@ def drive_single(agent: Net, one: EpisodeRequest) -> EpisodeResult:
 
 def test_the_width_is_recorded_beside_the_versions_of_the_world() -> None:
     (result,) = drive_together(world, Net, [task()], width=12)
-    assert result.versions == {"fake": "1", "lockstep": "12", **machine_facts()}
+    assert result.versions.items() > {"fake": "1", "lockstep": "12", **machine_facts()}.items()
 
 
 @pytest.mark.parametrize(
@@ -213,8 +214,8 @@ def test_a_world_that_breaks_takes_no_other_episode_with_it_and_is_not_used_agai
         return worlds[-1]
 
     together = [task(metres=metres, seed=seed) for metres in (8.0, 20.0) for seed in range(3)]
-    lockstep = Lockstep(make, lambda name: Net(), width=4)
-    results = {id(one): result for one, result in lockstep.drive_batch("net", taking(together))}
+    lockstep = EpisodeDriver(make, lambda name: Net())
+    results = {id(one): result for one, result in lockstep.drive_batch("net", taking(together), 4)}
     assert [results[id(one)].outcome is Outcome.INFRA_ERROR for one in together] == [number == 1 for number in range(6)]
     innocent = [one for number, one in enumerate(together) if number != 1]
     assert [bits(results[id(one)]) for one in innocent] == [alone(one) for one in innocent]
@@ -233,8 +234,8 @@ def test_tasks_are_read_when_there_is_room_for_them() -> None:
             read.append(task(metres=3.0 if number == 2 else 20.0, seed=number % 3))
             yield read[-1]
 
-    lockstep = Lockstep(world, lambda name: Net(), width=4)
-    driving = lockstep.drive_batch("net", taking(reading()))
+    lockstep = EpisodeDriver(world, lambda name: Net())
+    driving = lockstep.drive_batch("net", taking(reading()), 4)
     ended, _ = next(driving)
     assert ended is read[2]
     assert len(read) == 4
@@ -248,12 +249,12 @@ def test_after_a_caller_that_went_away_the_same_worlds_drive_on() -> None:
         made.append(world())
         return made[-1]
 
-    lockstep = Lockstep(make, lambda name: Net(), width=4)
+    lockstep = EpisodeDriver(make, lambda name: Net())
     together = [task(metres=metres, seed=seed) for metres in (3.0, 20.0) for seed in range(3)]
-    driving = lockstep.drive_batch("net", taking(together))
+    driving = lockstep.drive_batch("net", taking(together), 4)
     next(driving)
     driving.close()
-    assert {id(one): bits(result) for one, result in lockstep.drive_batch("net", taking(together))} == {
+    assert {id(one): bits(result) for one, result in lockstep.drive_batch("net", taking(together), 4)} == {
         id(one): alone(one) for one in together
     }
     assert len(made) == 4
@@ -269,7 +270,7 @@ def test_a_setting_that_measures_inference_is_driven_alone_by_act() -> None:
     )
     assert measured.inference_s
     assert measured.trace.column("throttle").max() == 1.0
-    assert (measured.versions, clean.versions["lockstep"]) == ({"fake": "1", **machine_facts()}, "8")
+    assert ("lockstep" in measured.versions, clean.versions["lockstep"]) == (False, "8")
 
 
 def test_the_wall_time_of_an_episode_is_its_share() -> None:
@@ -278,16 +279,15 @@ def test_the_wall_time_of_an_episode_is_its_share() -> None:
     class Slow(Net):
         @classmethod
         def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
-            import time
-
             started_s = time.perf_counter()
             time.sleep(0.002)
             slept.append(time.perf_counter() - started_s)
             return super().act_batch(agents, observations)
 
+    began_s = time.perf_counter()
     results = drive_together(world, Slow, [task(metres=3.0, seed=seed) for seed in range(3)])
-    assert sum(result.wall_s for result in results) >= sum(slept)
-    assert all(result.wall_s < sum(slept) for result in results)
+    lasted_s = time.perf_counter() - began_s
+    assert sum(slept) <= sum(result.wall_s for result in results) <= lasted_s
 
 
 def test_ctrl_c_goes_through() -> None:
@@ -358,7 +358,7 @@ def test_a_watch_knows_whose_code_runs() -> None:
     asked = [tick for name, tick in watch.seen if name == "act"]
     assert asked == list(range(single.ticks))
     watch.seen.clear()
-    lockstep = Lockstep(World, lambda name: Agent(), watch=watch)
+    lockstep = EpisodeDriver(World, lambda name: Agent(), watch=watch)
     ((_, result),) = lockstep.drive_batch("net", taking([one]))
     assert result.outcome is Outcome.COMPLETED, result.end_detail
     assert [tick for name, tick in watch.seen if name == "act"] == asked
@@ -367,8 +367,8 @@ def test_a_watch_knows_whose_code_runs() -> None:
 
 def test_every_tick_of_every_episode_is_told() -> None:
     told: list[int] = []
-    lockstep = Lockstep(world, lambda name: Net(), on_tick=lambda tick, *_: told.append(tick))
+    lockstep = EpisodeDriver(world, lambda name: Net(), on_tick=lambda tick, *_: told.append(tick))
     measured = task(metres=3.0, setting=str(Setting.of(InferenceLatency(mode="measured"))))
     together = [*(task(metres=3.0, seed=seed) for seed in range(3)), measured]
-    results = [result for _, result in lockstep.drive_batch("net", taking(together))]
+    results = [result for _, result in lockstep.drive_batch("net", taking(together), 4)]
     assert sorted(told) == sorted(tick for result in results for tick in range(result.ticks))

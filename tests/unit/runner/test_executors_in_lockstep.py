@@ -9,8 +9,8 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.executors import DRIVEN_AGAIN
-from pytest_drive_robust.runner.lockstep.executor import LockstepExecutor, lockstep_inline
+from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
+from pytest_drive_robust.runner.executors import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
@@ -43,8 +43,8 @@ def registry() -> Registry:
     return registry
 
 
-def executor(registry: Registry, simulator: str = "world") -> LockstepExecutor:
-    return lockstep_inline(registry, simulator=simulator, options=SimulatorOptions(), ticked=lambda: None, width=4)
+def executor(registry: Registry, simulator: str = "world") -> InlineExecutor:
+    return InlineExecutor(registry, simulator=simulator, options=SimulatorOptions(), ticked=lambda: None, width=4)
 
 
 def keyed(number: int, agent: str = "net") -> EpisodeRequest:
@@ -52,7 +52,7 @@ def keyed(number: int, agent: str = "net") -> EpisodeRequest:
     return EpisodeRequest(one.episode, one.route, one.setting, f"{agent}{number}")
 
 
-def drive(driving: LockstepExecutor, requests: list[EpisodeRequest]) -> list[EpisodeResult]:
+def drive(driving: InlineExecutor, requests: list[EpisodeRequest]) -> list[EpisodeResult]:
     futures = [driving.submit(request) for request in requests]
     driving.close()
     return [future.result(timeout=0.0) for future in futures]
@@ -104,10 +104,11 @@ def test_an_agent_that_cannot_be_made_has_no_results_and_others_have(registry: R
 def test_an_agent_without_act_batch_takes_the_place_of_a_batch_until_it_is_collected(registry: Registry) -> None:
     driving = executor(registry)
     assert driving.slots == 4
-    assert driving.submit(keyed(0, "alone")).done()
+    single = driving.submit(keyed(0, "alone"))
     assert driving.slots == 1
     assert driving.work is not None
     driving.work()
+    assert single.done()
     assert driving.slots == 4
     driving.close()
     driving.close()

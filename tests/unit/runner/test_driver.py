@@ -15,10 +15,9 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.episode.driver import make_agent
+from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
-from pytest_drive_robust.runner.lockstep.executor import lockstep_inline
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.repeatability import drive_twice
 from pytest_drive_robust.runner.replay.recording import record_episode
@@ -82,7 +81,7 @@ def one_by_one(registry: Registry) -> Executor:
 
 
 def in_lockstep(registry: Registry) -> Executor:
-    return lockstep_inline(registry, simulator="fake", options=SimulatorOptions(), ticked=lambda: None, width=4)
+    return InlineExecutor(registry, simulator="fake", options=SimulatorOptions(), ticked=lambda: None, width=4)
 
 
 def digests(executor: Executor, agent: str, route_ids: str) -> dict[str, str]:

@@ -1,0 +1,38 @@
+"""Which reading of the paper's failures runs: the default one, unless the other is chosen.
+
+Both together take nearly twice the time, and the first command is to give its table in a minute. So the tests of a
+reading run when `--drive-reading` (or `drive_reading`) asks for it, which is `paper` where nobody asks, or when `-k` or
+the name of a test on the command line names one: `-k released`, `-k reading` for both.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+_HERE = Path(__file__).parent
+_LEFT_OUT = pytest.StashKey[int]()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    words = " ".join([config.getoption("keyword"), *(place.partition("::")[2] for place in config.args)])
+    if "reading" in words or "released" in words:
+        return
+    chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
+    left_out = [item for item in items if _HERE in item.path.parents and f"test_{chosen}_reading" not in item.nodeid]
+    items[:] = [item for item in items if item not in left_out]
+    config.stash[_LEFT_OUT] = len(left_out)
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+
+
+def pytest_report_collectionfinish(config: pytest.Config) -> list[str]:
+    count = config.stash.get(_LEFT_OUT, 0)
+    if not count:
+        return []
+    chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
+    other = "released" if chosen == "paper" else "paper"
+    return [
+        f"suites/paper: {count} requirements in the reading {other} are left out; --drive-reading {other} runs them"
+    ]

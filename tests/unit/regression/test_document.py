@@ -1,0 +1,34 @@
+"""What a run's document says about each agent that it drove."""
+
+from __future__ import annotations
+
+from result_factory import make_result
+
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.fingerprint import Fingerprint, mismatches
+from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.store.events import Asked, Used
+
+
+def fingerprints(torch: str, machine: str) -> dict[str, Fingerprint]:
+    """Return those of a portable and of a learned agent, driven in one run."""
+    learned = {"simulator": "embedded 2", "torch": torch, "machine torch": machine, "python": "3.11"}
+    results = {
+        "portable": make_result(agent="portable", versions={"simulator": "embedded 2"}),
+        "learned": make_result(agent="learned", versions=learned),
+    }
+    asked = [Asked(agent, "dev10", "clean", (0,), (agent,), ()) for agent in results]
+    run = RunResult.of(RunOptions(), [*asked, Used(tuple(results))], results.get, versions={"numpy": torch})
+    cells = snapshot_of(run_as_json(run), label="run").cells
+    return {agent: cell.routes["1"].fingerprint for (agent, _), cell in cells.items()}
+
+
+def test_an_agent_is_compared_by_what_its_own_episodes_depend_on() -> None:
+    before, after = fingerprints("2.4", "aa"), fingerprints("2.5", "bb")
+    assert mismatches(before["portable"], after["portable"], agent="portable") == ()
+    told = [item.text for item in mismatches(before["learned"], after["learned"], agent="learned")]
+    assert len(told) == 2
+    assert "torch was 2.4 and is 2.5" in told
+    assert any("whose torch computes otherwise" in text for text in told)
