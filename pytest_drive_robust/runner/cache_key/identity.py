@@ -41,7 +41,7 @@ from pytest_drive_robust.runner.cache_key.source_files import (
     source_digest,
     versions_of,
 )
-from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, witness
+from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, surroundings, witness
 from pytest_drive_robust.runner.lockstep import batch
 from pytest_drive_robust.simulators import base, embedded
 from pytest_drive_robust.store.events import Identified
@@ -55,7 +55,10 @@ if TYPE_CHECKING:
 
 __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
 
-_DECIDING = (arithmetic, jit, domain, perturbations, driver, loop, contract, recorder, witness, generators, base)
+_DECIDING = (
+    *(arithmetic, jit, domain, perturbations, driver),
+    *(loop, contract, recorder, surroundings, witness, generators, base),
+)
 """What of ours decides the numbers of every episode; the package of the simulator comes with it."""
 _LOCKSTEP = (batch,)
 
