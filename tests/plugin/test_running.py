@@ -98,7 +98,8 @@ def test_a_privileged_agent_is_marked(suite):
 
 def test_the_header_shows_the_effective_choices(suite):
     result = run(suite(GREEN), "--drive-seeds", "0,1", "--drive-metrics", "fixed")
-    result.stdout.fnmatch_lines(["drive-robust: agent=steady sim=fake routes=3 (routes.xml) seeds=0,1 metrics=fixed"])
+    settled = "routes=3 (routes.xml) seeds=0,1 reading=paper metrics=fixed"
+    result.stdout.fnmatch_lines([f"drive-robust: agent=steady sim=fake {settled}"])
 
 
 @processes
