@@ -68,8 +68,8 @@ class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
-    Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})

@@ -38,8 +38,8 @@ class VAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
-    Raises `UsageError` for weights that are missing or not what their manifest says.
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for weights that are missing or not what their manifest says.
     """
 
     name = "vad"

@@ -1,4 +1,4 @@
-"""Networks of the learned agents and what runs them: ONNX Runtime, or torch where an agent asks for it or is trained."""
+"""Networks of the learned agents and what runs them: ONNX Runtime, or torch where it is asked for."""
 
 from __future__ import annotations
 

@@ -46,8 +46,9 @@ class WeightsEntry:
     """One weight file.
 
     `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
-    plain values. `graphs` has a graph for each method of the network that ONNX Runtime can run. `provenance` says where the weights come from: rig, simulator version, data and its seed, trainer
-    settings, closed-loop score with its interval.
+    plain values. `graphs` has a graph for each method of the network that ONNX Runtime can run. `provenance` says where
+    the weights come from: rig, simulator version, data and its seed, trainer settings, closed-loop score with its
+    interval.
     """
 
     name: str
@@ -93,8 +94,8 @@ def read_manifest(folder: Path, name: str) -> WeightsEntry:
     elsewhere = [file for file in files if Path(file).name != file]
     if entry.format_version != FORMAT_VERSION or elsewhere:
         raise UsageError(
-            f"the entry {name!r} of {path} names {(elsewhere or files)[0]!r} in format {entry.format_version!r}, expected a file of "
-            f"that folder in format {FORMAT_VERSION}. Install a drive-robust-agents that fits it."
+            f"the entry {name!r} of {path} names {(elsewhere or files)[0]!r} in format {entry.format_version!r}, "
+            f"expected a file of that folder in format {FORMAT_VERSION}. Install a drive-robust-agents that fits it."
         )
     return entry
 

@@ -86,8 +86,9 @@ class TcpNet(nn.Module):
     ) -> dict[str, Tensor]:
         """Compute `waypoints` (N, steps, 2) metres, ego frame, half a second apart, and `action` (N, 2).
 
-        An action is steering -1 to 1 (right) and acceleration -1 (brake) to 1 (throttle). `full` adds what only training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions
-        of steering and acceleration now and at each step, `speed` (N,) m/s as the image tells it, `values` (N, 2).
+        An action is steering -1 to 1 (right) and acceleration -1 (brake) to 1 (throttle). `full` adds what only
+        training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions of steering and
+        acceleration now and at each step, `speed` (N,) m/s as the image tells it, `values` (N, 2).
         """
         features = self.encoder(self.norm(image))
         pooled = self.pooled(features.mean((2, 3)))

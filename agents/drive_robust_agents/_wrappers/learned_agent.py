@@ -29,8 +29,8 @@ class LearnedAgent(ABC):
     """A network that drives, with all that an episode remembers.
 
     A subclass names itself as the manifest of weights does and says which class its network is (`"tcp:TcpNet"`: the
-    module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the plan. Constructors repeat the keywords below, so that a
-    reader of one agent sees all that it takes.
+    module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the
+    plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
     """
 
     consumes: ClassVar[frozenset[str]]

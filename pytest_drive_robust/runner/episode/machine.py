@@ -38,7 +38,7 @@ _PROBE = (
     b"Z\x13\n\x01x\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%b\x14\n\x02xx\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%"
     b"b\x13\n\x01y\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%B\x04\n\x00\x10\r"
 )
-"""The model `y = tanh(x @ x)` of 37 x 37 numbers in the ONNX format: writing one takes a package, running it does not."""
+"""The model `y = tanh(x @ x)` of 37 x 37 numbers in the ONNX format, which only a package of its own could write."""
 
 
 def with_machine(result: EpisodeResult, agent: object, world: Simulator) -> EpisodeResult:

@@ -63,7 +63,8 @@ def publish(
 ) -> WeightsEntry:
     """Copy weights that were chosen, and their graphs, into a folder (that of the package).
 
-    Version, rig and closed-loop score go into its manifest. The files are verified before and loaded after. Raises `UsageError`.
+    Version, rig and closed-loop score go into its manifest. The files are verified before and loaded after.
+    Raises `UsageError`.
     """
     entry = read_manifest(file.parent, recipe.name)
     contents = {entry.file: store.verified_bytes(file, entry)}

@@ -16,7 +16,7 @@ from frames_on_disk import write_frames
 import drive_robust_agents.tcp
 from drive_robust_agents._nets.manifest import read_manifest
 from drive_robust_agents._nets.tcp import TcpNet
-from drive_robust_agents._nets.weights import load
+from drive_robust_agents._nets.torch_weights import load
 from drive_robust_agents.training import evaluate as evaluating
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
