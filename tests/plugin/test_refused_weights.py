@@ -46,7 +46,7 @@ OTHERS = {"simlingo": "tcp", "tcp": "simlingo", "uniad": "tcp", "vad": "tcp"}
 
 def new_weights(agent: str, folder: Path, *, seed: int = 0) -> Path:
     """What a training that had no time would publish."""
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for name, content in published(agent, seed).items():
         (folder / name).write_bytes(content)
     return folder / f"{agent}.safetensors"

@@ -145,7 +145,7 @@ def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) 
     file = run / "weights" / "000000005" / "tcp.safetensors"
     factory = candidate(candidate_name("tcp", file).partition(":")[2])
     factory.check()
-    assert factory.weights == (file,)
+    assert factory.weights == (file, file.with_suffix(".onnx"))
     assert type(factory()) is drive_robust_agents.tcp.TCP
     assert factory().sensors() == TRAINING_RIGS["tcp"].cameras == recipe_of("tcp").rig
     with pytest.raises(UsageError, match="expected candidate:AGENT=FILE"):
