@@ -7,7 +7,7 @@ operations, because numba, numpy and Python translate each by itself.
 
 - `scalars`: elementary functions of floats, plain Python
 - `arrays`: the same functions of arrays, bit for bit
-- `compiled`: the same functions for compiled code
+- `compiled`: the same functions for compiled code; `symbols`: their machine code
 - `series`: the polynomials, one text for all three
 - `signals`: means, interpolation and moving sums
 - `random_numbers`: numbers made of the words of a Philox generator

@@ -1,25 +1,15 @@
-"""The elementary functions of `scalars` for compiled code, bit for bit.
+"""The elementary functions of `scalars` for compiled code, bit for bit; `hypot` and `wrap_angle` for Python, too.
 
-Each is compiled once, by itself, when it is first imported from here, and then called by its name as if it were the C
-library's: a kernel that takes a sine does not compile it again. They take and return floats. Only compiled code can
-call them; `hypot` and `wrap_angle`, which are short and become part of the kernel, are plain functions as well.
+They take and return floats. Their machine code is made when a kernel that calls one is compiled: importing them does
+not load numba.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
 from typing import TYPE_CHECKING, Any
 
-import llvmlite.binding
-from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.ccallback import CFunc
-from numba.extending import intrinsic, register_jitable
-
 from pytest_drive_robust.arithmetic import scalars, series
-from pytest_drive_robust.arithmetic.scalars import hypot
-from pytest_drive_robust.arithmetic.series import wrap_angle
-from pytest_drive_robust.jit.cache import KernelCache
 
 if TYPE_CHECKING:
     from pytest_drive_robust.arithmetic.scalars import (
@@ -28,6 +18,7 @@ if TYPE_CHECKING:
         cos,
         cos_sin,
         exp,
+        hypot,
         log,
         log2,
         power,
@@ -35,93 +26,38 @@ if TYPE_CHECKING:
         sinh,
         tan,
     )  # fmt: skip
+    from pytest_drive_robust.arithmetic.series import wrap_angle
 
 __all__ = [
     "atan", "atan2", "cos", "cos_sin", "exp", "hypot", "log", "log2", "power", "sin", "sinh", "tan",
     "wrap_angle",
 ]  # fmt: skip
 
-_TAKES_TWO = ("atan2", "power")
-_DOUBLE = ir.DoubleType()
-_CGUTILS: Any = cgutils  # numba has no types for mypy
-_TYPES: Any = types
-_COMPILED: list[Any] = []  # machine code is freed with the object that holds it
-
-for _module in (series, scalars):
-    for _function in vars(_module).values():
-        if getattr(_function, "__module__", None) == _module.__name__ and callable(_function):
-            register_jitable(forceinline=True)(_function)
+_FOR_PYTHON = ("hypot", "wrap_angle")
 
 
-def __getattr__(name: str) -> Any:
-    """Return a function for kernels, compiled now or loaded from the cache."""
+class CompiledFunction:
+    """What stands in a kernel for a function of this module; numba asks it for `_numba_type_`."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.py_func = getattr(scalars, name, None) or getattr(series, name)
+
+    @functools.cached_property
+    def _numba_type_(self) -> Any:
+        from pytest_drive_robust.arithmetic.symbols import numba_type  # loads numba
+
+        return numba_type(self.name)
+
+    def __call__(self, *numbers: float) -> float:
+        if self.name not in _FOR_PYTHON:
+            raise TypeError(f"only compiled code can call this function; arithmetic.scalars.{self.name} is for Python")
+        return float(self.py_func(*numbers))
+
+
+def __getattr__(name: str) -> CompiledFunction:
+    """Return a function for kernels."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    function = globals()[name] = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name in _TAKES_TWO else 1)
+    function = globals()[name] = CompiledFunction(name)
     return function
-
-
-def _of_number(name: str, takes: int) -> Any:
-    """Return what makes a kernel call the machine code of a function that returns one float."""
-    body = (_taking_one if takes == 1 else _taking_two)(getattr(scalars, name))
-    signature = types.float64(*[types.float64] * takes)
-    symbol = _symbol(name, signature, body)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        declared = ir.FunctionType(_DOUBLE, [_DOUBLE] * takes)
-        return builder.call(_CGUTILS.insert_pure_function(builder.module, declared, symbol), arguments)
-
-    if takes == 1:
-        return intrinsic(lambda _, x: (signature, generate))
-    return intrinsic(lambda _, x, y: (signature, generate))
-
-
-def _of_pair() -> Any:
-    """Return what makes a kernel call the machine code of `cos_sin`, which writes two floats."""
-    symbol = _symbol(
-        "cos_sin", _TYPES.void(_TYPES.float64, _TYPES.CPointer(_TYPES.float64)), _writing_two(scalars.cos_sin)
-    )
-    pair = _TYPES.UniTuple(types.float64, 2)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        declared = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE.as_pointer()])
-        place = _CGUTILS.alloca_once(builder, _DOUBLE, size=2)
-        builder.call(_CGUTILS.get_or_insert_function(builder.module, declared, symbol), [arguments[0], place])
-        values = [builder.load(_CGUTILS.gep_inbounds(builder, place, k)) for k in (0, 1)]
-        return context.make_tuple(builder, signature.return_type, values)
-
-    return intrinsic(lambda _, x: (pair(types.float64), generate))
-
-
-def _symbol(name: str, signature: Any, body: Callable[..., Any]) -> str:
-    """Compile a function and return the symbol of its machine code."""
-    compiled: Any = CFunc(
-        body, (signature.args, signature.return_type), {}, {"error_model": "numpy", "forceinline": True}
-    )
-    compiled._cache = KernelCache(body)
-    compiled.compile()
-    symbol = f"pytest_drive_robust_{name}"
-    llvmlite.binding.add_symbol(symbol, compiled.address)
-    _COMPILED.append(compiled)
-    return symbol
-
-
-def _taking_one(function: Callable[[float], float]) -> Callable[[float], float]:
-    def compiled(x: float) -> float:
-        return function(x)
-
-    return compiled
-
-
-def _taking_two(function: Callable[[float, float], float]) -> Callable[[float, float], float]:
-    def compiled(x: float, y: float) -> float:
-        return function(x, y)
-
-    return compiled
-
-
-def _writing_two(function: Callable[[float], tuple[float, float]]) -> Callable[[float, Any], None]:
-    def compiled(x: float, out: Any) -> None:
-        out[0], out[1] = function(x)
-
-    return compiled

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import StoredRuns, home_of
+from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import read_episode
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _export(options: argparse.Namespace) -> int:
     if options.format not in _FORMATS:
         raise UnknownNameError.of("export format", options.format, _FORMATS)
-    document = read_document(_run_file(options.run))
+    document = read_document(run_file(StoredRuns(home_of(Path.cwd())), options.run))
     towns, specs = _towns(document)
     written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)
     for item in written:
@@ -57,13 +57,6 @@ def _export(options: argparse.Namespace) -> int:
     if specs:
         say(f"the towns of {', '.join(specs)} are not known; they are written as 'Unknown'")
     return 0
-
-
-def _run_file(reference: str) -> Path:
-    path = Path(reference)
-    if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
-        return path
-    return StoredRuns(home_of(Path.cwd())).find(reference)
 
 
 def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:

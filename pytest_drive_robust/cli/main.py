@@ -20,6 +20,7 @@ COMMANDS = {
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "the runs that --drive-save stored",
     "compare": "is run B worse than run A? Exit code 1 when it is",
+    "report": "write a run as a folder of pages: verdicts, failures, replays",
     "bless": "accept a run as the baseline that later runs are compared with",
     "score": "the totals of official Bench2Drive results",
     "export": "write a run in the schema of an official evaluator",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
 from pytest_drive_robust.domain.reception import Reception
+from pytest_drive_robust.domain.tracks import Tracks
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,7 +104,7 @@ class EpisodeResult:
     twentieth of the route (empty when the ego never got that far). `end_detail` says in one sentence why the episode
     ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall times of `act`, one per
     call, kept only when the setting's latency is measured. `reception` tells what the setting changed of what the agent
-    got, `given` what it got, tick by tick; both are None when nobody looked.
+    got, `given` what it got, tick by tick, `tracks` what was around the ego; each is None when nobody looked.
     """
 
     episode: Episode
@@ -126,6 +127,7 @@ class EpisodeResult:
     versions: Mapping[str, str] = field(default_factory=dict)
     reception: Reception | None = None
     given: Given | None = field(default=None, compare=False)  # an array has no single truth
+    tracks: Tracks | None = field(default=None, compare=False)
 
     @property
     def game_s(self) -> float:

@@ -1,6 +1,7 @@
 """How kernels are compiled: which functions, for which types, and where the machine code is kept.
 
 - `kernels`: the two decorators, `entry` for what Python calls and `inner` for what only kernels call
+- `dispatchers`: what numba makes of them when they are first called
 - `libraries`: inner functions become machine code only as parts of an entry point
 - `signatures`: the types of an entry point from its annotations
 - `cache`: where machine code is kept, by the content of all sources

@@ -27,6 +27,8 @@ import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
+from pytest_drive_robust.jit.kernels import Kernel
+
 __all__ = ["KernelCache", "cache_folder", "content_digest"]
 
 _UNUSED_S = 60 * 24 * 3600.0
@@ -86,8 +88,13 @@ def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) 
 
     Raises `TypeError` for what cannot be compared: code that changes unseen would be taken for current.
     """
+    if isinstance(value, Kernel):
+        value = value.dispatcher
     if isinstance(value, Dispatcher):
         digest.update(repr(sorted(value.targetoptions.items(), key=str)).encode())
+        value = value.py_func
+    elif isinstance(getattr(value, "py_func", None), FunctionType):  # of `arithmetic.compiled`
+        _ = value._numba_type_  # makes its machine code, which that of the kernel, once loaded, calls by name
         value = value.py_func
     if isinstance(value, FunctionType):
         _add_function(value, digest, seen)

@@ -11,10 +11,9 @@ from typing import Any
 
 import filelock
 from numba.core import event
-from numba.core.dispatcher import Dispatcher
 
 from pytest_drive_robust.jit.cache import cache_folder
-from pytest_drive_robust.jit.kernels import ENTRIES
+from pytest_drive_robust.jit.kernels import ENTRIES, Kernel
 from pytest_drive_robust.jit.signatures import argument_types
 
 __all__ = ["compile_all", "missing_functions"]
@@ -108,7 +107,7 @@ def _visit(kernel: Any, seen: dict[int, Any]) -> None:
         value = function.__globals__.get(name)
         found = [getattr(value, one, None) for one in names] if isinstance(value, ModuleType) else [value]
         for one in found:
-            if isinstance(one, Dispatcher):
+            if isinstance(one, Kernel):
                 _visit(one, seen)
 
 

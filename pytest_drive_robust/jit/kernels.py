@@ -1,25 +1,53 @@
-"""The two decorators of kernels.
+"""The two decorators of kernels. They do not import numba: it is loaded when a kernel is first called.
 
-Nothing is compiled with fast mathematics or in parallel, and division by zero gives infinity: the same inputs give the
-same bits.
+A run that drives nothing, because every episode is in the store, imports agents for their names and contents only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numba
-from numba import types
-
-from pytest_drive_robust.jit.cache import KernelCache
-from pytest_drive_robust.jit.libraries import PartCompiler, WholeCompiler
-
-__all__ = ["ENTRIES", "entry", "inner", "uncached_entry"]
+__all__ = ["ENTRIES", "Kernel", "entry", "inner", "uncached_entry"]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-ENTRIES: list[Any] = []
+
+class Kernel:
+    """A function for numba: what Python calls (`entry`, with `cached` kept in the cache) or a part of that (`inner`).
+
+    It has the attributes of numba's dispatcher. The parts of a kernel are found as such by numba, because it asks
+    unknown objects for `_numba_type_`.
+    """
+
+    def __init__(self, function: Callable[..., Any], kind: str) -> None:
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._kind = kind
+
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """What numba made of the function, so far without compiling it."""
+        from pytest_drive_robust.jit import dispatchers  # loads numba
+
+        return getattr(dispatchers, self._kind)(self.py_func)
+
+    @property
+    def _numba_type_(self) -> Any:
+        return self.dispatcher._numba_type_
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Compile or load it for these arguments, unless that was done, and run it."""
+        return self.dispatcher(*arguments)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # copying and pickling ask for what is not there
+            raise AttributeError(name)
+        return getattr(self.dispatcher, name)
+
+
+ENTRIES: list[Kernel] = []
 """The entry points of all modules that were imported so far."""
 
 
@@ -28,27 +56,16 @@ def entry(function: Function) -> Function:
 
     See `signatures.argument_types` for what may be annotated.
     """
-    kernel: Any = numba.njit(error_model="numpy", pipeline_class=WholeCompiler)(function)
-    kernel._cache = KernelCache(function)
+    kernel = Kernel(function, "cached_entry")
     ENTRIES.append(kernel)
     return cast(Function, kernel)
 
 
 def uncached_entry(function: Function) -> Function:
     """Compile what Python calls as `entry` does, for whatever types it is called with, and keep it nowhere."""
-    return cast(Function, numba.njit(error_model="numpy", pipeline_class=WholeCompiler)(function))
+    return cast(Function, Kernel(function, "uncached_entry"))
 
 
 def inner(function: Function) -> Function:
     """Compile what only compiled functions call; from Python it raises `TypeError`."""
-    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    kernel: Any = numba.njit(pipeline_class=PartCompiler, **options)(function)
-    template = kernel.get_call_template
-
-    def without_literals(arguments: Sequence[Any], keywords: dict[str, Any]) -> Any:
-        """Take a number that the caller has written out for any number: numba compiles anew for each of them."""
-        plain = {name: types.unliteral(one) for name, one in keywords.items()}
-        return template(tuple(types.unliteral(one) for one in arguments), plain)
-
-    kernel.get_call_template = without_literals
-    return cast(Function, kernel)
+    return cast(Function, Kernel(function, "inner"))

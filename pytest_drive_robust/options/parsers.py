@@ -21,6 +21,7 @@ __all__ = [
     "store_folder",
     "time_limit_s",
     "writable_file",
+    "writable_folder",
 ]
 
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?"
@@ -116,6 +117,25 @@ def writable_file(given: GivenText) -> Path | None:
         raise UsageError(f"{flag} is {given.text!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
     if not os.access(path.parent, os.W_OK):
         raise UsageError(f"{flag} is {given.text!r}, but {str(path.parent)!r} cannot be written to.")
+    return path
+
+
+def writable_folder(given: GivenText) -> Path | None:
+    """Return the folder to write at the end, None for nothing; refuse now what could not be made then.
+
+    The folder may be there: whoever writes it says what may be in it.
+    """
+    if not given.text:
+        return None
+    flag, path = given.flag, Path(given.text).absolute()
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{flag} is {given.text!r}, which is a file; expected a folder, as in {flag} drive-report.")
+    if not path.parent.is_dir():
+        missing = str(path.parent)
+        raise UsageError(f"{flag} is {given.text!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
+    place = path if path.is_dir() else path.parent
+    if not os.access(place, os.W_OK):
+        raise UsageError(f"{flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
     return path
 
 

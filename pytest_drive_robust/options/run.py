@@ -7,7 +7,15 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText, OptionSource, combined, option, read_fields, was_given
-from pytest_drive_robust.options.parsers import one_of, seconds, seed_list, share, store_folder, writable_file
+from pytest_drive_robust.options.parsers import (
+    one_of,
+    seconds,
+    seed_list,
+    share,
+    store_folder,
+    writable_file,
+    writable_folder,
+)
 from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
@@ -27,10 +35,10 @@ class RunOptions:
     """The choices of one run.
 
     `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
-    `json_path` and `csv_path` are None when no file was asked for. `agent` and `simulator` are names that the registry
-    resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does to its test,
-    `correction` whether fails must stand among all requirements of the run. `store` is the folder of finished
-    episodes or `"off"`; with `fresh` what other runs left there is not used.
+    `json_path`, `csv_path` and `report_path` are None when none was asked for. `agent` and `simulator` are names that
+    the registry resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does
+    to its test, `correction` whether fails must stand among all requirements of the run. `store` is the folder of
+    finished episodes or `"off"`; with `fresh` what other runs left there is not used.
     `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
     the default reading, and must not contradict one that was asked for.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
@@ -53,6 +61,7 @@ class RunOptions:
     fresh: bool = option("--drive-fresh")
     json_path: Path | None = option("--drive-json", parse=writable_file)
     csv_path: Path | None = option("--drive-csv", parse=writable_file)
+    report_path: Path | None = option("--drive-report", parse=writable_folder)
     plan: bool = option("--drive-plan")
     probe: bool = option("--drive-probe")
     routes_given: bool = field(default=False, compare=False)

@@ -73,6 +73,10 @@ def _report_here(
     if options.plan:
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
+    if options.report_path is not None:
+        from pytest_drive_robust.report.pages.folder import check_folder  # loads what pages are made with
+
+        check_folder(options.report_path, source="--drive-report")
     first_line = " ".join((header(options), *regression.in_words()))
     record: RunRecord
     if is_controller(config):

@@ -25,7 +25,7 @@ class CollectionPlugin:
     def __init__(self) -> None:
         self.requests: dict[str, EpisodeRequest] = {}
         self.readings: list[Reading] = []
-        self._advice: dict[str, None] = {}
+        self._advice: dict[tuple[int, float, float], str] = {}  # by number of routes, margin and alpha
         self._scopes: dict[tuple[str, str], Scope] = {}
         self._judged_by_evidence = 0
 
@@ -46,12 +46,12 @@ class CollectionPlugin:
         context.campaign.planned(self.requests, self.readings, ahead=not is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
-            context.campaign.tell(Advised(tuple(self._advice)))  # the controller shows it
+            context.campaign.tell(Advised(tuple(self._advice.values())))  # the controller shows it
         note_problem(config, "", lambda: self._identify(context))
 
     def pytest_report_collectionfinish(self) -> list[str]:
-        """Return what so many routes cannot show, each sentence once."""
-        return [f"drive-robust: {text}" for text in self._advice]
+        """Return what so many routes cannot show: a sentence about the first metric, because all resolve alike."""
+        return [f"drive-robust: {text}" for text in self._advice.values()]
 
     def _identify(self, context: DriveContext) -> None:
         """Tell the record what agents and routes are made of."""
@@ -74,7 +74,8 @@ class CollectionPlugin:
             if advice.level == "refuse":
                 raise UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
             if advice.text:
-                self._advice[advice.text] = None
+                place = len(scope.routes), verdict_rule.margin, verdict_rule.alpha
+                self._advice.setdefault(place, advice.text)
         self.requests.update(scope.plan(wanted))
         self.readings += [scope.reading(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)

@@ -34,6 +34,9 @@ class RegressionChecks:
         kind = parse_kind(options.verdict_rule.kind, source="--drive-verdict")
         self._terms = Terms(regression.allowances, kind, regression.policy)
         self._before = self._load(options.simulator) if regression.compare else None
+        # the pages show its replays, too; None for a baseline, which holds scores only
+        wanted = self._before is not None and options.report_path is not None
+        self.document_before = self._references.document(regression.compare) if wanted else None
         self._comparison: Comparison | None = None
         self._lines: list[str] = []
 
@@ -61,6 +64,11 @@ class RegressionChecks:
         if self._lines:
             told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
         return told
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """What comparing found; None before, and where nothing was compared."""
+        return self._comparison
 
     def _waived(self, judged: Judged) -> bool:
         waiver = self._waivers.find(judged.requirement, judged.nodeid, agent=judged.agent)

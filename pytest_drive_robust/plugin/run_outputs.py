@@ -14,7 +14,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.report.csv_file import write_csv
 from pytest_drive_robust.report.github import append_step_summary
-from pytest_drive_robust.report.json_file import write_json
+from pytest_drive_robust.report.json_file import run_as_json, write_json
 from pytest_drive_robust.report.progress import Progress
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
@@ -90,6 +90,7 @@ class RunOutputs:
         self._checks = checks
         self._run: RunResult | None = None
         self._problems: list[str] = []
+        self._page: Path | None = None
         self._notes: list[str] = []
 
     def note(self, sentence: str) -> None:
@@ -114,7 +115,9 @@ class RunOutputs:
             append_step_summary(self._run, os.environ)
         except Exception as error:
             self._problems.append(f"ERROR: the step summary was not written: {_reason(error)}")
-        return self._conclude(self._run, whole=whole) or bool(self._problems)
+        red = self._conclude(self._run, whole=whole)
+        self._write(self._options.report_path, self._write_pages, self._run)  # it shows the comparison
+        return red or bool(self._problems)
 
     def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
         if path is None:
@@ -123,6 +126,19 @@ class RunOutputs:
             write(path, run)
         except Exception as error:
             self._problems.append(f"ERROR: {os.fspath(path)} was not written: {_reason(error)}")
+
+    def _write_pages(self, folder: Path, run: RunResult) -> None:
+        from pytest_drive_robust.registry.registry import default_registry
+        from pytest_drive_robust.report.pages.folder import write_pages  # loads jinja2
+        from pytest_drive_robust.report.pages.records import RunRecords
+
+        registry, checks = default_registry(), self._checks
+        document, other = run_as_json(run), checks.document_before
+        records = RunRecords.of(document, run.episodes.get, registry, label="this run")
+        before = None
+        if other is not None and checks.comparison is not None:
+            before = RunRecords.of(other, self._record.find, registry, label=checks.comparison.before.label)
+        self._page = write_pages(folder, records, comparison=checks.comparison, before=before)
 
     def _conclude(self, run: RunResult, *, whole: bool) -> bool:
         try:
@@ -146,12 +162,18 @@ class RunOutputs:
                 parts.append(run_summary(self._run, colour=colour))
             except Exception as error:
                 parts.append(f"the table could not be drawn: {_reason(error)}")
+        if self._page is not None:
+            parts.append(f"report: {_from_here(self._page)}")
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:
         versions = {"pytest-drive-robust": __version__, **_libraries(), **self._versions}
         events, notes = self._record.events(), tuple(self._notes)
         return RunResult.of(self._options, events, self._record.find, versions=versions, notes=notes)
+
+
+def _from_here(path: Path) -> Path:
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _libraries() -> dict[str, str]:

@@ -11,13 +11,13 @@ import numpy as np
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Trace, merged_versions
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.verdict.explain import describe_outcome
 
-__all__ = ["READS_SCHEMA", "read_document", "snapshot_of"]
+__all__ = ["READS_SCHEMA", "episode_of", "read_document", "snapshot_of"]
 
 READS_SCHEMA = 1
 """The `schema` of the runs that are understood here."""
@@ -116,27 +116,31 @@ class _Reader:
 
 
 def _taken(item: Mapping[str, Any]) -> Taken:
-    return Taken(int(item["seed"]), float(item["driving_score"]), bool(item["success"]), _outcome(item))
+    outcome = describe_outcome(episode_of(item))  # the words that every report uses
+    return Taken(int(item["seed"]), float(item["driving_score"]), bool(item["success"]), outcome)
 
 
-def _outcome(item: Mapping[str, Any]) -> str:
-    """Return the words that every report uses. They need no trajectory, which a document does not hold."""
-    return describe_outcome(
-        EpisodeResult(
-            episode=Episode(item["agent"], item["route_id"], item["setting"], item["seed"]),
-            scenario=item["scenario"],
-            outcome=Outcome(item["outcome"]),
-            end=End(item["end"]),
-            end_detail=item["end_detail"],
-            route_completion_pct=item["route_completion_pct"],
-            route_length_m=item["route_length_m"],
-            infractions=tuple(
-                Infraction(**{**event, "kind": InfractionKind(event["kind"])}) for event in item["infractions"]
-            ),
-            speed_ratios_pct=(),
-            ticks=item["ticks"],
-            dt_s=item["dt_s"],
-            wall_s=item["wall_s"],
-            trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
-        )
+def episode_of(item: Mapping[str, Any]) -> EpisodeResult:
+    """Return the result that a document tells of: all but its trajectory, of which a document holds the digest only.
+
+    Raises `KeyError`, `TypeError` or `ValueError` for an item that lacks what episodes have.
+    """
+    return EpisodeResult(
+        episode=Episode(item["agent"], item["route_id"], item["setting"], item["seed"]),
+        scenario=item["scenario"],
+        outcome=Outcome(item["outcome"]),
+        end=End(item["end"]),
+        end_detail=item["end_detail"],
+        route_completion_pct=item["route_completion_pct"],
+        route_length_m=item["route_length_m"],
+        infractions=tuple(
+            Infraction(**{**event, "kind": InfractionKind(event["kind"])}) for event in item["infractions"]
+        ),
+        speed_ratios_pct=tuple(item.get("speed_ratios_pct", ())),
+        ticks=item["ticks"],
+        dt_s=item["dt_s"],
+        wall_s=item["wall_s"],
+        trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
+        schedule=tuple(Injection(**stretch) for stretch in item.get("schedule", ())),
+        privileged=item.get("privileged", False),
     )

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression.baselines import read_baseline
 from pytest_drive_robust.regression.blessing import blessed_snapshot
 from pytest_drive_robust.regression.document import read_document, snapshot_of
-from pytest_drive_robust.regression.runs import AUTO, StoredRuns
+from pytest_drive_robust.regression.runs import AUTO, StoredRuns, run_file
 from pytest_drive_robust.regression.snapshot import Snapshot
 
 __all__ = ["BASELINES", "References"]
@@ -57,6 +58,21 @@ class References:
         if reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
             raise UsageError(f"{reference!r} is a baseline, expected a run. `drive-robust runs list` shows them.")
         return self.load(reference)
+
+    def document(self, reference: str) -> dict[str, Any] | None:
+        """Return the whole document behind a reference; None where it is a baseline, or is not there any more."""
+        word = reference.partition(":")[0]
+        if word == AUTO:
+            if any(self.baselines.glob("*.json")):
+                return None
+            reference = "latest"
+        if word == _BASELINE:
+            return None
+        try:
+            path = run_file(self.runs, reference)
+            return None if _is_baseline(path) else read_document(path)
+        except UsageError:
+            return None
 
     def stored(self, name: str) -> Snapshot:
         """Return the stored run of a name. Raises `UsageError`."""

@@ -13,7 +13,7 @@ from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["AUTO", "RESERVED", "StoredRun", "StoredRuns", "check_run_name", "home_of"]
+__all__ = ["AUTO", "RESERVED", "StoredRun", "StoredRuns", "check_run_name", "home_of", "run_file"]
 
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
@@ -129,3 +129,11 @@ class StoredRuns:
         ignore = self._home / _HOME / ".gitignore"
         if not ignore.exists():
             write_whole(ignore, "*\n")
+
+
+def run_file(runs: StoredRuns, reference: str) -> Path:
+    """Return the file that people mean: a path, else the stored run of that name. Raises `UnknownNameError`."""
+    path = Path(reference)
+    if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
+        return path
+    return runs.find(reference)

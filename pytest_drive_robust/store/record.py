@@ -6,7 +6,7 @@
     32 bytes   sha256 of everything behind it
     4 bytes    length of the header, little endian
     header     JSON: every fact of the result, the shape and the length of each table, notes
-    tables     the trace, and whatever else there is one number a tick of (see `packing`)
+    tables     the trace, and whatever else there is one number a tick of (see `packing`); the tracks (`track_bytes`)
 
 There is no pickle in it: the bytes may come from a process that an agent ran wild in.
 """
@@ -28,6 +28,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.reception import Reception, Touch
 from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
+from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 
 __all__ = [
     "FORMAT_VERSION",
@@ -86,6 +87,9 @@ def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None
     if result.given is not None:
         tables["given"] = np.asarray(result.given.rows, dtype="<f4")
     packed = {name: pack(rows) for name, rows in tables.items()}
+    if result.tracks is not None:
+        packed["tracks"] = pack_tracks(result.tracks)
+        tables["tracks"] = np.zeros((len(packed["tracks"]), 1), np.uint8)
     header = {
         **_header(result),
         "notes": dict(notes or {}),
@@ -139,7 +143,7 @@ def _decoded(data: bytes) -> EpisodeRecord:
         return tuple(unpack(packed, dtype=dtype, shape=shape)[:, 0].tolist())
 
     trace, _, (ticks, _) = pieces["trace"]
-    given = pieces.get("given")
+    given, tracks = pieces.get("given"), pieces.get("tracks")
     return EpisodeRecord(
         EpisodeResult(
             episode=Episode(**header["episode"]),
@@ -152,6 +156,7 @@ def _decoded(data: bytes) -> EpisodeRecord:
             versions=header["versions"],
             reception=_reception(header["reception"]),
             given=None if given is None else StoredGiven(packed=given[0], shape=given[2]),
+            tracks=None if tracks is None else StoredTracks(tracks[0]),
             trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
             speed_ratios_pct=numbers("speed_ratios_pct"),
             inference_s=numbers("inference_s"),

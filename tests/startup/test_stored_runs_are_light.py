@@ -35,7 +35,7 @@ def test_it(drive, requirement):
     drive.check(requirement)
 """
 
-OPTIONS = ("--drive-robust", "--drive-agent", "constant", "--drive-routes", "dev10:501", "--drive-workers", "1")
+OPTIONS = ("--drive-robust", "--drive-agent", "expert", "--drive-routes", "dev10:501", "--drive-workers", "1")
 
 
 def test_the_second_run_loads_no_world_and_starts_no_process(tmp_path, plugin_args):

@@ -6,6 +6,7 @@ import contextlib
 import os
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from pytest_drive_robust.domain.agent import Agent, consumed_signals, is_privileged
@@ -37,7 +38,8 @@ class WatchedAgent:
         self._cameras: Sequence[CameraSpec] | None = None
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._agent, name)  # `consumes` and `privileged`, where the agent has them
+        found = getattr(self._agent, name)  # `consumes`, `privileged` and `plan`, where the agent has them
+        return partial(_contained, found) if name == "plan" and callable(found) else found
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return the agent's cameras: it drives an episode of its own."""

@@ -19,6 +19,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import AgentError, SimulationError
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
 from pytest_drive_robust.runner.episode.recorder import Recorder
+from pytest_drive_robust.runner.episode.surroundings import Surroundings
 from pytest_drive_robust.runner.episode.witness import Witness
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class RunningEpisode:
         self.warmup_ticks = 0
         self.started_s = time.perf_counter()
         self.recorder = Recorder()
+        self.surroundings = Surroundings()
         self.witness = Witness()
         self.crash: AgentError | SimulationError | None = None
         self.last_tick: tuple[int, WorldState, Observation, Control] | None = None
@@ -208,6 +210,12 @@ class RunningEpisode:
         assert state is not None  # start() and sense() came before
         assert stack is not None
         assert observation is not None
+        if self.surroundings.wants(tick):
+            self.surroundings.see(tick, state)
+        if control is not None and self.surroundings.wants_plan(tick):
+            self._enter("act")
+            self.surroundings.see_plan(tick, self.agent)
+            self._enter("sim")
         applied = stack.actuate(tick, control, inference_s)
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
@@ -255,6 +263,7 @@ class RunningEpisode:
             versions=versions,
             reception=self.witness.reception(),
             given=self.witness.given(),
+            tracks=self.surroundings.tracks(),
         )
 
     def _enter(self, phase: str) -> None:

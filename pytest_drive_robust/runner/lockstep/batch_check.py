@@ -26,8 +26,9 @@ __all__ = ["Recording", "admit", "check_lockstep", "record"]
 
 _ADVICE = (
     "Usual causes: batch normalisation or dropout in training mode, attention or statistics across rows, state that "
-    "agents share, more than one thread, and a layer of few outputs whose number of inputs is no multiple of four "
-    "(pad it: the bits of such a product depend on where in memory a row begins)."
+    "agents share, more than one thread, a layer of few outputs whose number of inputs is no multiple of four (pad it: "
+    "the bits of such a product depend on where in memory a row begins), and a processor on which a product's rows "
+    "depend on each other in the last bits (evaluate the network row by row in act_batch)."
 )
 
 

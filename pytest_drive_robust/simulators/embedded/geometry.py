@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
-from pytest_drive_robust.arithmetic.signals import interpolate
+from pytest_drive_robust.simulators.embedded.kernels.lines import equal_steps
 
 __all__ = ["arc_lengths", "place", "project", "resample"]
 
@@ -22,17 +22,12 @@ def arc_lengths(points: Floats) -> Floats:
 def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
     """Return the line through `points` (n, >=2) in equal steps of about `step_m`: (m, 3) x, y, heading.
 
-    Headings are of central differences.
+    Headings are of central differences. Raises `ValueError` for no points.
     """
-    xy = np.asarray(points, dtype=float)[:, :2]
-    keep = np.concatenate([[True], arrays.hypot(*np.diff(xy, axis=0).T) > 1e-6])
-    xy = xy[keep]
-    s = arc_lengths(xy)
-    count = max(2, round(s[-1] / step_m) + 1)
-    at = np.linspace(0.0, s[-1], count)
-    x, y = interpolate(at, s, xy).T
-    heading = np.unwrap(arrays.atan2(np.gradient(y), np.gradient(x)))
-    return np.stack([x, y, heading], axis=1)
+    xy = np.array(np.asarray(points)[:, :2], np.float64, order="C")
+    if not len(xy):
+        raise ValueError("a line has at least one point, got none")
+    return equal_steps(xy, step_m)
 
 
 def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float, float]:

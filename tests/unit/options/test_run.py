@@ -37,7 +37,7 @@ def test_the_command_line_wins_over_the_ini_file():
 
 
 def test_every_option_is_read(tmp_path):
-    files = tmp_path / "run.json", tmp_path / "run.csv"
+    files = tmp_path / "run.json", tmp_path / "run.csv", tmp_path / "look"
     values = (
         *("a", "r.xml", "3, 1", "s", "released", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept", "on"),
         *(*map(str, files), "on", "on"),

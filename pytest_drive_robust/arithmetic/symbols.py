@@ -1,0 +1,110 @@
+"""The machine code of elementary functions, for `compiled`.
+
+Each is compiled once, by itself, when it is first asked for, and then called by its name as if it were the C library's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import llvmlite.binding
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.ccallback import CFunc
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic, register_jitable
+
+from pytest_drive_robust.arithmetic import scalars, series
+from pytest_drive_robust.jit.cache import KernelCache
+
+__all__ = ["numba_type"]
+
+_TAKES_TWO = ("atan2", "power")
+_PARTS = ("hypot", "wrap_angle")  # short: they become part of the kernel
+_CPU: Any = cpu_target
+_DOUBLE = ir.DoubleType()
+_CGUTILS: Any = cgutils  # numba has no types for mypy
+_TYPES: Any = types
+_COMPILED: list[Any] = []  # machine code is freed with the object that holds it
+
+for _module in (series, scalars):
+    for _function in vars(_module).values():
+        if getattr(_function, "__module__", None) == _module.__name__ and callable(_function):
+            register_jitable(forceinline=True)(_function)
+
+
+def numba_type(name: str) -> Any:
+    """Return what numba takes a function of `compiled` for; its machine code is made or loaded now."""
+    context = _CPU.typing_context
+    function = getattr(series, name, None) or getattr(scalars, name)
+    if name not in _PARTS:
+        function = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name in _TAKES_TWO else 1)
+    context.refresh()
+    return context.resolve_value_type(function)
+
+
+def _of_number(name: str, takes: int) -> Any:
+    """Return what makes a kernel call the machine code of a function that returns one float."""
+    body = (_taking_one if takes == 1 else _taking_two)(getattr(scalars, name))
+    signature = types.float64(*[types.float64] * takes)
+    symbol = _symbol(name, signature, body)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        declared = ir.FunctionType(_DOUBLE, [_DOUBLE] * takes)
+        return builder.call(_CGUTILS.insert_pure_function(builder.module, declared, symbol), arguments)
+
+    if takes == 1:
+        return intrinsic(lambda _, x: (signature, generate))
+    return intrinsic(lambda _, x, y: (signature, generate))
+
+
+def _of_pair() -> Any:
+    """Return what makes a kernel call the machine code of `cos_sin`, which writes two floats."""
+    symbol = _symbol(
+        "cos_sin", _TYPES.void(_TYPES.float64, _TYPES.CPointer(_TYPES.float64)), _writing_two(scalars.cos_sin)
+    )
+    pair = _TYPES.UniTuple(types.float64, 2)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        declared = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE.as_pointer()])
+        place = _CGUTILS.alloca_once(builder, _DOUBLE, size=2)
+        builder.call(_CGUTILS.get_or_insert_function(builder.module, declared, symbol), [arguments[0], place])
+        values = [builder.load(_CGUTILS.gep_inbounds(builder, place, k)) for k in (0, 1)]
+        return context.make_tuple(builder, signature.return_type, values)
+
+    return intrinsic(lambda _, x: (pair(types.float64), generate))
+
+
+def _symbol(name: str, signature: Any, body: Callable[..., Any]) -> str:
+    """Compile a function and return the symbol of its machine code."""
+    compiled: Any = CFunc(
+        body, (signature.args, signature.return_type), {}, {"error_model": "numpy", "forceinline": True}
+    )
+    compiled._cache = KernelCache(body)
+    compiled.compile()
+    symbol = f"pytest_drive_robust_{name}"
+    llvmlite.binding.add_symbol(symbol, compiled.address)
+    _COMPILED.append(compiled)
+    return symbol
+
+
+def _taking_one(function: Callable[[float], float]) -> Callable[[float], float]:
+    def compiled(x: float) -> float:
+        return function(x)
+
+    return compiled
+
+
+def _taking_two(function: Callable[[float, float], float]) -> Callable[[float, float], float]:
+    def compiled(x: float, y: float) -> float:
+        return function(x, y)
+
+    return compiled
+
+
+def _writing_two(function: Callable[[float], tuple[float, float]]) -> Callable[[float, Any], None]:
+    def compiled(x: float, out: Any) -> None:
+        out[0], out[1] = function(x)
+
+    return compiled

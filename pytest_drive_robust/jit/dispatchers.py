@@ -1,0 +1,45 @@
+"""What numba makes of kernels: dispatchers, which compile a function for the types that it is called with.
+
+Nothing is compiled with fast mathematics or in parallel, and division by zero gives infinity: the same inputs give the
+same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numba
+from numba import types
+
+from pytest_drive_robust.jit.cache import KernelCache
+from pytest_drive_robust.jit.libraries import PartCompiler, WholeCompiler
+
+__all__ = ["cached_entry", "inner", "uncached_entry"]
+
+
+def cached_entry(function: Callable[..., Any]) -> Any:
+    """Return the dispatcher of an entry point that is kept in the cache."""
+    dispatcher = uncached_entry(function)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
+
+
+def uncached_entry(function: Callable[..., Any]) -> Any:
+    """Return the dispatcher of an entry point that is kept nowhere."""
+    return numba.njit(error_model="numpy", pipeline_class=WholeCompiler)(function)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Return the dispatcher of a part."""
+    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Any = numba.njit(pipeline_class=PartCompiler, **options)(function)
+    template = dispatcher.get_call_template
+
+    def without_literals(arguments: Sequence[Any], keywords: dict[str, Any]) -> Any:
+        """Take a number that the caller has written out for any number: numba compiles anew for each of them."""
+        plain = {name: types.unliteral(one) for name, one in keywords.items()}
+        return template(tuple(types.unliteral(one) for one in arguments), plain)
+
+    dispatcher.get_call_template = without_literals
+    return dispatcher

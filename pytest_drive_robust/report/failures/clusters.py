@@ -1,0 +1,85 @@
+"""Groups episodes that broke by what happened: a sentence for each group."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.metrics.score import is_success
+from pytest_drive_robust.report.failures.manoeuvre import manoeuvre
+from pytest_drive_robust.report.failures.moment import first_failure
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.report.failures.road import Road
+
+__all__ = ["Cluster", "clusters_of", "sentence_of"]
+
+_RECENT_S = 2.0
+_MOSTLY = 0.9
+"""A failure at work for a larger share of the episode tells nothing about the moment."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """Episodes (numbers) that broke alike. `name` is the sentence as a word for links; `example` is the clearest."""
+
+    sentence: str
+    episodes: tuple[int, ...]
+    example: int
+
+    @property
+    def name(self) -> str:
+        """Return the sentence in small letters with dashes."""
+        return re.sub(r"[^a-z0-9]+", "-", self.sentence.lower()).strip("-")
+
+
+def clusters_of(
+    results: Iterable[tuple[int, EpisodeResult]], road_of: Callable[[EpisodeResult], Road | None]
+) -> tuple[Cluster, ...]:
+    """Return the groups of all episodes that are no success, the largest first. `road_of` gives None where unknown."""
+    found: dict[str, list[tuple[int, EpisodeResult]]] = {}
+    for number, result in results:
+        if result.outcome is Outcome.INFRA_ERROR or not is_success(result):
+            found.setdefault(sentence_of(result, road_of(result)), []).append((number, result))
+    clusters = [
+        Cluster(sentence, tuple(number for number, _ in members), _example(members))
+        for sentence, members in found.items()
+    ]
+    return tuple(sorted(clusters, key=lambda cluster: (-len(cluster.episodes), cluster.sentence)))
+
+
+def sentence_of(result: EpisodeResult, road: Road | None) -> str:
+    """Return what happened in an episode that broke: `"Hit a vehicle while turning left"`."""
+    moment = first_failure(result, road)
+    parts = [moment.what]
+    if moment.moves:
+        parts += [manoeuvre(result, moment.tick, road, leaving=moment.leaving), _during(result, moment.tick)]
+    return " ".join(part for part in parts if part)
+
+
+def _during(result: EpisodeResult, tick: int) -> str:
+    """Return which failure had struck just then, where it strikes now and then only."""
+    recent = tick - round(_RECENT_S / result.dt_s)
+    for item in result.schedule:
+        active = sum(
+            span.last_tick - span.first_tick + 1
+            for span in result.schedule
+            if (span.perturbation, span.signal) == (item.perturbation, item.signal)
+        )
+        if item.first_tick <= tick and item.last_tick >= recent and active < _MOSTLY * result.ticks:
+            return f"in a {item.perturbation.replace('-', ' ')}"
+    return ""
+
+
+def _example(members: list[tuple[int, EpisodeResult]]) -> int:
+    """Return the episode to look at: one that can be replayed with the least else going wrong, the shortest first."""
+
+    def rank(member: tuple[int, EpisodeResult]) -> tuple[bool, int, int, int]:
+        number, result = member
+        return (not len(result.trace.rows), len(result.infractions), result.ticks, number)
+
+    return min(members, key=rank)[0]

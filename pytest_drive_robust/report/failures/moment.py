@@ -1,0 +1,134 @@
+"""What went wrong first in an episode, and in which tick."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
+from pytest_drive_robust.domain.truth import ActorKind
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.outcome import Infraction
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.report.failures.road import Road
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["Moment", "first_failure"]
+
+_WHAT = {
+    InfractionKind.COLLISION_PEDESTRIAN: "Hit a pedestrian",
+    InfractionKind.COLLISION_VEHICLE: "Hit a vehicle",
+    InfractionKind.COLLISION_LAYOUT: "Hit an obstacle",
+    InfractionKind.RED_LIGHT: "Ran a red light",
+    InfractionKind.STOP_SIGN: "Ran a stop sign",
+    InfractionKind.YIELD_EMERGENCY: "Did not yield to an emergency vehicle",
+}
+"""What happens in one tick. The other kinds are sums over the way, or ends."""
+_STANDING_MPS = 0.3
+_STANDING_S = 10.0
+_WRONG_WAY_RAD = np.radians(120.0)
+_EVERY_S = 0.2
+_GAP_M = 11.0
+_EGO_LENGTH_M, _EGO_WIDTH_M = 4.9, 1.85
+_ROOM_M = 0.7
+"""Nobody drives past with less room."""
+
+
+class Moment(NamedTuple):
+    """What went wrong, as the beginning of a sentence, and in which tick.
+
+    `moves`: the ego was doing something then; `leaving`: what it did was to leave its lane.
+    """
+
+    what: str
+    tick: int
+    moves: bool = True
+    leaving: bool = False
+
+
+def first_failure(result: EpisodeResult, road: Road | None) -> Moment:
+    """Return what went wrong first in an episode that is no success.
+
+    The ego's way outside its lanes is a sum that is known at the end only; it comes first where nothing was hit or run
+    over. Standing still comes last, because it mostly is the end of something else.
+    """
+    if result.outcome is Outcome.AGENT_ERROR:
+        return Moment("The agent broke", result.ticks, moves=False)
+    if result.outcome is Outcome.INFRA_ERROR:
+        return Moment("The simulation broke", result.ticks, moves=False)
+    timed = [item for item in result.infractions if item.kind in _WHAT]
+    if timed:
+        first = min(timed, key=lambda item: item.tick)
+        return Moment(_words(first), first.tick)
+    kinds = {item.kind for item in result.infractions}
+    if result.end is End.DEVIATED:
+        return Moment("Left its route", _left_at(result, road), leaving=True)
+    if InfractionKind.OUTSIDE_LANES in kinds:
+        return Moment("Left its lane", _left_at(result, road), leaving=True)
+    stood = _stood_from(result)
+    if stood is not None:
+        return Moment(f"Stood still {_before(result, stood)}", stood, moves=False)
+    if InfractionKind.SCENARIO_TIMEOUT in kinds or result.end is not End.COMPLETED:
+        return Moment("Ran out of time", result.ticks, moves=False)
+    return Moment("Did not succeed", result.ticks, moves=False)
+
+
+def _words(item: Infraction) -> str:
+    bicycle = item.kind is InfractionKind.COLLISION_VEHICLE and "bicycle" in item.detail
+    return "Hit a cyclist" if bicycle else _WHAT[item.kind]
+
+
+def _left_at(result: EpisodeResult, road: Road | None) -> int:
+    """Return the first tick outside all lanes, else against the traffic, else farthest from the route."""
+    x, y, yaw = result.trace.columns("x_m", "y_m", "yaw_rad")
+    every = max(1, round(_EVERY_S / result.dt_s))
+    places = np.column_stack((x, y))[::every]
+    if road is None or not len(places):
+        return result.ticks
+    seen = road.lanes_at(places)
+    if bool(seen.outside.any()):
+        return int(np.argmax(seen.outside)) * every
+    turned = (yaw[::every] - seen.heading_rad + np.pi) % (2.0 * np.pi) - np.pi
+    wrong = (np.abs(turned) > _WRONG_WAY_RAD) & ~seen.junction
+    if not bool(wrong.any()):
+        return int(np.argmax(seen.beyond_m)) * every
+    first = int(np.argmax(wrong))
+    length = int(np.argmin(wrong[first:])) or len(wrong) - first
+    return (first + length // 2) * every
+
+
+def _stood_from(result: EpisodeResult) -> int | None:
+    """Return the tick from which the ego stood until the end, None when it did not stand for long."""
+    (speed,) = result.trace.columns("speed_mps")
+    moved = np.flatnonzero(speed > _STANDING_MPS)
+    last = int(moved[-1]) if len(moved) else 0
+    if result.end is End.TICK_CAP and len(speed) and float(np.mean(speed < _STANDING_MPS)) > 0.5:
+        return min(last + 1, result.ticks)  # it crept on now and then
+    return last + 1 if (result.ticks - last) * result.dt_s > _STANDING_S else None
+
+
+def _before(result: EpisodeResult, tick: int) -> str:
+    """Return behind what the ego stood, from the tracks."""
+    tracks = result.tracks
+    if tracks is None or not len(result.trace.rows):
+        return "to the end"
+    x, y, yaw = (float(column[min(tick, result.ticks - 1)]) for column in result.trace.columns("x_m", "y_m", "yaw_rad"))
+    sample, nearest = tick // tracks.every_ticks, (_GAP_M, "with a free way ahead")
+    start = 0
+    for _, kind, length, width, first, count in tracks.actors.tolist():
+        within = min(sample - first, count - 1)
+        if 0 <= sample - first <= count:
+            east, south = tracks.motion[start + within, :2] / 100.0 - (x, y)
+            ahead, right = np.cos(yaw) * east + np.sin(yaw) * south, -np.sin(yaw) * east + np.cos(yaw) * south
+            gap = float(ahead) - (length / 100.0 + _EGO_LENGTH_M) / 2.0
+            beside = abs(float(right)) - (width / 100.0 + _EGO_WIDTH_M) / 2.0
+            if -2.0 < gap < nearest[0] and beside < _ROOM_M and kind != ActorKind.DIRT:
+                user = kind <= ActorKind.PEDESTRIAN
+                nearest = gap, "behind another road user" if user else "behind an obstacle"
+        start += count
+    return nearest[1]

@@ -1,0 +1,98 @@
+"""A comparison with another run as plain data: what got worse and by how much, and which routes flipped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.report.comparison import conclusion
+from pytest_drive_robust.stats.intervals import mean_interval
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip, Numbers
+    from pytest_drive_robust.regression.rises import Rise
+    from pytest_drive_robust.regression.snapshot import RouteScore
+    from pytest_drive_robust.report.pages.records import Ident, RunRecords
+
+__all__ = ["comparison_data", "flipped"]
+
+
+def comparison_data(comparison: Comparison) -> dict[str, Any]:
+    """Return everything about a comparison; of one that is refused no settings, but why."""
+    refused = bool(comparison.refusals)
+    return {
+        "before": comparison.before.label,
+        "beforeMade": comparison.before.made,
+        "after": comparison.after.label,
+        "conclusion": conclusion(comparison),
+        "regressed": bool(comparison.regressions),
+        "refused": refused,
+        "notes": [*(item.text for item in comparison.mismatches), *comparison.notes],
+        "means": {} if refused else {agent: _rise(rise) for agent, rise in comparison.mean_rises.items()},
+        "settings": [] if refused else [_setting(comparison, cell) for cell in comparison.cells],
+    }
+
+
+def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Ident]:
+    """Yield the episodes of the run before that have a part in a flip, as far as that run holds them."""
+    if comparison.refusals:
+        return
+    for cell in comparison.cells:
+        for flip in cell.flips:
+            for ident in before.results:
+                if ident[1:3] == (cell.setting, flip.before.route_id) and ident[3] in flip.before.seeds:
+                    yield ident
+
+
+def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
+    return {
+        "agent": cell.agent,
+        "setting": cell.setting,
+        "verdict": cell.verdict,
+        "rule": cell.rule,
+        "routes": cell.routes,
+        "missing": cell.missing,
+        "changed": cell.changed,
+        "before": _numbers(cell.before),
+        "after": _numbers(cell.after),
+        "dsChange": _ds_change(comparison, cell),
+        "rise": None if cell.rise is None else _rise(cell.rise),
+        "findings": [[item.verdict, item.allowance.sentence, item.problem] for item in cell.findings],
+        "flips": [_flip(flip) for flip in cell.flips],
+    }
+
+
+def _ds_change(comparison: Comparison, cell: CellComparison) -> list[float] | None:
+    """Return the mean change of DS over the routes of both runs, with its 95 % interval; None where none is shared."""
+    after = comparison.after.cells.get((cell.agent, cell.setting))
+    before = [item for (_, setting), item in comparison.before.cells.items() if setting == cell.setting]
+    old = next((item for item in before if item.agent == cell.agent), before[0] if len(before) == 1 else None)
+    if after is None or old is None:
+        return None
+    changes = [score.ds - old.routes[name].ds for name, score in after.routes.items() if name in old.routes]
+    if not changes:
+        return None
+    low, high = mean_interval(changes, bounds=(-100.0, 100.0))
+    return [round(value, 3) for value in (sum(changes) / len(changes), low, high)]
+
+
+def _numbers(numbers: Numbers) -> dict[str, float | None]:
+    return {"ds": numbers.ds, "sr": numbers.sr, "rd": numbers.rd}
+
+
+def _rise(rise: Rise) -> dict[str, float]:
+    return {"before": rise.before, "after": rise.after, "low": rise.low, "high": rise.high, "routes": rise.routes}
+
+
+def _flip(flip: Flip) -> dict[str, Any]:
+    return {
+        "fails": flip.fails,
+        "route": flip.after.route_id,
+        "scenario": flip.after.scenario,
+        "before": _score(flip.before),
+        "after": _score(flip.after),
+    }
+
+
+def _score(score: RouteScore) -> dict[str, Any]:
+    return {"ds": round(score.ds, 1), "story": score.outcome, "seed": score.worst_seed}

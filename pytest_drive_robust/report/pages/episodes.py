@@ -1,0 +1,120 @@
+"""The episodes of a run as columns: what tables, filters and links are made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
+from pytest_drive_robust.metrics.comfort import comfort
+from pytest_drive_robust.metrics.efficiency import efficiency
+from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.verdict.explain import describe_outcome, first_divergence
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.outcome import Infraction
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.report.pages.records import Ident, RunRecords
+
+__all__ = ["EpisodeTable"]
+
+_PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
+"""What is found only when the whole way is added up happened at no particular place."""
+
+
+class EpisodeTable:
+    """Rows that refer to each other by their number; words that come often are kept once, in `words`."""
+
+    COLUMNS = (
+        "run", "agent", "setting", "route", "seed", "outcome", "end", "story", "ds", "success", "completion",
+        "efficiency", "comfort", "seconds", "wall", "twin", "parted", "partedBy", "events", "spans", "trace", "key",
+    )  # fmt: skip
+    """`run` is 0 for the run and 1 for the one that it is compared with; words are numbers into `words`."""
+
+    def __init__(self) -> None:
+        self.results: list[EpisodeResult] = []
+        self.numbers: dict[tuple[int, Ident], int] = {}
+        self.rows: list[list[Any]] = []
+        self.words: dict[str, int] = {}
+
+    def word(self, text: str) -> int:
+        """Return the number of a text."""
+        return self.words.setdefault(text, len(self.words))
+
+    def add(self, records: RunRecords, idents: Iterable[Ident], *, run: int = 0) -> None:
+        """Add episodes of a run with their clean twins, where they are not there yet."""
+        for ident in idents:
+            if (run, ident) in self.numbers or ident not in records.results:
+                continue
+            result, twin = records.results[ident], records.twin(ident)
+            twin_number = -1
+            if twin is not None:
+                twin_ident = (twin.episode.agent, twin.episode.setting, twin.episode.route_id, twin.episode.seed)
+                self.add(records, [twin_ident], run=run)
+                twin_number = self.numbers[run, twin_ident]
+            self.numbers[run, ident] = len(self.rows)
+            self.results.append(result)
+            mode = records.document["settings"]["metrics"]
+            self.rows.append(self._row(result, twin, twin_number, run=run, mode=mode, key=records.keys[ident]))
+
+    def as_data(self) -> dict[str, Any]:
+        """Return columns by name, and the words."""
+        columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.COLUMNS)
+        return {
+            **{name: list(column) for name, column in zip(self.COLUMNS, columns, strict=True)},
+            "words": list(self.words),
+        }
+
+    def _row(
+        self, result: EpisodeResult, twin: EpisodeResult | None, twin_number: int, *, run: int, mode: str, key: str
+    ) -> list[Any]:
+        episode = result.episode
+        scored = result.outcome is not Outcome.INFRA_ERROR
+        has_trace = len(result.trace.rows) > 0
+        parted = first_divergence(twin, result) if twin is not None and has_trace and len(twin.trace.rows) else None
+        speed = efficiency(result, mode=mode) if scored else None
+        calm = comfort(result, mode=mode) if scored and has_trace else None
+        return [
+            run,
+            self.word(episode.agent),
+            self.word(episode.setting),
+            self.word(episode.route_id),
+            episode.seed,
+            self.word(result.outcome.value),
+            self.word(result.end_detail),
+            self.word(describe_outcome(result)),
+            round(driving_score(result), 2) if scored else None,
+            int(is_success(result)) if scored else None,
+            round(float(result.route_completion_pct), 1),
+            None if speed is None else round(speed, 1),
+            None if calm is None else round(calm, 1),
+            round(result.game_s, 2),
+            round(result.wall_s, 3),
+            twin_number,
+            None if parted is None else round(parted.second, 2),
+            self.word("" if parted is None else parted.signal),
+            self._events(result),
+            [[self.word(span.signal), span.first_tick, span.last_tick] for span in result.schedule],
+            int(has_trace) + 2 * int(has_trace and result.tracks is not None),
+            key[:12],
+        ]
+
+    def _events(self, result: EpisodeResult) -> list[list[Any]]:
+        """Return kind, second, sentence and place in cm of every infraction, by time; the place is None where none."""
+        return [
+            [
+                self.word(item.kind.value),
+                round(item.tick * result.dt_s, 2),
+                self.word(item.detail),
+                *_place(item),
+            ]
+            for item in sorted(result.infractions, key=lambda event: event.tick)
+        ]
+
+
+def _place(item: Infraction) -> tuple[int | None, int | None]:
+    """Return where it happened in cm; None where there is no place, or none that a simulator could tell."""
+    if item.kind in _PLACELESS or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
+        return None, None
+    return round(item.x_m * 100.0), round(item.y_m * 100.0)

@@ -1,0 +1,90 @@
+"""How the evidence for a verdict grew, route by route, and which routes are behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.metrics.table import METRICS, Metric
+from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.report.pages.records import RunRecords
+
+__all__ = ["growth", "reading_order"]
+
+_MOST_POINTS = 30
+"""An interval over hundreds of routes takes milliseconds: of long readings not every step is computed."""
+
+
+def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
+    """Return the ids of the routes behind a verdict, in the order in which they were read."""
+    agent, spec, setting = judged["agent"], judged["routes_spec"], judged["setting"]
+    routes = records.routes.get(spec, ())
+    if routes:
+        order: Sequence[str] = planned_order(
+            [route.id for route in routes], [route.scenario.type for route in routes], f"{agent} on {spec}"
+        )
+    else:
+        order = list(dict.fromkeys(ident[2] for ident in records.results if ident[:2] == (agent, setting)))
+    driven = [route_id for route_id in order if records.of_setting(agent, setting, [route_id], judged["seeds"])]
+    return driven[: judged["routes"]] if judged["routes"] else driven
+
+
+def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str]) -> list[list[float | None]]:
+    """Return [routes read, value, low, high] for a growing number of routes; no bounds where no evidence was read.
+
+    Empty where a metric has no value by route, or the episodes cannot be scored.
+    """
+    metric = METRICS.get(judged["metric"])
+    if metric is None or not order:
+        return []
+    agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
+    mode = records.document["settings"]["metrics"]
+    baseline = records.baselines.get(setting, "clean")
+    results = records.of_setting(agent, setting, order, seeds)
+    clean = records.of_setting(agent, baseline, order, seeds) if metric.needs_clean else []
+    try:
+        values, references = metric.by_route(results, clean=clean, mode=mode)
+    except (ComparisonError, ValueError):  # a trace that is not there gives no comfort
+        return []
+    evidence = judged["rule"] == "evidence"
+    alpha, planned = records.document["settings"].get("alpha", 0.05), judged["planned"]
+    return [
+        [count, *_step(metric, values[:count], references[:count], alpha if evidence else None, count >= planned)]
+        for count in _counts(len(values))
+    ]
+
+
+def _step(
+    metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float | None, ended: bool
+) -> list[float | None]:
+    mean = sum(values) / len(values)
+    if not metric.needs_clean:
+        bounds = (
+            None
+            if alpha is None
+            else mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
+        )
+        return [mean, *_finite(bounds)]
+    reference = sum(references) / len(references)
+    if reference <= 0.0:
+        return [None, None, None]
+    bounds = None if alpha is None else evidence_interval(references, values, alpha, ended=ended)
+    return [1.0 - mean / reference, *_finite(bounds)]
+
+
+def _finite(bounds: tuple[float, float] | None) -> list[float | None]:
+    if bounds is None:
+        return [None, None]
+    return [bound if abs(bound) < 1e9 else None for bound in bounds]
+
+
+def _counts(length: int) -> list[int]:
+    """Return 1, 2, 3, ... up to `length`, with gaps where it is long."""
+    if length <= _MOST_POINTS:
+        return list(range(1, length + 1))
+    step = (length - 1) / (_MOST_POINTS - 1)
+    return sorted({1 + round(step * place) for place in range(_MOST_POINTS)})

@@ -1,0 +1,130 @@
+"""Writes the pages of a run as a folder: the page, its scripts and styles, and the data as scripts beside them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust import __version__
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.report.pages.episodes import EpisodeTable
+from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
+from pytest_drive_robust.report.pages.road_map import RoadMaps, map_data
+from pytest_drive_robust.report.pages.run_data import run_data
+from pytest_drive_robust.store.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.regression.outcome import Comparison
+    from pytest_drive_robust.report.pages.records import RunRecords
+
+__all__ = ["MARK", "check_folder", "write_pages"]
+
+MARK = "drive-robust-report.txt"
+"""Lies in every folder that we wrote: only such a one is written over."""
+_PARTS = ("index.html", "data", "static", "films", MARK)
+_SAYS = "A report of pytest-drive-robust: open index.html. The next report that is written here replaces this one.\n"
+
+
+def check_folder(folder: Path, *, source: str) -> None:
+    """Raise `UsageError`, naming `source`, for a folder that holds other things than a report or cannot be made."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{source} is {str(folder)!r}, which is a file; expected a folder, as in {source} report.")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
+        raise UsageError(
+            f"{source} is {str(folder)!r}, which holds other things. Expected a new folder, an empty one, or an "
+            f"earlier report, as in {source} {folder.name}/report."
+        )
+
+
+def write_pages(
+    folder: Path,
+    records: RunRecords,
+    *,
+    comparison: Comparison | None = None,
+    before: RunRecords | None = None,
+    films: Iterable[Path] = (),
+) -> Path:
+    """Write the report and return its page. What an earlier one left in `folder` goes. Raises `UsageError`, `OSError`.
+
+    `films` are videos of `drive-robust replay`, found again by their names (`replay-ROUTE-SETTING.mp4`).
+    """
+    check_folder(folder, source="the folder of the report")
+    folder.mkdir(parents=True, exist_ok=True)
+    for part in _PARTS:
+        _remove(folder / part)
+    write_whole(folder / MARK, _SAYS)
+    table = EpisodeTable()
+    maps = RoadMaps(records.simulator)
+    try:
+        data = run_data(records, table, maps=maps, comparison=comparison, before=before)
+        data["films"] = _copy_films(folder, films)
+        (folder / "data").mkdir()
+        _write_routes(folder / "data", records, table, maps, [route["id"] for route in data["routes"]])
+    finally:
+        maps.close()
+    write_whole(folder / "data" / "run.js", _script("run", data))
+    _copy_static(folder / "static")
+    write_whole(folder / "index.html", _page(data).encode("utf-8", "replace"))  # a name may be no Unicode
+    return folder / "index.html"
+
+
+def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: RoadMaps, route_ids: list[str]) -> None:
+    """Write one file for each route: its world, and the motion of all episodes on it."""
+    of_route: dict[str, list[int]] = {}
+    for number, result in enumerate(table.results):
+        of_route.setdefault(result.episode.route_id, []).append(number)
+    for place, route_id in enumerate(route_ids):
+        numbers = of_route[route_id]
+        truths = {seed: maps.truth(records.route(route_id), seed) for seed in _seeds(table, numbers)}
+        maps_of = {str(seed): map_data(truth) for seed, truth in truths.items() if truth is not None}
+        if maps_of and len({id(truth) for truth in truths.values()}) == 1:  # one world whatever the seed
+            maps_of = {"any": next(iter(maps_of.values()))}
+        motions = {str(n): [motion_text(table.results[n]), tracks_text(table.results[n])] for n in numbers}
+        write_whole(folder / f"route-{place}.js", _script(f"route-{place}", {"maps": maps_of, "episodes": motions}))
+
+
+def _seeds(table: EpisodeTable, numbers: Iterable[int]) -> list[int]:
+    return sorted({table.results[number].episode.seed for number in numbers})
+
+
+def _script(name: str, data: Mapping[str, Any]) -> str:
+    """Return a script that hands plain data over: a page on a disk may load scripts, and nothing else."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII, so no odd line end is in it
+    return f"driveRobust.give({json.dumps(name)}, {text.replace('<', chr(92) + 'u003c')});\n"
+
+
+def _page(data: Mapping[str, Any]) -> str:
+    """Return the page. What is in it of the run is escaped by jinja2; everything else comes in by the scripts."""
+    import jinja2
+
+    template = resources.files(__package__).joinpath("templates").joinpath("index.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    return environment.from_string(template).render(run=data, version=__version__) + "\n"
+
+
+def _copy_static(folder: Path) -> None:
+    folder.mkdir()
+    for item in resources.files(__package__).joinpath("static").iterdir():
+        if item.is_file():
+            write_whole(folder / item.name, item.read_bytes())
+
+
+def _copy_films(folder: Path, films: Iterable[Path]) -> list[str]:
+    """Copy the videos; return their names."""
+    names = []
+    for film in films:
+        (folder / "films").mkdir(exist_ok=True)
+        shutil.copyfile(film, folder / "films" / film.name)
+        names.append(film.name)
+    return sorted(names)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

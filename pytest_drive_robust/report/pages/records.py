@@ -1,0 +1,109 @@
+"""A run as pages need it: its document, and of each episode the result, with its trace where one is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.regression.document import episode_of
+from pytest_drive_robust.simulators.routes import routes_for
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.registry.registry import Registry
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["Ident", "RunRecords"]
+
+Ident = tuple[str, str, str, int]
+"""(agent, setting, route id, seed)."""
+
+Find = Callable[[str], "EpisodeResult | None"]
+
+
+@dataclass(frozen=True)
+class RunRecords:
+    """One run. `results` are its episodes by what they are, in the order of the run.
+
+    An episode whose record was not found has an empty trace. `keys` names each episode in the store; `routes` are those
+    of each route specification that can still be resolved, `simulator` is None where it cannot be made here.
+    """
+
+    label: str
+    document: Mapping[str, Any]
+    results: Mapping[Ident, EpisodeResult]
+    keys: Mapping[Ident, str]
+    routes: Mapping[str, tuple[Route, ...]]
+    simulator: Simulator | None
+    baselines: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
+        """Bring together what the document tells and what `find` gives for a key.
+
+        Raises `UsageError` for a document that lacks what runs have.
+        """
+        try:
+            items = document["episodes"]
+            idents = [(item["agent"], item["setting"], item["route_id"], item["seed"]) for item in items]
+            results = {ident: find(item["key"]) or episode_of(item) for ident, item in zip(idents, items, strict=True)}
+            keys = {ident: item["key"] for ident, item in zip(idents, items, strict=True)}
+            specs = dict.fromkeys(row["routes_spec"] for row in document["summaries"])
+            settings = dict.fromkeys(row["setting"] for row in document["summaries"])
+            name = document["settings"]["simulator"]
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
+        simulator = _simulator(registry, name)
+        return cls(
+            label=label,
+            document=document,
+            results=results,
+            keys=keys,
+            routes={spec: _routes(spec, simulator) for spec in specs},
+            simulator=simulator,
+            baselines={setting: _baseline(setting, registry) for setting in settings},
+        )
+
+    def route(self, route_id: str) -> Route | None:
+        """Return a route of the run; None when its specification does not lead to it any more."""
+        return next((route for routes in self.routes.values() for route in routes if route.id == route_id), None)
+
+    def twin(self, ident: Ident) -> EpisodeResult | None:
+        """Return the clean episode that one under a setting is compared with; None for a clean one."""
+        agent, setting, route_id, seed = ident
+        baseline = self.baselines.get(setting, str(Setting.CLEAN))
+        return None if setting == baseline else self.results.get((agent, baseline, route_id, seed))
+
+    def of_setting(
+        self, agent: str, setting: str, route_ids: Iterable[str], seeds: Sequence[int]
+    ) -> list[EpisodeResult]:
+        """Return the episodes of these routes and seeds that the run holds, in this order."""
+        idents = ((agent, setting, route_id, seed) for route_id in route_ids for seed in seeds)
+        return [self.results[ident] for ident in idents if ident in self.results]
+
+
+def _simulator(registry: Registry, name: str) -> Simulator | None:
+    try:
+        return registry.simulator(name)
+    except (DriveRobustError, ImportError):
+        return None
+
+
+def _routes(spec: str, simulator: Simulator | None) -> tuple[Route, ...]:
+    if simulator is None:
+        return ()
+    try:
+        return routes_for(spec, simulator)
+    except DriveRobustError:
+        return ()
+
+
+def _baseline(setting: str, registry: Registry) -> str:
+    try:
+        return str(Setting.parse(setting, registry.perturbations()).baseline)
+    except DriveRobustError:
+        return str(Setting.CLEAN)

@@ -1,0 +1,116 @@
+"""The static world of a route as plain data, in whole centimetres: what a replay is drawn on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.simulators.routes import own_routes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.route import Route
+    from pytest_drive_robust.domain.truth import GroundTruth, Lane
+    from pytest_drive_robust.simulators.base import Simulator
+
+__all__ = ["RoadMaps", "map_data"]
+
+_MARGIN_M = 90.0
+_TOLERANCE_M = 0.05
+_LINES = {"none": 0, "striped": 1, "solid": 2}
+
+
+class RoadMaps:
+    """The worlds of routes, built again as they were driven; None where they cannot be."""
+
+    def __init__(self, simulator: Simulator | None) -> None:
+        self._simulator = simulator
+        self._truths: dict[tuple[str, int], GroundTruth | None] = {}
+        # a world with roads of its own makes them of route and seed
+        self._by_seed = simulator is not None and own_routes(simulator) is not None
+
+    def truth(self, route: Route | None, seed: int) -> GroundTruth | None:
+        """Return the world of a route at its start."""
+        if route is None or self._simulator is None:
+            return None
+        name = (route.id, seed if self._by_seed else 0)
+        if name not in self._truths:
+            self._truths[name] = self._built(route, seed)
+        return self._truths[name]
+
+    def close(self) -> None:
+        """Free the simulator."""
+        if self._simulator is not None:
+            self._simulator.close()
+
+    def _built(self, route: Route, seed: int) -> GroundTruth | None:
+        assert self._simulator is not None
+        try:
+            self._simulator.reset(route, seed=seed, cameras=())
+            return self._simulator.truth()
+        except (DriveRobustError, ArithmeticError, LookupError, TypeError, ValueError):
+            return None  # a replay without a road says so
+
+
+def map_data(truth: GroundTruth) -> dict[str, Any]:
+    """Return lanes, lines, buildings and the route near it as plain JSON types, lengths in cm and angles in mrad."""
+    lane_map, route = truth.lane_map, truth.route
+    low, high = route[:, :2].min(axis=0) - _MARGIN_M, route[:, :2].max(axis=0) + _MARGIN_M
+
+    def near(points: NDArray[np.float64]) -> bool:
+        return bool(((points >= low) & (points <= high)).all(axis=1).any())
+
+    return {
+        "name": lane_map.name,
+        "ego": [_cm(truth.frame.ego.length_m), _cm(truth.frame.ego.width_m)],
+        "route": _line(route[:, :2]),
+        "lanes": [_lane(lane) for lane in lane_map.lanes if near(lane.centre[:, :2])],
+        "stops": [
+            [
+                _cm(s.x_m),
+                _cm(s.y_m),
+                _mrad(s.heading_rad),
+                _cm(s.width_m),
+                int(s.is_light),
+                _cm(s.pole_x_m),
+                _cm(s.pole_y_m),
+            ]
+            for s in lane_map.stop_lines
+        ],
+        "crossings": [_flat(corners) for corners in lane_map.crosswalks if near(corners)],
+        "buildings": [
+            [_cm(b[0]), _cm(b[1]), _mrad(b[2]), _cm(b[3]), _cm(b[4])] for b in lane_map.buildings if near(b[None, :2])
+        ],
+    }
+
+
+def _lane(lane: Lane) -> list[Any]:
+    lines = [_LINES.get(lane.left_line, 0), _LINES.get(lane.right_line, 0)]
+    return [int(lane.kind), int(lane.junction), _cm(lane.width_m), *lines, _line(lane.centre[:, :2])]
+
+
+def _line(points: NDArray[np.float64]) -> list[int]:
+    """Return x, y, x, y, ... of a line without the points that lie within 5 cm of what the others draw."""
+    import cv2
+
+    if len(points) < 3:
+        return _flat(points)
+    origin = points[0]  # float32 keeps millimetres near 0 only
+    kept = cv2.approxPolyDP((points - origin).astype(np.float32).reshape(-1, 1, 2), _TOLERANCE_M, False)
+    return _flat(kept.reshape(-1, 2).astype(np.float64) + origin)
+
+
+def _flat(points: Iterable[Iterable[float]]) -> list[int]:
+    return [_cm(value) for point in points for value in point]
+
+
+def _cm(metres: float) -> int:
+    return round(float(metres) * 100.0)
+
+
+def _mrad(radians: float) -> int:
+    return round(float(radians) * 1000.0)

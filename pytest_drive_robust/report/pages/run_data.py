@@ -1,0 +1,176 @@
+"""Everything that the pages of a run show but the motion of its episodes, as one plain document."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.metrics.ability import ABILITIES
+from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.report.failures.clusters import clusters_of
+from pytest_drive_robust.report.failures.road import Road
+from pytest_drive_robust.report.pages.compared import comparison_data, flipped
+from pytest_drive_robust.report.pages.episodes import EpisodeTable
+from pytest_drive_robust.report.pages.evidence import growth, reading_order
+from pytest_drive_robust.simulators.embedded.weathers import weather_name
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.regression.outcome import Comparison
+    from pytest_drive_robust.report.pages.records import RunRecords
+    from pytest_drive_robust.report.pages.road_map import RoadMaps
+
+__all__ = ["run_data"]
+
+_OPEN = "neither broken nor within its margin is shown"
+
+
+def run_data(
+    records: RunRecords,
+    table: EpisodeTable,
+    *,
+    maps: RoadMaps,
+    comparison: Comparison | None = None,
+    before: RunRecords | None = None,
+) -> dict[str, Any]:
+    """Return the document of the pages, and fill `table` with the episodes that they show."""
+    document = records.document
+    table.add(records, records.results)
+    if comparison is not None and before is not None:
+        table.add(before, flipped(comparison, before), run=1)
+    return {
+        "label": records.label,
+        "stored": document.get("stored") or {},
+        "options": document["settings"],
+        "versions": document.get("versions", {}),
+        "agents": document.get("fingerprint", {}).get("agents", {}),
+        "notes": [*document.get("notes", ()), *_missing(records)],
+        "searches": [item.get("sentence", "") for item in document.get("searches", ())],
+        "metrics": {
+            metric.name: {
+                "unit": metric.unit,
+                "higher": metric.higher_is_better,
+                "decimals": metric.decimals,
+                "meaning": metric.meaning,
+            }
+            for metric in METRICS.values()
+        },
+        "rows": [_row(row) for row in document["summaries"]],
+        "requirements": [_requirement(records, item) for item in document.get("requirements", ())],
+        "routes": _routes(records, table),
+        "clusters": _clusters(records, table, maps),
+        "episodes": table.as_data(),
+        "comparison": None if comparison is None else comparison_data(comparison),
+    }
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
+    summary = row.get("summary") or {}
+    numbers = {"DS": summary.get("ds"), "SR": summary.get("sr"), "RD": row.get("rd")}
+    numbers |= {"efficiency": summary.get("efficiency"), "comfort": summary.get("comfort")}
+    return {
+        "agent": row["agent"],
+        "privileged": row.get("privileged", False),
+        "setting": row["setting"],
+        "routesSpec": row["routes_spec"],
+        "numbers": numbers,
+        "intervals": {"DS": row.get("ds_interval"), "RD": _finite(row.get("rd_interval"))},
+        "abilities": summary.get("abilities", {}),
+        "routes": row["routes"],
+        "planned": row.get("routes_planned", row["routes"]),
+        "needed": row["episodes_needed"],
+        "finished": row["episodes_finished"],
+        "errors": summary.get("agent_errors", 0),
+        "verdict": row["verdict"],
+        "problem": row.get("problem") or "",
+    }
+
+
+def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, Any]:
+    order = reading_order(records, judged) if judged["verdict"] != "error" else []
+    metric = METRICS.get(judged["metric"])
+    reason = judged.get("message", "") or (_OPEN if judged["verdict"] == "inconclusive" else "")
+    names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
+    margin = records.document["settings"].get("margin", 0.0)
+    span = 0.0 if metric is None else (metric.high - metric.low if math.isfinite(metric.high - metric.low) else 1.0)
+    return {
+        **{name: judged[name] for name in names},
+        "low": _bound(judged.get("low")),
+        "high": _bound(judged.get("high")),
+        "routes": judged["routes"],
+        "planned": judged.get("planned", judged["routes"]),
+        "rule": judged.get("rule", ""),
+        "pValue": judged.get("p_value"),
+        "reason": reason,
+        "lenient": _lenient(judged, margin * span) if judged.get("rule") == "evidence" else None,
+        "seeds": judged["seeds"],
+        "baseline": records.baselines.get(judged["setting"], "clean"),
+        "order": order,
+        "growth": growth(records, judged, order),
+    }
+
+
+def _lenient(judged: Mapping[str, Any], margin: float) -> float:
+    """Return the limit plus the margin: what must be shown for a pass."""
+    return float(judged["limit"]) + (margin if judged["comparison"] == "<=" else -margin)
+
+
+def _bound(value: float | None) -> float | None:
+    return value if value is not None and abs(value) < 1e9 else None
+
+
+def _finite(bounds: Any) -> Any:
+    return None if bounds is None or any(_bound(bound) is None for bound in bounds) else bounds
+
+
+def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
+    """Return each route of the episodes once; the number of a route is that of its file."""
+    found: dict[str, dict[str, Any]] = {}
+    for result in table.results:
+        route_id = result.episode.route_id
+        if route_id in found:
+            continue
+        route = records.route(route_id)
+        found[route_id] = {
+            "id": route_id,
+            "scenario": result.scenario,
+            "town": "" if route is None else route.town,
+            "weather": "" if route is None else weather_name(route.weather),
+            "abilities": [name for name, types in ABILITIES.items() if result.scenario in types],
+            "metres": round(result.route_length_m),
+        }
+    return list(found.values())
+
+
+def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[dict[str, Any]]:
+    """Return the groups of episodes of the run that broke."""
+    numbered = [(table.numbers[0, ident], result) for ident, result in records.results.items()]
+    roads: dict[int, Road] = {}
+
+    def road_of(result: EpisodeResult) -> Road | None:
+        truth = maps.truth(records.route(result.episode.route_id), result.episode.seed)
+        if truth is None or not len(result.trace.rows):
+            return None
+        return roads.setdefault(id(truth), Road(truth))
+
+    return [
+        {"name": item.name, "sentence": item.sentence, "episodes": item.episodes, "example": item.example}
+        for item in clusters_of(numbered, road_of)
+    ]
+
+
+def _missing(records: RunRecords) -> list[str]:
+    """Return what was not driven and why, a sentence for each setting."""
+    lines = []
+    for row in records.document["summaries"]:
+        left = row["episodes_needed"] - row["episodes_finished"]
+        if left > 0:
+            lines.append(
+                f"{row['agent']} under {row['setting']}: {left} of {row['episodes_needed']} episodes were not driven, "
+                "because the run ended before."
+            )
+    unread = sum(not len(result.trace.rows) for result in records.results.values())
+    if unread:
+        lines.append(f"{unread} of {len(records.results)} episodes are not in the store, so they cannot be replayed.")
+    return lines

@@ -1,0 +1,152 @@
+"""Tracks as few bytes: differences along each track, zigzag, their bytes sorted by significance, then zlib.
+
+::
+
+    7 x 4 bytes   version, ticks between samples, then the rows of actors, motion, lights, plans and points
+    4 bytes       the columns of lights
+    tables        actors, motion, lights, plans, points: column by column, of each number its lowest byte first
+
+All of it is one zlib stream of little endian numbers, which a browser unpacks as it is
+(`report/pages/static/episode_data.js`).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pytest_drive_robust.domain.tracks import Tracks
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Ints = NDArray[np.int32]
+
+__all__ = ["VERSION", "StoredTracks", "differences", "int_planes", "pack_tracks", "second_differences", "unpack_tracks"]
+
+VERSION = 1
+_HEAD = struct.Struct("<8I")
+_LEVEL = 6
+_WIDTHS = (6, 4, 0, 4, 2)
+
+
+def pack_tracks(tracks: Tracks) -> bytes:
+    """Return the bytes of tracks; those that are stored already come back as they are."""
+    if isinstance(tracks, StoredTracks):
+        return tracks.packed
+    counts = tracks.actors[:, 5]
+    motion = differences(tracks.motion, _starts(counts))
+    motion[:, :2] = second_differences(tracks.motion[:, :2], counts)
+    plans = tracks.plans[:, 1:].sum(axis=1)
+    tables = (
+        tracks.actors,
+        motion,
+        differences(tracks.lights, [0]),
+        differences(tracks.plans, [0]),
+        differences(tracks.points, _starts(plans)),
+    )
+    head = _HEAD.pack(VERSION, tracks.every_ticks, *(len(table) for table in tables), tracks.lights.shape[1])
+    return zlib.compress(b"".join((head, *map(int_planes, tables))), _LEVEL)
+
+
+def unpack_tracks(data: bytes) -> Tracks:
+    """Return what `pack_tracks` packed. Raises `ValueError` for other bytes."""
+    try:
+        raw = zlib.decompress(data)
+        version, every_ticks, *lengths, lines = _HEAD.unpack_from(raw)
+        if version != VERSION:
+            raise ValueError(f"they have version {version}, this program reads {VERSION}")
+        tables, place = [], _HEAD.size
+        for length, width in zip(lengths, (*_WIDTHS[:2], lines, *_WIDTHS[3:]), strict=True):
+            size = 4 * length * width
+            tables.append(_from_planes(raw[place : place + size], (length, width)))
+            place += size
+    except (zlib.error, struct.error, ValueError) as error:
+        raise ValueError(f"these are no tracks: {error}") from None
+    actors, motion, lights, plans, points = tables
+    counts = actors[:, 5]
+    summed = _sums(motion, _starts(counts))
+    summed[:, :2] = _sums(summed[:, :2], _starts(counts))
+    plans = np.cumsum(plans, axis=0, dtype=np.int32)
+    return Tracks(
+        every_ticks=every_ticks,
+        actors=actors,
+        motion=summed,
+        lights=np.cumsum(lights, axis=0, dtype=np.int32),
+        plans=plans,
+        points=_sums(points, _starts(plans[:, 1:].sum(axis=1))),
+    )
+
+
+class StoredTracks(Tracks):
+    """Tracks that stay packed until somebody reads one of their tables."""
+
+    __slots__ = ("_unpacked", "packed")
+
+    packed: bytes
+    _unpacked: Tracks | None
+
+    def __init__(self, packed: bytes) -> None:
+        object.__setattr__(self, "packed", packed)
+        object.__setattr__(self, "_unpacked", None)
+
+    def __getattr__(self, name: str) -> object:
+        """Unpack when a table is asked for: the slots of `Tracks` are empty here."""
+        if name not in Tracks.__slots__:
+            raise AttributeError(name)
+        if self._unpacked is None:
+            object.__setattr__(self, "_unpacked", unpack_tracks(self.packed))
+        return getattr(self._unpacked, name)
+
+    def __reduce__(self) -> tuple[type[StoredTracks], tuple[bytes]]:
+        """Return the packed bytes: they are small."""
+        return StoredTracks, (self.packed,)
+
+
+def int_planes(table: Ints) -> bytes:
+    """Return whole numbers as bytes: zigzag (0, -1, 1, -2, ...), column by column, the lowest bytes first."""
+    columns = np.ascontiguousarray(table.T, dtype="<i4")
+    zigzag = ((columns << 1) ^ (columns >> 31)).astype("<u4")
+    return zigzag.view(np.uint8).reshape(len(columns), -1, 4).transpose(0, 2, 1).tobytes() if columns.size else b""
+
+
+def second_differences(table: Ints, counts: Ints) -> Ints:
+    """Return the differences of differences along tracks of so many rows: 0 for what moves evenly."""
+    starts = _starts(counts)
+    return differences(differences(table, starts), starts)
+
+
+def differences(table: Ints, starts: NDArray[np.int64] | list[int]) -> Ints:
+    """Return each row less the one before it, but the rows at `starts` as they are."""
+    changed = np.diff(table, axis=0, prepend=np.zeros((1, table.shape[1]), np.int32)).astype(np.int32)
+    if len(table):
+        changed[starts] = table[starts]
+    return changed
+
+
+def _starts(counts: Ints) -> NDArray[np.int64]:
+    """Return the first row of each track that has one."""
+    return (np.cumsum(counts) - counts)[counts > 0].astype(np.int64)
+
+
+def _sums(table: Ints, starts: NDArray[np.int64]) -> Ints:
+    summed = np.cumsum(table, axis=0, dtype=np.int64)
+    if len(starts):
+        lengths = np.diff(np.append(starts, len(table)))
+        before = summed[starts] - table[starts]
+        summed -= np.repeat(before, lengths, axis=0)
+    return summed.astype(np.int32)
+
+
+def _from_planes(data: bytes, shape: tuple[int, int]) -> Ints:
+    length, width = shape
+    if len(data) != 4 * length * width:
+        raise ValueError(f"a table of {length} x {width} has {len(data)} bytes")
+    if not length * width:
+        return np.zeros(shape, np.int32)
+    planes = np.frombuffer(data, np.uint8).reshape(width, 4, length).transpose(0, 2, 1)
+    zigzag = np.ascontiguousarray(planes).view("<u4").reshape(width, length)
+    return np.ascontiguousarray(((zigzag >> 1).astype(np.int32) ^ -(zigzag & 1).astype(np.int32)).T)

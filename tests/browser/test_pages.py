@@ -1,0 +1,271 @@
+"""The pages of a real run in Chromium: views, filters, links, keyboard, playing, sizes, accessibility."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from report_pages import data_of
+from result_factory import make_result
+
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.pages.folder import write_pages
+from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.store.events import Asked, Used
+
+pytestmark = pytest.mark.slow
+
+AGENT = "follower%3AFollower"
+REQUIREMENT = f"#/requirement/{AGENT}/RD%20under%20GPS%20noise%2015%20m%20%3C%3D%200.01"
+EPISODE = f"#/episode/{AGENT}/GPS%20noise%2015%20m/2301/0?t=4.0"
+VIEWS = ("#/", REQUIREMENT, "#/failures", "#/episodes", EPISODE, "#/compare")
+
+
+def tick(page):
+    return page.evaluate("driveRobust.player.tick")
+
+
+def text(page, selector="h1"):
+    return page.locator(selector).first.inner_text()
+
+
+def test_any_red_requirement_leads_to_its_moment_in_two_clicks(opened):
+    report = opened()
+    page = report.go()
+    assert "broken" in text(page)
+    report.follow(page.locator("tr", has=page.locator(".badge.fail")).first.locator("th a"))
+    assert "fail" in text(page)
+    report.follow(page.locator(".cards a").first)
+    page.wait_for_selector("canvas")
+    assert page.evaluate("location.hash").startswith(f"#/episode/{AGENT}/")
+    assert page.locator(".pane").count() == 2
+
+
+def test_the_overview_shows_every_setting_and_what_was_chosen(opened):
+    report = opened()
+    page = report.go()
+    assert page.locator(".matrix tbody tr").count() == len(data_of(report.folder)["rows"])
+    report.follow(page.get_by_role("link", name="RD", exact=True))
+    assert page.locator(".matrix thead th").all_inner_texts() == ["setting", "follower:Follower"]
+    report.follow(page.locator(".matrix tbody td a").first)
+    assert text(page) == "Episodes"
+    assert "agent=" in page.evaluate("location.hash")
+
+
+def test_a_requirement_shows_its_evidence_and_its_routes(opened):
+    report = opened()
+    page = report.go(REQUIREMENT)
+    assert page.locator("svg.chart circle.point").count() == 4
+    assert page.locator("svg.chart a circle.pair").count() == 4
+    assert page.locator("table.episodes tbody tr").count() == 4
+    report.follow(page.locator("svg.chart a").first)
+    page.wait_for_selector("canvas")
+
+
+def test_failures_are_counted_by_setting_and_open_their_episodes(opened):
+    report = opened()
+    page = report.go("#/failures")
+    run = data_of(report.folder)
+    broken = sum(len(cluster["episodes"]) for cluster in run["clusters"])
+    assert text(page).startswith(f"{broken} failures")
+    cell = page.locator("td.heat a").first
+    count = int(cell.inner_text())
+    report.follow(cell)
+    assert page.locator("table.episodes tbody tr").count() == count
+    page.go_back()
+    page.wait_for_selector("table.tall")
+    report.follow(page.locator("table.tall tbody th a").first)
+    assert page.locator("table.episodes tbody tr").count() == len(run["clusters"][0]["episodes"])
+
+
+def test_searching_and_filtering_keep_their_place_in_the_link(opened):
+    report = opened()
+    page = report.go("#/episodes")
+    assert page.locator("table.episodes tbody tr").count() == 8
+    page.get_by_label("Search").fill("opposite gps")
+    page.locator("select[name=setting]").select_option("GPS noise 15 m")
+    rows = page.locator("table.episodes tbody tr")
+    found = rows.count()
+    assert 0 < found < 8
+    assert all("GPS noise 15 m" in row for row in rows.all_inner_texts())
+    report.go(page.evaluate("location.hash"))
+    assert page.locator("table.episodes tbody tr").count() == found
+    assert page.get_by_label("Search").input_value() == "opposite gps"
+    page.locator("button.sort", has_text="DS").last.click()
+    scores = [float(word) for word in page.locator("tbody td.number:not(.twin):not(.driven)").all_inner_texts()]
+    assert scores == sorted(scores)
+
+
+def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
+    report = opened()
+    page = report.go(EPISODE)
+    page.wait_for_selector("canvas")
+    assert tick(page) == 80
+    page.keyboard.press("ArrowRight")
+    assert tick(page) == 81
+    page.keyboard.press("Shift+ArrowLeft")
+    assert tick(page) == 61
+    assert "t=3.0" in page.evaluate("location.hash") or "t=3.1" in page.evaluate("location.hash")
+    page.keyboard.press("Home")
+    page.keyboard.press("k")
+    report.until("driveRobust.player.tick > 3")
+    page.keyboard.press("k")
+    assert page.evaluate("driveRobust.player.playing") is False
+    page.keyboard.press("End")
+    assert tick(page) == page.evaluate("driveRobust.player.length")
+    page.keyboard.press("p")
+    assert tick(page) < page.evaluate("driveRobust.player.length")
+    page.get_by_role("button", name="Play").click()
+    report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
+
+
+def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    look = """() => {
+      const canvas = document.querySelector(".pane.perturbed canvas");
+      const context = canvas.getContext("2d");
+      const ego = [...context.getImageData(canvas.width / 2 - 3, canvas.height * 0.7 + 6, 1, 1).data];
+      const all = context.getImageData(0, 0, canvas.width, canvas.height).data;
+      const colours = new Map();
+      for (let at = 0; at < all.length; at += 40) {
+        const name = `${all[at]},${all[at + 1]},${all[at + 2]}`;
+        colours.set(name, (colours.get(name) || 0) + 1);
+      }
+      return { ego, colours: colours.size, sum: all.reduce((sum, value) => sum + value, 0) };
+    }"""
+    seen = page.evaluate(look)
+    orange = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--perturbed').trim()")
+    near = [int(orange[at : at + 2], 16) for at in (1, 3, 5)]
+    assert all(abs(one - other) <= 12 for one, other in zip(seen["ego"], near, strict=False)), (seen["ego"], near)
+    assert seen["colours"] > 20
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(look)["sum"] != seen["sum"]
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate(look) == seen
+
+
+def test_two_runs_are_compared_and_a_flip_opens_both(opened):
+    report = opened()
+    page = report.go("#/compare")
+    rows = data_of(report.folder)["comparison"]["settings"]
+    assert page.locator("section").first.locator("tbody tr").count() == len(rows)
+    assert sum(len(cell["flips"]) for cell in rows) > 0
+    report.follow(page.locator("section", has=page.locator("h2", has_text="Newly")).first.locator("tbody th a").first)
+    page.wait_for_selector("canvas")
+    assert page.locator("figcaption strong").all_inner_texts()[0].startswith("before:")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 768, 1280])
+def test_every_view_fits_every_width(opened, width, scheme):
+    report = opened(width=width, scheme=scheme)
+    for view in VIEWS:
+        page = report.go(view)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, view
+        shade = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)")
+        assert (sum(shade) > 600) is (scheme == "light")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_fault(opened, scheme):
+    axe = resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+    report = opened(scheme=scheme)
+    for view in VIEWS:
+        page = report.go(view)
+        page.evaluate(f"{axe}\n;0")
+        found = page.evaluate("axe.run(document, { preload: false }).then(result => result.violations)")
+        assert [(item["id"], [node["html"] for node in item["nodes"]][:3]) for item in found] == [], view
+
+
+def test_the_keyboard_reaches_the_content_first_and_the_theme_is_switched(opened):
+    page = opened().go()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.locator("#theme").click()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != before
+
+
+def test_it_prints_without_what_only_a_screen_needs(opened):
+    page = opened().go(EPISODE)
+    page.emulate_media(media="print")
+    assert not page.locator("nav").is_visible()
+    assert not page.locator(".controls").is_visible()
+    assert page.locator(".pane canvas").first.is_visible()
+
+
+def test_what_is_not_there_says_so(opened):
+    report = opened()
+    assert text(report.go("#/nowhere")) == "There is no such view"
+    assert text(report.go(f"#/episode/{AGENT}/clean/0/0")) == "No such episode"
+    assert text(report.go("#/requirement/a/b")) == "No such requirement"
+
+
+def odd_report(folder: Path, name: str) -> Path:
+    """Write the pages of a run whose every name is `name`."""
+    result = replace(make_result("101", agent=name, scenario=name), end_detail=name)
+    events = [Asked(name, name, "clean", (0,), ("k",)), Used(("k",))]
+    run = RunResult.of(
+        RunOptions(simulator="embedded"), events, {"k": result}.get, versions={name: name}, notes=(name,)
+    )
+    records = RunRecords.of(run_as_json(run), {"k": result}.get, default_registry(), label=name)
+    return write_pages(folder, records).parent
+
+
+def test_nothing_of_a_run_becomes_markup_or_script(opened, tmp_path):
+    evil = '</script><img src=x onerror="window.broken=1"><b>&amp;\'`${1}'
+    report = opened(odd_report(tmp_path, evil))
+    for view in ("#/", "#/episodes", "#/failures"):
+        page = report.go(view)
+        assert page.locator("main img, main b").count() == 0
+        assert page.evaluate("window.broken") is None
+    assert evil in page.title()
+    report.go("#/episodes")
+    report.follow(page.locator("table.episodes th a").first)
+    page.wait_for_selector("canvas")
+    assert evil in page.locator("main").inner_text()
+
+
+def test_the_policy_lets_no_other_script_in(browser, reports):
+    page = browser.new_page()
+    page.goto((reports / "now" / "index.html").as_uri())
+    page.wait_for_selector("html[data-ready]")
+    page.evaluate("""() => {
+      const inline = document.createElement("script");
+      inline.textContent = "window.broken = 1";
+      document.head.append(inline);
+      const button = document.createElement("button");
+      button.setAttribute("onclick", "window.broken = 2");
+      document.body.append(button);
+      button.click();
+    }""")
+    assert page.evaluate("window.broken") is None
+    refused = page.evaluate("fetch('https://example.invalid/').then(() => 'sent', () => 'refused')")
+    assert refused == "refused"
+    page.close()
+
+
+def test_a_folder_without_its_data_says_what_is_missing(browser, reports, tmp_path):
+    (tmp_path / "index.html").write_bytes((reports / "now" / "index.html").read_bytes())
+    (tmp_path / "static").symlink_to(reports / "now" / "static")
+    page = browser.new_page()
+    page.goto((tmp_path / "index.html").as_uri())
+    page.wait_for_selector("h1")
+    assert text(page) == "The data is not there"
+    page.close()
+
+
+def test_the_verdicts_are_there_without_scripts(reports):
+    page = (reports / "now" / "index.html").read_text(encoding="utf-8")
+    for item in json.loads((reports / ".drive-robust" / "runs" / "now.json").read_text())["requirements"]:
+        assert (
+            f"<td>{item['verdict']}</td><td>{item['requirement'].replace('<', '&lt;').replace('>', '&gt;')}</td>"
+            in page
+        )

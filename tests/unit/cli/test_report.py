@@ -1,0 +1,53 @@
+"""`drive-robust report`: a stored run as pages."""
+
+from __future__ import annotations
+
+import pytest
+from report_pages import data_of
+from stored_runs import store_run
+
+from pytest_drive_robust.cli.main import main
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_stored_run_becomes_pages_and_the_path_is_printed(tmp_path, capsys):
+    store_run("one")
+    assert main(["report", "one"]) == 0
+    assert capsys.readouterr().out == f"report: {tmp_path.joinpath('drive-report/index.html').relative_to(tmp_path)}\n"
+    assert data_of(tmp_path / "drive-report")["label"] == "one"
+
+
+def test_against_a_run_says_what_got_worse(tmp_path):
+    store_run("one")
+    store_run("two", factor=0.5)
+    assert main(["report", "two", "--against", "one", "--out", "look"]) == 0
+    assert data_of(tmp_path / "look")["comparison"]["regressed"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["on"], "Did you mean 'one'?"),
+        (["one", "--against", "tw"], "there is no stored run named 'tw'"),
+        (["one", "--out", "."], "holds other things"),
+        (["one", "--films", "films"], "--films is 'films'"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_used_is_refused(capsys, arguments, message):
+    store_run("one")
+    assert main(["report", *arguments]) == 4
+    assert message in capsys.readouterr().err
+
+
+def test_films_come_along(tmp_path):
+    store_run("one")
+    (tmp_path / "films").mkdir()
+    (tmp_path / "films" / "replay-1-clean.mp4").write_bytes(b"film")
+    assert main(["report", "one", "--films", "films"]) == 0
+    assert data_of(tmp_path / "drive-report")["films"] == ["replay-1-clean.mp4"]
+    assert (tmp_path / "drive-report" / "films" / "replay-1-clean.mp4").read_bytes() == b"film"
