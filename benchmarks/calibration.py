@@ -1,8 +1,8 @@
 """How hard the bench is: reference agents over all routes, type by type, and what each deployment failure costs.
 
-Without options: the successes of `expert`, `reactive` and `constant` on the 220 routes, for each of the 44 types. The
-first should succeed nearly everywhere, the second on less than half, the third hardly ever; a type that all of them
-or none of them can drive measures nothing.
+Without options: the successes of `expert`, `reactive`, `blind` at four speeds and `constant` on the 220 routes, for
+each of the 44 types. The first should succeed nearly everywhere, the second on less than half, the others hardly ever;
+a type that all of them or none of them can drive measures nothing, and what `blind` passes says nothing about cameras.
 
 With `--sensitivity AGENT`: that agent clean and under the eleven settings of Bench2Drive-Robust (Tab. 2), with the
 degradation of each and its interval, paired by route.
@@ -44,7 +44,7 @@ from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, s
 from pytest_drive_robust.store.events import Event, Finished, Reused
 from pytest_drive_robust.store.folder import FolderStore
 
-AGENTS = "expert,reactive,constant"
+AGENTS = "expert,reactive,blind:speed=4,blind:speed=6,blind:speed=8,blind:speed=11,constant"
 PAPER = (
     "1 s burst frame drop",
     "3 s burst frame drop",
@@ -91,7 +91,7 @@ class Report:
         table.add_section()
         for row in self.totals:
             table.add_row(*row, style="bold")
-        Console(width=100).print(table)
+        Console(width=150).print(table)
 
     def markdown(self) -> str:
         lines = [f"## {self.title}", "", self.notes, "", f"| {' | '.join(self.columns)} |"]
@@ -138,7 +138,7 @@ def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequen
         preload_agents=tuple(agents),
     )
     executor = ProcessExecutor(lambda: worker_setup, Limits(), slots=given.workers)
-    columns = (TextColumn("{request.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns) as progress:
         scheduler = Scheduler(store, executor, Watch(progress, len(requests)))
         try:

@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError
+from pytest_drive_robust.registry.agent_options import configured
 
 __all__ = ["Entry", "definition_of", "from_entry_points", "from_reference", "is_reference"]
 
@@ -48,6 +49,10 @@ class Entry:
             return made
 
         return replace(self, name=f"{self.name}:{argument}", loader=load, argument="")
+
+    def with_options(self, text: str) -> Entry:
+        """Return the entry `name:text`, whose factory makes agents with these options (see `agent_options`)."""
+        return replace(self, name=f"{self.name}:{text}", loader=lambda: configured(self.name, self.loader(), text))
 
     def load(self) -> object:
         """Return what is registered under the name. Raises `PluginError` with the origin when importing it fails."""

@@ -7,7 +7,8 @@ Three ways lead in, all open to everybody:
 * the hook `pytest_drive_robust_register` in a plugin or a `conftest.py`, which wins over an entry point of that name;
 * for agents and simulators, a reference `module.path:Factory` in place of a name.
 
-Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`.
+Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`. Other
+agents take options there, the parameters of their factories: `blind:speed=8` (see `agent_options`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNam
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.registry.agent_options import are_options
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
@@ -187,12 +189,15 @@ class Registry:
     def _find(self, kind: str, name: str) -> Entry:
         known = self._all(kind)
         bare, colon, argument = name.partition(":")
-        if colon and bare in known and known[bare][0].argument:
+        takes_options = kind == "agents" and colon and name not in known and are_options(argument)
+        if colon and bare in known and (known[bare][0].argument or takes_options):
             name = bare
         if name not in known:
             if kind == "simulators" and bare in _RENAMED:
                 instead = f"{_RENAMED[bare]}:{argument or 'ID'}"
                 raise UnknownNameError(f"there is no simulator named {name!r} any more. Give {instead!r}.")
+            if takes_options:
+                raise UnknownNameError.of("agent", bare, known, hint=_HINTS[kind])
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
@@ -204,7 +209,9 @@ class Registry:
                 "the name in pytest_drive_robust_register of your conftest.py."
             )
         found = known[name][0]
-        return found.bound_to(argument) if kind == "agents" and found.argument else found
+        if kind == "agents" and found.argument:
+            return found.bound_to(argument)
+        return found.with_options(argument) if takes_options else found
 
 
 @functools.cache

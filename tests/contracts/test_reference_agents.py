@@ -14,7 +14,7 @@ from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.testing import check_agent
 
 ROUTES = named_routes("one-per-scenario")
-AGENTS = ("classical", "constant", "expert", "random", "reactive")
+AGENTS = ("blind", "blind:speed=11", "classical", "constant", "expert", "random", "reactive")
 CLEAN_SUCCESSES = {"expert": 40, "classical": 16}
 """At least so many of the 44 routes, seed 0."""
 

@@ -21,18 +21,17 @@ SETTLE_MPS2 = 2.5
 LEADER_BRAKE_MPS2, RECOVER_MPS2 = 5.5, 2.5
 """How hard somebody ahead may brake, and how hard somebody who braked for the ego accelerates again."""
 NOTICED_M, NOTICED_STEPS = 1.0, 2
-"""Who follows is expected to brake for the ego once its middle is so near to his line, and after so many steps."""
+"""Who follows, with the ego's middle so near to his line already, is expected to brake for it, after so many steps."""
+FOLLOWS_COSINE = 0.6
 BICYCLE_WIDTH_M = 1.0
 """Nobody narrower than this is expected to brake for the ego."""
-PUSHED_MPS = 9.0
-"""Nobody faster than this is expected to brake for an ego that pushes its way across."""
 NOSE_M, TAIL_M, HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 """With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more; with so much
 of its tail in it, it is out."""
 
 
 A_LENGTH, A_WIDTH = 4, 5
-T_LENGTH, T_WIDTH, T_LEADS, T_CLOSE, T_CLOCK, T_SPEED = range(6)
+T_LENGTH, T_WIDTH, T_LEADS, T_CLOSE, T_FOLLOWS, T_CLOCK, T_SPEED = range(7)
 
 
 @inner
@@ -101,12 +100,12 @@ def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bo
 @inner
 def _hits(
     x: float, y: float, c: float, s: float, v: float, step: int, forecast: Floats, i: int, steps: int, others: Floats,
-    j: int, size: Floats, margins: Floats, yields_mps2: float, pushy: bool,
+    j: int, size: Floats, margins: Floats, yields_mps2: float,
 ) -> bool:  # fmt: skip
     """Return whether the ego hits somebody, `i` of the forecast and row `j` of `others`, who moves on by one step.
 
     His clock and his speed are updated: the clock runs slower for who brakes. He is expected to brake for an ego that
-    is near ahead of him.
+    he follows already; for one that comes into his way nobody does.
     """
     length, width, clock, speed = others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_CLOCK], others[j, T_SPEED]
     leads = others[j, T_LEADS] > 0.0
@@ -121,9 +120,7 @@ def _hits(
     else:
         was = speed
         speed = min(was + RECOVER_MPS2 * STEP_S, planned)
-        least = -0.5 if pushy and was < PUSHED_MPS else 0.6
-        sees = 0.0 < in_front < 40.0 and beside < NOTICED_M and aligned > least and step > NOTICED_STEPS
-        if sees and width > BICYCLE_WIDTH_M:
+        if others[j, T_FOLLOWS] > 0.0 and in_front > 0.0 and step > NOTICED_STEPS:
             closing, gap = max(was - v, 0.0), in_front - 0.5 * (size[0] + length)
             if gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * was:
                 speed = max(min(v, was), was - yields_mps2 * STEP_S)
@@ -144,11 +141,24 @@ def _hits(
     return bool(_touch(dx, dy, c, s, size[0] + margins[0], size[1] + margins[1], oc, os, length, width))
 
 
+@inner
+def _leads_over(forecast: Floats, i: int, steps: int, x: float, y: float, c: float, s: float) -> bool:
+    """Return whether somebody's track comes from behind over the place (x, y), about the way of (cosine, sine)."""
+    for step in range(steps):
+        oc, os = forecast[i, step, 4], forecast[i, step, 5]
+        dx, dy = x - forecast[i, step, 0], y - forecast[i, step, 1]
+        along = dx * oc + dy * os
+        if along <= 0.0:
+            return False
+        if along <= STEP_S * forecast[i, step, 3]:
+            return bool(abs(dy * oc - dx * os) < NOTICED_M and c * oc + s * os > FOLLOWS_COSINE)
+    return False
+
+
 @entry
 def rollouts(
     path: Floats2, s0: float, v0: float, size: Floats1, forecast: Floats3, actors: Floats2, leads: Ints1,
-    plans: Floats2, limits: Floats1, boxes: Floats2, stop_s: float, margins: Floats1, yields_mps2: float, pushy: bool,
-    steps: int,
+    plans: Floats2, limits: Floats1, boxes: Floats2, stop_s: float, margins: Floats1, yields_mps2: float, steps: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return (seconds until trouble, metres driven until then) for each plan; without trouble the whole horizon.
 
@@ -157,8 +167,8 @@ def rollouts(
     [0] for [1] seconds, then at [2]. `limits` is the speed limit of each row. `margins` are metres added to the
     ego's length, its width, and seconds by which who crosses may come earlier or later. Trouble is an overlap of
     two boxes, the front bumper beyond row `stop_s`, or being within one of the `boxes` (first row, last row) at the
-    end although it was possible to wait before it. Who follows is expected to brake for the ego at `yields_mps2`;
-    who crosses only when `pushy`.
+    end although it was possible to wait before it. Who follows the ego already is expected to brake for
+    it at `yields_mps2`, nobody else.
     """
     half, last = 0.5 * size[0], len(path) - 2.0
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
@@ -166,7 +176,7 @@ def rollouts(
     for k in range(int(min(max(s0, 0.0), len(limits) - 1.0)), len(limits)):
         fastest = max(fastest, limits[k])
     near = _near(path, s0, min(fastest, v0 + 5.0 * steps * STEP_S) * steps * STEP_S, forecast, actors, steps)
-    others = np.empty((len(near), 6))
+    others = np.empty((len(near), 7))
     k = int(min(max(s0, 0.0), last))
     x = path[k, 0] + (s0 - k) * (path[k + 1, 0] - path[k, 0])
     y = path[k, 1] + (s0 - k) * (path[k + 1, 1] - path[k, 1])
@@ -180,6 +190,8 @@ def rollouts(
         )  # fmt: skip
         others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_LEADS] = length, width, float(leads[i])
         others[j, T_CLOSE] = 1.0 if close else 0.0
+        follows = width > BICYCLE_WIDTH_M and _leads_over(forecast, i, steps, x, y, path[k, 3], path[k, 4])
+        others[j, T_FOLLOWS] = 1.0 if follows else 0.0
     for p in range(len(plans)):
         s, v = s0, v0
         for j in range(len(near)):
@@ -200,7 +212,7 @@ def rollouts(
                     break
                 trouble = _hits(
                     x, y, path[k, 3], path[k, 4], v, step, forecast, near[j], steps, others, j, size, margins,
-                    yields_mps2, pushy,
+                    yields_mps2,
                 )  # fmt: skip
             if trouble:
                 found[p] = (step - 1) * STEP_S

@@ -29,8 +29,8 @@ _QUEUE_S = 14.0
 _HOME_SHARE = 0.8
 """The way back into the lane is this much sharper than the way out of it."""
 _OFF_CENTRE_M = 0.4
-_STARTS_MPS2 = 0.5
-"""Who accelerates like this is on the way."""
+_STARTS_MPS2, _MOVES_MPS, _TURNED = 0.5, 0.1, 0.15
+"""Who accelerates like this is on the way, and so is who moves with his nose so far across the lane (a sine)."""
 _BICYCLE, _PEDESTRIAN = int(ActorKind.BICYCLE), int(ActorKind.PEDESTRIAN)
 
 Ints = NDArray[np.int64]
@@ -105,6 +105,9 @@ def _nearest(
         half_width = 0.5 * (abs(turn_cos) * boxes[i, 5] + abs(turn_sin) * boxes[i, 4])
         right -= lane[k]
         solid, gap = kinds[i] > _PEDESTRIAN, abs(right) - half_width
+        turns = boxes[i, 3] > _MOVES_MPS and abs(turn_sin) > _TURNED and not solid
+        if turns and kinds[i] != _BICYCLE:
+            continue
         stays = solid or abs(right) > _OFF_CENTRE_M or stood_s[i] > _QUEUE_S or kinds[i] == _BICYCLE
         ahead = at + half_length > row - 3.0 and at - half_length < row + _LOOK_M
         blocks = stays and ahead and gap < half_ego_m + 0.3 and (turn_cos > 0.5 or solid)

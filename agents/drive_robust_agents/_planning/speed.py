@@ -27,6 +27,7 @@ _COMFORT_ACCEL_MPS2 = 2.3
 _HURRY_ACCEL_MPS2 = 4.0
 _FALL_BACK_MPS2 = -1.2
 """Too near to who is ahead, the ego falls back at this rate as long as that one does not brake."""
+_FALL_BACK, _STEADY = np.array([[_FALL_BACK_MPS2, 2.5, 0.0]]), np.array([[0.0, 99.0, 0.0]])
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
 _THEN_STOP = np.array([(a, _REACT_S, min(a, _COMFORT_BRAKE_MPS2)) for a in _ACCELERATIONS])
@@ -47,8 +48,8 @@ _MANOEUVRES = np.array(
     [[4.0, 99.0, 4.0], [2.3, 99.0, 2.3], [1.2, 99.0, 1.2], [0.0, 99.0, 0.0], [-1.2, 2.0, 0.0], [-2.4, 2.0, 0.0]]
 )
 """Ways to drive a manoeuvre, from standstill and at speed: acceleration, for so many seconds, and then."""
-_POLITE_MPS2, _YIELD_MPS2 = 1.8, 3.0
-"""How hard who follows is expected to brake for a manoeuvre that is to begin, and for one that is under way."""
+_FOLLOWER_BRAKES_MPS2, _NOBODY_BRAKES_MPS2 = 6.0, 0.01
+"""How hard who follows brakes when he has to; he may not, so the ego does not let it come to that."""
 _LEFT_ALONE_S = 0.5
 _NO_BOXES = np.zeros((0, 2))
 
@@ -83,7 +84,7 @@ def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float =
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
     found, driven = rollouts(
         path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans, scene.limits,
-        _NO_BOXES, now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _POLITE_MPS2, False,
+        _NO_BOXES, now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _FOLLOWER_BRAKES_MPS2,
         traffic.forecast.shape[1] - 1,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
@@ -109,9 +110,16 @@ class SpeedChoice:
         hurry = trial.hurry
         comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
         wanted = min(max(1.2 * (limit - v), -2.5), comfort)
+        followed = trial.is_pressed(_FALL_BACK)
+        pressed = followed and trial.is_pressed(_STEADY)
+        if pressed:
+            comfort = _HURRY_ACCEL_MPS2
+            wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
         for margins, wary in trial.tiers:
+            if wary and followed:
+                continue
             free = trial.seconds(margins, wary=wary)
             if free.max() >= trial.horizon_s - 1e-9:
                 break
@@ -119,8 +127,8 @@ class SpeedChoice:
         if len(safe) == 0:
             lost = free.max() <= _LEFT_ALONE_S and not hurry
             return -8.0 if lost else float(_ACCELERATIONS[int(np.argmax(free))])
-        if not (wary or hurry):
-            return min(float(safe[0]), wanted, _FALL_BACK_MPS2)
+        if not (wary or hurry or pressed):
+            return min(float(safe[0]), wanted, 0.0 if followed else _FALL_BACK_MPS2)
         gentle = safe[safe <= comfort]
         if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
             return float(safe[0])  # a gap that only a quick start can use
@@ -132,14 +140,13 @@ class _SpeedTrial:
 
     def __init__(self, now: Situation, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
-        self.now, self.path, self.stop_row, self.pushy = now, path, stop_row, pushy
+        self.now, self.path, self.stop_row = now, path, stop_row
         self.leads = leaders(path, now.row, traffic.boxes)
         self.boxes = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
         self.horizon_s = 0.2 * _HORIZON_STEPS
         front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
         inside = any(first + 0.5 < front and rear < last for first, last in self.boxes.tolist())
         self.hurry = hurry or inside
-        self.yields_mps2 = _YIELD_MPS2 if self.hurry or pushy else _POLITE_MPS2
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _MARGINS
         self.tiers: tuple[tuple[Floats, bool], ...] = (
@@ -156,6 +163,12 @@ class _SpeedTrial:
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
         return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
+    def is_pressed(self, plan: Floats) -> bool:
+        """Return whether somebody who follows would have to brake for an ego that drives this plan."""
+        nobody = np.zeros_like(self.leads)
+        braking = self._roll(plan, _TIGHT_MARGINS, nobody)[0]
+        return bool(self._roll(plan, _TIGHT_MARGINS, nobody, follower_mps2=_NOBODY_BRAKES_MPS2)[0] < braking)
+
     def seconds(self, margins: Floats, *, wary: bool) -> Floats:
         """Return the seconds until trouble for each of `_ACCELERATIONS`: going through, or stopping a moment later.
 
@@ -169,10 +182,12 @@ class _SpeedTrial:
             free = np.maximum(free, self._roll(_THEN_STEADY, margins, leads))
         return free
 
-    def _roll(self, plans: Floats, margins: Floats, leads: Ints) -> Floats:
+    def _roll(
+        self, plans: Floats, margins: Floats, leads: Ints, *, follower_mps2: float = _FOLLOWER_BRAKES_MPS2
+    ) -> Floats:
         now, scene = self.now, self.now.scene
         found: Floats = rollouts(
             self.path, now.row, now.speed_mps, scene.size, now.traffic.forecast, now.traffic.boxes, leads, plans,
-            scene.limits, self.boxes, self.stop_row, margins, self.yields_mps2, self.pushy, _HORIZON_STEPS,
+            scene.limits, self.boxes, self.stop_row, margins, follower_mps2, _HORIZON_STEPS,
         )[0]  # fmt: skip
         return found

@@ -160,7 +160,7 @@ class StaticScene:
 
     def _changes(self) -> tuple[Change, ...]:
         found = []
-        for k in range(1, self.count):
+        for k in range(1, self.given):  # beyond its end the route only goes straight on, perhaps across lanes
             here, there = self.lane_map.lanes[self.lanes[k - 1]], self.lane_map.lanes[self.lanes[k]]
             beside = there.index in (here.left, here.right) or here.index in (there.left, there.right)
             if here.index != there.index and there.index not in here.successors and beside:

@@ -70,7 +70,7 @@ def tracks(
     for i in range(len(actors)):
         x, y, yaw, v = actors[i, A_X], actors[i, A_Y], actors[i, A_YAW], actors[i, A_SPEED]
         accel, c, s = actors[i, A_ACCEL], actors[i, A_COS], actors[i, A_SIN]
-        row, lat, rate, target = -1, 0.0, 0.0, 0.0
+        row, lat, slips, target = -1, 0.0, 0.0, 0.0
         at, lane = 0.0, -1
         if follows[i] == 1 and v > 0.05:
             row, lat = lane_under(points, x, y, c, s, LANE_REACH_M)
@@ -78,7 +78,7 @@ def tracks(
         if row >= 0:
             slip = s * points[row, 3] - c * points[row, 4]
             if abs(slip) > SLIP:
-                rate = abs(v * slip)
+                slips = abs(slip)
                 target = 0.0 if lat * slip < 0.0 else math.copysign(NEIGHBOUR_M, slip)
             lane = owner[row]
             at = (
@@ -100,7 +100,7 @@ def tracks(
                 lane = after[lane]
                 size = first[lane + 1] - first[lane]
             k = first[lane] + int(min(max(at, 0.0), size - 1.0))
-            lat += min(max(target - lat, -rate * STEP_S), rate * STEP_S)
+            lat += min(max(target - lat, -slips * ds), slips * ds)
             rest = at - (k - first[lane])
             yaw, c, s = points[k, 2], points[k, 3], points[k, 4]
             x, y = points[k, 0] + rest * c - lat * s, points[k, 1] + rest * s + lat * c

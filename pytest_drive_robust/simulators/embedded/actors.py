@@ -39,8 +39,8 @@ class ActorSpec:
     `leaves`. From `speed_mps` it goes on to `target_mps` (None: the same). `background` actors count for the driving
     efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far ahead of the ego; one that `appears` does not
     exist before its script starts. `sees` says what it brakes for: whatever is ahead (`SEES_ALL`), only who is in the
-    middle of its lane already (`SEES_LATE`), or nothing at all (`SEES_NOBODY`). `yaw_rad` turns a standing one against
-    its path; `state` are its lamps.
+    middle of its lane already (`SEES_LATE`), or nothing at all (`SEES_NOBODY`; in a flow only until one of it was hit).
+    `yaw_rad` turns a standing one against its path; `state` are its lamps.
     """
 
     kind: ActorKind

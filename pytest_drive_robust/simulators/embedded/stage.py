@@ -19,7 +19,9 @@ from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 __all__ = ["Stage"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
-_GAPS = 63  # draws of a flow; they repeat after that
+_GAPS = 127  # draws of a flow; they repeat after that
+_LEAST_ROOM_M = 2.0
+"""Between one car of a flow and the next."""
 
 
 class Stage(RoutePlaces):
@@ -124,16 +126,16 @@ class Stage(RoutePlaces):
     ) -> None:
         """Add cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
 
-        Gaps are drawn from `gap_m` (front of one to rear of the next). Our flows never end, so every third gap is
-        twice as long: somebody who waits patiently gets through. In the first `dense_m` metres of the flow, counted
-        back from the path's end, none is. The other options are those of `ActorSpec`.
+        Gaps are drawn from `gap_m`, from the middle of one to the middle of the next as Bench2Drive measures them. Our
+        flows never end, so every third gap is twice as long: somebody who waits patiently gets through. In the first
+        `dense_m` metres of the flow, counted back from the path's end, none is. The other options are those of
+        `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
-        gaps = self.draws(name).uniforms(max(gap_m[0], 4.0), max(gap_m[1], 4.5), _GAPS)
-        length = max(SIZES_M[kind][0] for kind in kinds)
-        dense = min(int(np.searchsorted(np.cumsum(gaps + length), dense_m)), _GAPS // 2)
+        least = max(SIZES_M[kind][0] for kind in kinds) + _LEAST_ROOM_M
+        gaps = self.draws(name).uniforms(max(gap_m[0], least), max(gap_m[1], least + 0.5), _GAPS)
+        dense = min(int(np.searchsorted(np.cumsum(gaps), dense_m)), _GAPS // 2)
         gaps[dense + 2 :: 3] *= 2.0
-        gaps += length
         car = ActorSpec(
             kinds[0], path, 0.0, speed_mps, right_m=right_m, end_m=self.length_m(path), background=background,
             obeys_lights=obeys_lights, sees=sees,

@@ -84,7 +84,7 @@ def test_an_empty_plan_is_refused() -> None:
         agent.act(_observation(road()))
 
 
-@pytest.mark.parametrize("route_id", ["801", "2501", "3801", "4001", "203", "2902"])
+@pytest.mark.parametrize("route_id", ["801", "2501", "3801", "4002", "203", "2903"])
 def test_it_drives_a_route_of_each_kind_and_again_the_same_way(route_id: str) -> None:
     """A pedestrian, a parked car, a stop sign, a red light, an accident, a parking lane; nothing is kept."""
     route = next(route for route in named_routes("full") if route.id == route_id)

@@ -61,9 +61,10 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
             world.actor_ints[i, c.I_LAST_HIT] = world.clock[0]
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
-        # who sees late and touches an ego that stands scrapes past: stopping there would block both for ever
-        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] != c.SEES_LATE:
+        # who does not see all and touches an ego that stands scrapes past: stopping there would block both for ever
+        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
             world.actor_ints[i, c.I_STUN] = STUN_TICKS
+            _wake_flow(world, world.actor_ints[i, c.I_FLOW])
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
             world.actor_ints[i, c.I_SOLID] = 0
             world.actor_ints[i, c.I_MODE] = c.MODE_STATIC
@@ -78,6 +79,15 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     if against < 0.0:
         ego[c.EGO_V] = max(0.0, v * (1.0 + against))
         ego[c.EGO_ACCEL] = min(ego[c.EGO_ACCEL], 0.0)
+
+
+@inner
+def _wake_flow(world: WorldArrays, flow: int) -> None:
+    """Make the drivers of a flow see what is ahead: who gives way to nobody does so until one of them is hit."""
+    if flow < 0:
+        return
+    for k in range(world.flow_ints[flow, c.FI_FIRST_SLOT], world.flow_ints[flow, c.FI_LAST_SLOT]):
+        world.actor_ints[k, c.I_SEES] = c.SEES_ALL
 
 
 @inner

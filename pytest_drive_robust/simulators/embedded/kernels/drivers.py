@@ -128,7 +128,11 @@ def _acceleration(world: WorldArrays, i: int) -> float:
             if -0.5 < ahead < gap:
                 gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
     wanted = _wanted_speed(actor, whole, world.ego)
-    return idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
+    asked = idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
+    if whole[c.I_RELATIVE] == 1 and whole[c.I_PHASE] == c.PHASE_SCRIPT and actor[c.A_V] > wanted:
+        # CARLA's basic agent brakes at once for a lower target speed
+        asked = min(asked, max((wanted - actor[c.A_V]) / world.dt_s, -actor[c.A_BRAKE_MAX]))
+    return float(asked)
 
 
 @inner

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["fill_flows", "run_flows"]
+
+JUNCTION_M, STOPPING_MPS2 = 30.0, 3.0
+_GREEN = int(LightState.GREEN)
 
 
 @inner
@@ -57,4 +61,16 @@ def fill_flows(world: WorldArrays) -> None:
             if s < flow[c.F_SOURCE_S]:
                 break
             _spawn(world, f, slot, s)
+            if _runs_red_light(world, whole[c.FI_PATH], slot, s):
+                world.actor_ints[slot, c.I_ACTIVE] = 0
             s -= flow[c.F_NEXT_GAP_M]
+
+
+@inner
+def _runs_red_light(world: WorldArrays, path: int, slot: int, s: float) -> bool:
+    """Return whether a driver who obeys lights starts where he cannot stop for a red one, or within its junction."""
+    line = world.path_stop_line[path]
+    if line < 0 or world.actor_ints[slot, c.I_OBEYS_LIGHTS] == 0 or world.lights[line] == _GREEN:
+        return False
+    v, before = world.actors[slot, c.A_V], world.path_stop_s[path] - s - 0.5 * world.actors[slot, c.A_LENGTH]
+    return bool(-JUNCTION_M < before < 0.5 * v * v / STOPPING_MPS2)

@@ -34,7 +34,7 @@ __all__ = [
     "vehicle_opens_door_two_ways",
 ]
 
-_BICYCLE_SHIFT = 0.65
+_BICYCLE_SHIFT = 0.55
 """How far to the right they ride, in halves of the lane."""
 _DIRT_M = (14.0, 48.0, 74.0)
 _PARKED_IN_LANE_M = 0.35

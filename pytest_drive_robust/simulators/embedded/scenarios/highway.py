@@ -23,6 +23,9 @@ __all__ = [
 _RAMP_ROLLING, _ROLLING = 0.55, 0.7
 """Speeds at the start, as shares of the limit."""
 _LAST_M = 5.0
+_AROUND_M = (15.0, 30.0)
+"""Bench2Drive's background traffic is placed 15 m apart, in every lane of the road
+(`scenario_runner/srunner/scenarios/background_activity.py`)."""
 
 
 def _before_a_turn(chain: str) -> Site:
@@ -108,7 +111,7 @@ def sequential_lane_change(stage: Stage) -> None:
         stage.flow(
             stage.add_path(join(lane_map, lanes)),
             speed_mps=(0.8 + 0.05 * number) * stage.speed_limit_mps,
-            gap_m=(20.0, 40.0),
+            gap_m=_AROUND_M,
             background=True,
         )
     stage.end_m = stage.dense.length_m - _LAST_M

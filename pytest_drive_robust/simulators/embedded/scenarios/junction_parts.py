@@ -31,8 +31,8 @@ _YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
 _ALL_RED_S = 1.0
 _MEET_M = 1.0
-_DENSE_S = 10.0
-"""As long as a driver needs to the place where it meets the flow."""
+_SLOWEST_MPS, _ACROSS_S = 4.0, 8.0
+"""Who comes this slowly, and needs so long to start and to get across, finds no longer gap than who comes fast."""
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 
 
@@ -47,21 +47,26 @@ def route_flow(
 ) -> None:
     """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
-    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers give way to
-    nobody (Bench2Drive's do not even brake for a car in their lane), and who comes to `meets_ahead_m` without waiting
-    finds no gap longer than those drawn.
+    `speed_mps` and `gap_m` are the type's ranges; they stand in for what the file leaves out. Its drivers keep their
+    speed and give way to nobody, as Bench2Drive's do (`scenario_runner/srunner/scenariomanager/scenarioatomics/
+    atomic_behaviors.py`, `ActorFlow`), until one of them has been hit; then all see what is ahead. Who comes to
+    `meets_ahead_m` without waiting, however slowly, finds no gap longer than those drawn.
     """
     gaps = (
         stage.spec.number("source_dist_interval", gap_m[0], attribute="from"),
         stage.spec.number("source_dist_interval", gap_m[1], attribute="to"),
     )
     speed = stage.spec.number("flow_speed", (speed_mps[0] + speed_mps[1]) / 2.0)
-    dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + _DENSE_S * speed
-    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_LATE, dense_m=dense_m)
+    dense_s = (stage.trigger_m + meets_ahead_m) / _SLOWEST_MPS + _ACROSS_S
+    dense_m = stage.length_m(path) - stage.along(path, meets_ahead_m) + dense_s * speed
+    stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
 
-def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (45.0, 90.0), lights: bool = False) -> None:
+def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (15.0, 30.0), lights: bool = False) -> None:
     """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
+
+    Bench2Drive's sources at a junction send the next car once the last one is 15 m away
+    (`scenario_runner/srunner/scenarios/background_activity.py`).
 
     Without `lights` the two roads would block each other: then there is oncoming traffic only where nobody crosses.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
+    RED_S,
     cross_traffic,
     end_behind_junction,
     lights_turn_green,
@@ -17,6 +18,10 @@ _NEAR_M = (28.0, 36.0)
 _NEARER_M = (23.0, 30.0)
 """Metres before a junction at which a route starts; plain turns are the shortest routes."""
 _TRIGGER_M = (3.0, 6.0)
+_RED_S = (6.0, 28.0)
+"""CARLA's lights give one arm after the other ten seconds of green, three of yellow and two of nothing: of three arms
+each is red for up to 32 s. Less is drawn at both ends, so that nobody stands for half a minute."""
+_ARM_S, _OTHER_ARMS = 15.0, 0.75
 
 
 @scenario(
@@ -35,7 +40,7 @@ def t_junction(stage: Stage) -> None:
     """A junction of three arms with lights or a stop sign on the stem; the other arms carry traffic."""
     lights = any(line.is_light for line in stage.dense.lane_map.stop_lines)
     if lights:
-        lights_turn_green(stage, red_s=stage.draw("red", 4.0, 9.0))
+        lights_turn_green(stage, red_s=stage.draw("red", *_RED_S))
     cross_traffic(stage, lights=lights)
     end_behind_junction(stage)
 
@@ -51,7 +56,7 @@ def t_junction(stage: Stage) -> None:
 )
 def vanilla_turn(stage: Stage) -> None:
     """A plain turn where nothing is controlled; there is traffic on the other road."""
-    cross_traffic(stage, gap_m=(24.0, 48.0))
+    cross_traffic(stage)
     end_behind_junction(stage)
 
 
@@ -82,8 +87,11 @@ def vanilla_stop_sign(stage: Stage) -> None:
     ),
 )
 def vanilla_green_light(stage: Stage) -> None:
-    """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes."""
-    lights_turn_red(stage)
+    """A plain turn; the light is green for five seconds, then red for five: one arrives just as it changes.
+
+    Then lights go on as usual in CARLA: the next green is that of one of the arms, in one of four cases the ego's.
+    """
+    lights_turn_red(stage, red_s=RED_S + (_ARM_S if stage.draw("arm", 0.0, 1.0) < _OTHER_ARMS else 0.0))
     cross_traffic(stage, lights=True)
     end_behind_junction(stage)
 

@@ -129,8 +129,12 @@ def vehicle_turning_route(stage: Stage) -> None:
     ),
 )
 def vehicle_turning_route_pedestrian(stage: Stage) -> None:
-    """A pedestrian crosses at the exit of the turn at 1.8 m/s; starts when the ego is 2.2 s or 6 m away."""
-    _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0))
+    """A pedestrian crosses at the exit of the turn at 1.8 m/s; starts when the ego is 2.2 s or 6 m away.
+
+    They come from the outer side of the turn.
+    """
+    outer = "left" if stage.first_passage().turn_rad > 0.0 else "right"
+    _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0), side=outer)
 
 
 def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tta_s: float) -> None:
@@ -158,12 +162,17 @@ def _near_edge_m(stage: Stage, at_m: float) -> float:
     return stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at_m)
 
 
-def _crosses_after_turn(stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival) -> None:
-    """Let somebody start beside the road that the ego turns into, and cross all of it."""
+def _crosses_after_turn(
+    stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival, *, side: str = "right"
+) -> None:
+    """Let somebody start on one `side` of the road that the ego turns into, and cross all of it."""
     at = stage.exit_ahead_m() + behind_exit_m
-    start = road_edge_m(stage, "right", at) + stage.draw("kerb", 1.2, 2.4)
-    across = start + road_edge_m(stage, "left", at) + 1.5
-    stage.walker(at, from_right_m=start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind)
+    # Bench2Drive's start in the middle of the sidewalk
+    start = road_edge_m(stage, side, at) + stage.draw("kerb", 0.9, 1.5)
+    across = start + road_edge_m(stage, "left" if side == "right" else "right", at) + 1.5
+    stage.walker(
+        at, from_right_m=start if side == "right" else -start, walks_m=across, speed_mps=1.8, trigger=trigger, kind=kind
+    )
     stage.green_for_ego()
     scenery(stage, (60.0, 120.0))
     stage.end_m = stage.trigger_m + at + 10.0

@@ -24,7 +24,7 @@ def seconds(truth: GroundTruth, *plans: tuple[float, float, float], stop_row: fl
     found, _ = rollouts(
         path, ego.x_m, ego.speed_mps, scene.size, traffic.forecast, traffic.boxes,
         leaders(path, ego.x_m, traffic.boxes), np.array(plans), scene.limits, scene.boxes, stop_row, WAITING,
-        3.0, False, 30,
+        3.0, 30,
     )  # fmt: skip
     return list(found)
 

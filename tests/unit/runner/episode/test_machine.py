@@ -43,7 +43,7 @@ def test_a_world_that_promises_nothing_computes_with_the_machine() -> None:
     assert machine_facts(OnNumpy(), SimpleNamespace()) == machine_facts(Plain(), EMBEDDED)
 
 
-@pytest.mark.parametrize("name", ["classical", "constant", "expert", "random", "reactive"])
+@pytest.mark.parametrize("name", ["blind", "blind:speed=4", "classical", "constant", "expert", "random", "reactive"])
 def test_the_records_of_agents_without_a_network_depend_on_nothing(name: str) -> None:
     registry = default_registry()
     result = make_result(versions={"simulator": "embedded 2"})

@@ -56,17 +56,19 @@ def test_the_light_is_red_for_five_seconds_after_the_trigger_then_green(name: st
         assert (seen[102:] == LightState.GREEN).all()
 
 
-def test_the_green_light_turns_red_for_five_seconds_after_five() -> None:
+def test_the_green_light_turns_red_after_five_seconds_for_five_or_until_another_arm_had_its_green() -> None:
+    lasted = []
     for number in range(len(SCENARIOS["VanillaSignalizedTurnEncounterGreenLight"].sites)):
         world = World(drawn("VanillaSignalizedTurnEncounterGreenLight", number), seed=0)
         line = light_of_ego(world)
         assert world.frame().lights[line] == LightState.GREEN
-        seen = [LightState(int(state)) for state in lights_after_trigger(world, 300)[:, line]]
+        seen = [LightState(int(state)) for state in lights_after_trigger(world, 600)[:, line]]
         assert seen.index(LightState.YELLOW) == pytest.approx(100, abs=2)
         red = [k for k, state in enumerate(seen) if state is LightState.RED]
-        assert len(red) == 100
+        lasted.append(len(red))
         assert red[0] == pytest.approx(140, abs=2)
         assert seen[-1] is LightState.GREEN
+    assert set(lasted) <= {100, 400, 401}
 
 
 @pytest.mark.parametrize(

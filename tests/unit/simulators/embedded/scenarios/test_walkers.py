@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from scenario_driver import actors_of, away_m, beside_route, collisions, drive, staged
 
@@ -26,9 +28,17 @@ def test_they_step_out_when_the_ego_arrives_and_end_up_across_the_road(name: str
     assert len(walkers) == (3 if name == "PedestrianCrossing" else 1)
     assert drive(world, 20.0, speed_mps=7.0, until=lambda w: bool((w.state.actors[walkers, c.A_V] > 0.0).any()))
     assert min(away_m(world, k) for k in walkers) < 30.0
-    assert all(beside_route(world, k)[1] > world.stage.lane_width_m / 2.0 - 0.3 for k in walkers)
+    side = math.copysign(1.0, beside_route(world, walkers[0])[1])  # they may come from either
+    assert all(side * beside_route(world, k)[1] > world.stage.lane_width_m / 2.0 - 0.3 for k in walkers)
     drive(world, 20.0, speed_mps=0.0)
-    assert all(beside_route(world, k)[1] < -world.stage.lane_width_m for k in walkers)
+    assert all(side * beside_route(world, k)[1] < -world.stage.lane_width_m / 2.0 for k in walkers)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_pedestrian_behind_a_turn_comes_from_its_outer_side(number: int) -> None:
+    world = staged("VehicleTurningRoutePedestrian", number)
+    (walker,) = actors_of(world, ActorKind.PEDESTRIAN)
+    assert beside_route(world, walker)[1] * world.stage.first_passage().turn_rad < 0.0
 
 
 @pytest.mark.parametrize("name", STEPPING_OUT)

@@ -1,0 +1,88 @@
+"""Options in the name of an agent reach its class, and what it tells of its agents stays what the class tells."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.domain.agent import has_portable_bits
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.identity import agent_identity
+from pytest_drive_robust.testing import ScriptedAgent
+
+
+class Configurable(ScriptedAgent):
+    portable_bits = True
+    weights = ("some.bin",)
+
+    def __init__(
+        self, speed: float = 8.0, *, mode: str = "traj", ahead: int = 3, keen: bool = False, aim: str | None = None
+    ):
+        super().__init__([Control()])
+        self.given = (speed, mode, ahead, keen, aim)
+
+
+class TakesNothing(ScriptedAgent):
+    def __init__(self) -> None:
+        super().__init__([Control()])
+
+
+@pytest.fixture
+def registry() -> Registry:
+    registry = Registry()
+    registry.register_agent("mine", Configurable)
+    registry.register_agent("bare", TakesNothing)
+    return registry
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("mine", (8.0, "traj", 3, False, None)),
+        ("mine:speed=4", (4.0, "traj", 3, False, None)),
+        ("mine:mode=ctrl+ahead=5+keen=true+aim=far", (8.0, "ctrl", 5, True, "far")),
+    ],
+)
+def test_options_have_the_type_of_their_defaults(registry: Registry, name: str, given: tuple[object, ...]) -> None:
+    assert registry.agent(name).given == given  # type: ignore[attr-defined]
+    assert registry.entry("agents", name).name == name
+
+
+def test_what_the_class_tells_of_its_agents_the_configured_factory_tells(registry: Registry) -> None:
+    factory = registry.entry("agents", "mine:speed=4").load()
+    assert has_portable_bits(factory)
+    assert factory.weights == ("some.bin",)  # type: ignore[attr-defined]
+    assert not hasattr(factory, "num_gpus")
+
+
+def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
+    registry = Registry()
+    identities = [
+        agent_identity(name, registry) for name in ("blind", "blind:speed=4", "blind:speed=11", "blind:speed=4")
+    ]
+    assert len(set(identities)) == 3
+    assert identities[1] == identities[3]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("mine:sped=4", "'speed'"),
+        ("mine:speed=fast", "a number, as in speed=8.0"),
+        ("mine:ahead=2.5", "a number, as in ahead=3"),
+        ("mine:keen=yes", "true or false"),
+        ("mine:speed=", "NAME=VALUE"),
+        ("mine:speed=4+mode", "NAME=VALUE"),
+        ("mine:speed=4+speed=5", "each name once"),
+        ("bare:speed=4", "speed"),
+    ],
+)
+def test_what_is_no_option_is_refused_before_anything_is_made(registry: Registry, name: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        registry.require("agents", name)
+
+
+def test_a_misspelt_name_with_options_is_answered_with_the_nearest_one(registry: Registry) -> None:
+    with pytest.raises(UnknownNameError, match="'mine'"):
+        registry.agent("mini:speed=4")
