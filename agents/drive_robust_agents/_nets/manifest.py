@@ -85,10 +85,10 @@ def read_manifest(folder: Path, name: str) -> WeightsEntry:
     if name not in entries:
         raise UnknownNameError.of(f"entry in {path}", name, entries)
     try:
-        entry = WeightsEntry(**entries[name])
-        graphs = {method: GraphFile(**one) for method, one in entry.graphs.items()}
-        entry = dataclasses.replace(entry, graphs=graphs)
-    except (AttributeError, TypeError) as error:
+        plain: dict[str, Any] = dict(entries[name])
+        graphs = {method: GraphFile(**one) for method, one in plain.pop("graphs", {}).items()}
+        entry = WeightsEntry(**plain, graphs=graphs)
+    except (AttributeError, TypeError, ValueError) as error:
         raise UsageError(f"the entry {name!r} of {path} is not as expected: {error}.") from None
     files = (entry.file, *(graph.file for graph in entry.graphs.values()))
     elsewhere = [file for file in files if Path(file).name != file]

@@ -69,7 +69,8 @@ def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture:
         begin = 8 + int.from_bytes(content[:8], "little")
         header: dict[str, Any] = json.loads(content[8:begin])
         given = header.pop("__metadata__", {})
-        tensors = {name: _tensor(content[begin:], **facts) for name, facts in header.items()}
+        data = memoryview(content)[begin:]
+        tensors = {name: _tensor(data, **facts) for name, facts in header.items()}
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         kind = " It looks like a pickle, which we never open." if content[:2] in _PICKLES else ""
         raise UsageError(f"{path} is no safetensors file: {error}.{kind} {ADVICE}") from None
@@ -105,9 +106,9 @@ def _verified(path: Path, size_bytes: int, sha256: str, label: str) -> bytes:
     return content
 
 
-def _tensor(data: bytes, *, dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:
+def _tensor(data: memoryview, *, dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:
     begin, end = data_offsets
-    values = np.frombuffer(memoryview(data)[begin:end], dtype=_TYPES[dtype])
+    values = np.frombuffer(data[begin:end], dtype=_TYPES[dtype])
     if min((begin, *shape)) < 0 or end > len(data) or values.size != math.prod(shape):
         raise ValueError(f"{values.size} numbers at {begin} to {end} of {len(data)} bytes for the shape {shape}")
     return values.reshape(shape)

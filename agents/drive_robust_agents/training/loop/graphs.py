@@ -10,8 +10,8 @@ from __future__ import annotations
 import copy
 import dataclasses
 import hashlib
-import io
 import json
+import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -117,8 +117,8 @@ def _graph(
 
 def _exported(net: nn.Module, method: str, example: Mapping[str, Tensor]) -> bytes:
     wrapped = _Method(net, method, list(example)).eval()
-    file = io.BytesIO()
-    with warnings.catch_warnings(), torch.no_grad():
+    with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "graph.onnx"
         outputs = list(getattr(net, method)(**example))
         warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
         torch.onnx.export(
@@ -133,4 +133,4 @@ def _exported(net: nn.Module, method: str, example: Mapping[str, Tensor]) -> byt
             do_constant_folding=False,
             training=torch.onnx.TrainingMode.PRESERVE,  # else it folds the statistics of norms into other weights
         )
-    return file.getvalue()
+        return file.read_bytes()
