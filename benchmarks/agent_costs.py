@@ -4,8 +4,8 @@ CPU time on one core, in rounds that alternate between the agents; `expert` and 
 learned agent whose weights do not ship yet is measured with random ones, and its row says so: the time of a network
 does not depend on what it learnt.
 
-    ms/tick     `act` alone, torch, one episode at a time; `of episode`: its share of the loop with world and cameras
-    ONNX        the same with `engine="onnx"` (needs the extra `onnx`)
+    ms/tick     `act` alone, one episode at a time; `of episode`: its share of the loop with world and cameras
+    torch       the same with `engine="torch"`
     8 at once   `act_batch` of eight agents, per agent
     own MB      private memory of a worker process after three episodes; `all MB`: with what it shares with the others
 """
@@ -40,7 +40,6 @@ from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.engine.worker_setup import WorkerSetup
-from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
@@ -186,10 +185,7 @@ def works(subject: Subject, ticks: int) -> list[Callable[[], Mapping[str, float]
     first = subject.make()
     found = [driven(first, "own")]
     if subject.learned:
-        try:
-            found.append(driven(subject.make(engine="onnx"), "onnx"))
-        except UsageError as error:
-            print(f"{subject.title}: {error}", file=sys.stderr)
+        found.append(driven(subject.make(engine="torch"), "torch"))
     if offers_lockstep(first):
         several, recording = [subject.make() for _ in range(AT_ONCE)], seen_by(first, ticks)
         found.append(lambda: {"together ms": together(several, recording)})
@@ -217,7 +213,7 @@ def main() -> None:
 
 
 def show(rows: Sequence[Subject]) -> None:
-    columns = ("", "weights", "parameters", "ms/tick", "of episode", "ONNX", f"{AT_ONCE} at once", "own MB", "all MB")
+    columns = ("", "weights", "parameters", "ms/tick", "of episode", "torch", f"{AT_ONCE} at once", "own MB", "all MB")
     table = Table(*columns, title="CPU ms of an agent per tick on one core, and MB of a child that drives it")
     for row in rows:
         table.add_row(
@@ -226,7 +222,7 @@ def show(rows: Sequence[Subject]) -> None:
             row.parameters,
             row.shown("own ms", "{:.2f}"),
             row.shown("own share", "{:.0%}"),
-            row.shown("onnx ms", "{:.2f}"),
+            row.shown("torch ms", "{:.2f}"),
             row.shown("together ms", "{:.2f}"),
             row.shown("private", "{:.0f}"),
             row.shown("resident", "{:.0f}"),

@@ -1,7 +1,7 @@
 """The paper's table, its figures and its patterns, from episodes that were driven here.
 
-Drive first, once for each of `tcp`, `uniad`, `vad`, `simlingo`, or `tcp-onnx` and so on, which take about half. What
-the store has is not driven again, so the same command goes on where it was stopped. Its limits are another agent's and
+Drive first, once for each of `tcp`, `uniad`, `vad`, `simlingo`. What the
+store has is not driven again, so the same command goes on where it was stopped. Its limits are another agent's and
 may well be broken:
 
     pytest --drive-robust suites/paper --drive-agent tcp --drive-routes full --drive-verdict point --drive-json tcp.json

@@ -26,9 +26,9 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._nets.answer import GENERATE
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
-from drive_robust_agents._nets.simlingo import SimLingoNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
 from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter
@@ -37,7 +37,7 @@ from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["CAMERAS", "Filtered", "SimLingo", "SimLingoElapsed", "SimLingoUnfiltered"]
 
@@ -65,19 +65,21 @@ class SimLingo(LearnedAgent):
 
     The first two are the same to the bit while it is asked in every tick.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or,
-    without commentary, `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the
-    network, for tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"`
+    or `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are
     missing or not what their manifest says.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "simlingo"
-    build = SimLingoNet.build
-    weights = (SHIPPED / "simlingo.safetensors",)
+    architecture = "simlingo:SimLingoNet"
+    weights = tuple(
+        SHIPPED / f"simlingo{rest}" for rest in (".safetensors", ".onnx", "_read.onnx", "_say.onnx", "_plan.onnx")
+    )
     drops_within_m = MIN_SIMLINGO_M
     position_filter: Filtered = "published"
-    configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "torch", "dtype": "float32"}
+    configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}
 
     def __init__(
         self,
@@ -86,22 +88,20 @@ class SimLingo(LearnedAgent):
         *,
         safety: bool = False,
         position_filter: Filtered | None = None,
-        engine: str = "torch",
+        engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
         threads: int = 1,
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        if commentary and engine == "onnx":
-            raise UsageError("simlingo says nothing with engine='onnx': give engine='torch' or commentary=False.")
         if position_filter is not None:
             self.position_filter = position_filter
         if self.position_filter not in get_args(Filtered):
             raise UnknownNameError.of("position_filter of simlingo", self.position_filter, get_args(Filtered))
         self.commentary, self.safety = commentary, safety
         self.instruction = None if instruction is None else parse_instruction(instruction)
-        self._method = "generate" if commentary else "forward"
+        self._method = GENERATE if commentary else "forward"
         super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
 
     def sensors(self) -> Sequence[CameraSpec]:

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import Network
-from drive_robust_agents._nets.tcp import TcpNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
@@ -68,22 +67,22 @@ class Fusion:
 class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or
-    `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
-    Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "tcp"
-    build = TcpNet.build
-    weights = (SHIPPED / "tcp.safetensors",)
-    configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "torch", "dtype": "float32"}
+    architecture = "tcp:TcpNet"
+    weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
+    configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "onnx", "dtype": "float32"}
 
     def __init__(
         self,
         mode: Mode = "traj",
         *,
-        engine: str = "torch",
+        engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
         threads: int = 1,
@@ -93,7 +92,6 @@ class TCP(LearnedAgent):
         if mode not in get_args(Mode):
             raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
         self.mode: Mode = mode
-        self._options = {"control": mode != "traj"}
         super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
 
     def sensors(self) -> Sequence[CameraSpec]:

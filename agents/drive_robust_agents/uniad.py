@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets.bev_grid import BevSpec
 from drive_robust_agents._nets.inference import Network
-from drive_robust_agents._nets.uniad import UniadNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.bev_agent import BevAgent
@@ -56,15 +55,15 @@ class UniAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints clear of what will be occupied, a control out.
 
     `optimise=False` leaves the plan as the network gives it. `weights` is a file with its `manifest.json` beside it;
-    those that ship by default. `engine` is `"torch"` or `"onnx"`; `device`, `dtype` and `threads` are those of
+    those that ship by default. `engine` is `"onnx"` or `"torch"`; `device`, `dtype` and `threads` are those of
     `_nets.inference`. `network` replaces the network, for tests. Raises `UsageError` for weights that are missing or
     not what their manifest says.
     """
 
     name = "uniad"
-    build = UniadNet.build
-    weights = (SHIPPED / "uniad.safetensors",)
-    configuration: ClassVar[Mapping[str, object]] = {"engine": "torch", "dtype": "float32", "optimise": True}
+    architecture = "uniad:UniadNet"
+    weights = (SHIPPED / "uniad.safetensors", SHIPPED / "uniad.onnx")
+    configuration: ClassVar[Mapping[str, object]] = {"engine": "onnx", "dtype": "float32", "optimise": True}
     tuning = tuning.UNIAD
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}
 
@@ -72,7 +71,7 @@ class UniAD(BevAgent):
         self,
         *,
         optimise: bool = True,
-        engine: str = "torch",
+        engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
         threads: int = 1,

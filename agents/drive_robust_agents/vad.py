@@ -27,7 +27,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from drive_robust_agents._nets.vad import VadNet
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.bev_agent import BevAgent
@@ -38,14 +37,14 @@ __all__ = ["VAD"]
 class VAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"torch"` or
-    `"onnx"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for tests.
-    Raises `UsageError` for weights that are missing or not what their manifest says.
+    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for weights that are missing or not what their manifest says.
     """
 
     name = "vad"
-    build = VadNet.build
-    weights = (SHIPPED / "vad.safetensors",)
-    configuration: ClassVar[Mapping[str, str]] = {"engine": "torch", "dtype": "float32"}
+    architecture = "vad:VadNet"
+    weights = (SHIPPED / "vad.safetensors", SHIPPED / "vad.onnx")
+    configuration: ClassVar[Mapping[str, str]] = {"engine": "onnx", "dtype": "float32"}
     tuning = tuning.VAD
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}

@@ -22,8 +22,6 @@ from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
 __all__ = ["read"]
 
 _Episode = Mapping[str, Any]
-_ON_ONNX = "-onnx"
-"""`tcp-onnx` is `tcp` on another engine, and stands in its row."""
 _FEWEST_ROUTES = 2
 """One route has no spread, so nothing could have an interval."""
 
@@ -31,8 +29,8 @@ _FEWEST_ROUTES = 2
 def read(paths: Sequence[Path]) -> Results:
     """Read all files as one. Of an agent that several files hold, each setting is that of the last file which has it.
 
-    Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not or one on two
-    engines; `ComparisonError` for episodes without a score, for routes that lack some setting, for files of different
+    Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not;
+    `ComparisonError` for episodes without a score, for routes that lack some setting, for files of different
     routes or worlds and for settings of one agent that belong to different clean runs.
     """
     merged: Results | None = None
@@ -76,9 +74,7 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
     routes = {route: (scenarios[route], fingerprint["routes"][route]) for route in sorted(scenarios, key=_place)}
     kept = {key: str(value) for key, value in versions.items() if key not in MACHINE_FACTS}
     agents = {
-        name.removesuffix(_ON_ONNX): DrivenAgent(
-            {"driven": name, **fingerprint["agents"][name]}, kept, _driven(by_setting, list(routes), f"{path}: {name}")
-        )
+        name: DrivenAgent(fingerprint["agents"][name], kept, _driven(by_setting, list(routes), f"{path}: {name}"))
         for name, by_setting in episodes.items()
     }
     world = {
@@ -95,14 +91,9 @@ def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str,
     for episode in episodes:
         if episode["setting"] in (CLEAN, *SETTINGS):
             found[episode["agent"]][episode["setting"]].append(episode)
-    unknown = sorted(name for name in found if name.removesuffix(_ON_ONNX) not in AGENTS)
+    unknown = sorted(name for name in found if name not in AGENTS)
     if unknown:
         raise UsageError(f"{path} holds the agent {unknown[0]!r}. The paper's are {', '.join(AGENTS)}.")
-    twice = sorted(name for name in found if f"{name}{_ON_ONNX}" in found)
-    if twice:
-        raise UsageError(
-            f"{path} holds {twice[0]!r} and {twice[0] + _ON_ONNX!r}. Give reports of either: they share a row."
-        )
     return found
 
 

@@ -41,7 +41,7 @@ def table_text(results: Results) -> str:
         made_of, abreast = results.agents[agent].made_of, results.agents[agent].versions.get("lockstep")
         lines += ["", f"## {agent}", "", *_agent_table(results, agent), ""]
         how = f", {abreast} episodes in lockstep" if abreast else ""
-        lines += [f"Driven as `{made_of['driven']}`{how}: {made_of['distribution']}, weights {made_of['weights']}."]
+        lines += [f"{made_of['distribution']}, weights {made_of['weights']}{how}."]
     return "\n".join(lines) + "\n"
 
 

@@ -1,7 +1,5 @@
 """An agent that ships plans tomorrow what it plans today: weights, and everything between a sensor and a control."""
 
-# ruff: noqa: E402 - without torch, which is an extra, these tests are skipped before the imports that need it
-
 from __future__ import annotations
 
 import json
@@ -10,27 +8,20 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
-import pytest
-
-torch = pytest.importorskip("torch")
+from typing import Any
 
 import golden_drives
+import numpy as np
+import pytest
 from golden_drives import COMMAND, Drive, Spoil, drive, label, shipped
 
 from pytest_drive_robust import Observation
 from pytest_drive_robust.registry.registry import default_registry
 
 TOLERANCE = 1e-3
-"""Metres of waypoints, shares of a control: torch rounds differently on other processors."""
+"""Metres of waypoints, shares of a control: both engines round otherwise, and otherwise on other processors."""
 
 AGENTS = pytest.mark.parametrize("name", sorted(shipped()))
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
 
 
 def golden(name: str) -> Drive:
@@ -60,9 +51,10 @@ def test_an_agent_plans_what_it_planned_when_its_weights_were_shipped_and_the_sa
 
 
 @AGENTS
-def test_on_onnx_runtime_it_plans_the_same(name: str) -> None:
-    pytest.importorskip("onnxruntime")
-    assert off(drive(default_registry().agent(f"{name}-onnx")), golden(name)) < TOLERANCE
+def test_on_torch_it_plans_the_same(name: str) -> None:
+    pytest.importorskip("torch")
+    made: Any = default_registry().entry("agents", name).load()
+    assert off(drive(made(engine="torch")), golden(name)) < TOLERANCE
 
 
 def pictures(change: Callable[[np.ndarray], np.ndarray]) -> Spoil:

@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
+import onnxruntime
 
 import drive_robust_agents
 from pytest_drive_robust import Control
@@ -88,7 +88,7 @@ def read(name: str) -> dict[str, Any]:
 def _write(name: str) -> None:
     driven = drive(default_registry().agent(name))
     rounded = [{key: [round(value, _DIGITS) for value in values] for key, values in one.items()} for one in driven]
-    about = {"weights": label(name), "simulator": EmbeddedSimulator.version, "torch": torch.__version__}
+    about = {"weights": label(name), "simulator": EmbeddedSimulator.version, "onnxruntime": onnxruntime.__version__}
     lines = ",\n ".join(json.dumps(one) for one in rounded)
     _FOLDER.mkdir(exist_ok=True)
     (_FOLDER / f"{name}.json").write_text(f'{json.dumps(about)[:-1]}, "drive": [\n {lines}\n]}}\n')
@@ -103,7 +103,6 @@ def _moment(agent: Agent, control: Control) -> dict[str, Numbers]:
 
 def main(names: list[str]) -> None:
     """Write the files of all agents, or print what some do."""
-    torch.set_num_threads(1)
     for name in names:
         print(json.dumps(drive(default_registry().agent(name))))
     for name in () if names else shipped():

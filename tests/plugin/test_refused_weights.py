@@ -7,11 +7,14 @@ What is refused and why, case by case: `unit/agents/test_weight_loading.py`. Exp
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import itertools
 import json
 import os
 import pickle
+import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,7 @@ from drive_robust_agents.training.loop.export import write_weights
 from drive_robust_agents.training.loop.trainer import TrainingOptions
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust.options.run import DEFAULT_STORE
+from pytest_drive_robust.registry.registry import default_registry
 
 CANDIDATES = ("-p", "drive_robust_agents.training.candidates")
 TESTS = """
@@ -36,16 +40,26 @@ AGENTS = {agents}
 def test_it(drive, agent):
     drive.check(requirement("DS") >= 1)
 """
-DAMAGES = ("changed", "truncated", "of another", "a pickle")
+DAMAGES = ("changed", "truncated", "of another", "a pickle", "graph changed", "graph truncated")
 OTHERS = {"simlingo": "tcp", "tcp": "simlingo", "uniad": "tcp", "vad": "tcp"}
 
 
 def new_weights(agent: str, folder: Path, *, seed: int = 0) -> Path:
     """What a training that had no time would publish."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in published(agent, seed).items():
+        (folder / name).write_bytes(content)
+    return folder / f"{agent}.safetensors"
+
+
+@functools.cache
+def published(agent: str, seed: int) -> Mapping[str, bytes]:
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     options = TrainingOptions(agent, steps=1, batch=4, lr=1e-3, weight_decay=0.0, clip=1.0)
-    return write_weights(recipe_of(agent).make(), folder, options=options, step=0)
+    with tempfile.TemporaryDirectory() as folder:
+        write_weights(recipe_of(agent).make(), Path(folder), options=options, step=0)
+        return {file.name: file.read_bytes() for file in Path(folder).iterdir()}
 
 
 def listed(file: Path) -> dict[str, Any]:
@@ -83,7 +97,15 @@ def spoil(file: Path, damage: str, trace: Path) -> str:
         foreign = new_weights(OTHERS[agent], file.parent / "foreign")
         told = listed(foreign)
         relist(file, foreign.read_bytes(), architecture=told["architecture"], spec=told["spec"])
-        return f"no {told['architecture']} can be built as {agent}@0.0:{told['sha256'][:8]} specifies"
+        expected: Any = default_registry().entry("agents", agent).load()
+        own = expected.architecture.partition(":")[2]
+        return f"{file} holds weights of {told['architecture']}, expected those of {own}"
+    if damage.startswith("graph"):
+        graph = file.with_suffix(".onnx")
+        whole = graph.read_bytes()
+        changed = whole[:-7] + bytes([whole[-7] ^ 1]) + whole[-6:]
+        graph.write_bytes(whole[:-100] if damage == "graph truncated" else changed)
+        return f"{graph} has {len(whole) - 100} bytes" if damage == "graph truncated" else f"{graph} has SHA-256"
     relist(file, pickle.dumps({"encoder": Trap(trace)}))
     return f"{file} is no safetensors file"
 

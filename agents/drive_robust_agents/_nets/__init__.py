@@ -1,4 +1,4 @@
-"""Networks of the learned agents and what runs them. Everything below needs torch; nothing outside imports it."""
+"""Networks of the learned agents and what runs them: ONNX Runtime, or torch where it is asked for."""
 
 from __future__ import annotations
 
@@ -17,6 +17,3 @@ def require(*modules: str, extra: str) -> None:
             f"the learned agents (tcp, uniad, vad, simlingo) need {' and '.join(missing)} for this, which is not "
             f"installed: pip install 'drive-robust-agents[{extra}]'"
         )
-
-
-require("torch", "safetensors", extra="torch")

@@ -80,17 +80,21 @@ class Decoder(nn.Module):
         y: Tensor = self.norm(x)
         return y, cache
 
-    def put(self, x: Tensor, room: Cache, place: int, mask: Tensor) -> Tensor:
-        """Write one place `x` (N, 1, d) into a cache that has room for it: (N, 1, d) its last hidden state.
+    def put(self, x: Tensor, room: Cache, place: Tensor, mask: Tensor) -> tuple[Tensor, Cache]:
+        """Write one place `x` (N, 1, d) into a cache that has room for it, at `place` (N,).
 
-        `mask` (N, 1, 1, places) as above. The cache keeps its size, so that every step has the same shapes.
+        Gives its last hidden state (N, 1, d) and the cache, which keeps its size, so that every step has the same
+        shapes. `mask` (N, 1, 1, places) as above.
         """
+        written: Cache = []
+        here = (torch.arange(room[0][0].shape[2], device=x.device) == place[:, None])[:, None, :, None]
         for layer, (key, value) in zip(self._each(), room, strict=True):
             query, new_key, new_value = layer.project(x)
-            key[:, :, place], value[:, :, place] = new_key[:, :, 0], new_value[:, :, 0]
+            key, value = torch.where(here, new_key, key), torch.where(here, new_value, value)
+            written.append((key, value))
             x = layer.finish(x, query, key, value, mask)
         y: Tensor = self.norm(x)
-        return y
+        return y, written
 
     def _each(self) -> Iterator[CausalLayer]:
         for layer in self.layers:

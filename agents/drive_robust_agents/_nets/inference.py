@@ -3,6 +3,7 @@
 One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last one filled up with
 copies: so the bits of a row depend neither on its neighbours nor on how many they are. Networks are shared by all
 agents of a process that ask for the same weights in the same way; what an episode remembers belongs to its agent.
+Neither ONNX Runtime nor torch is imported before a network is made.
 """
 
 from __future__ import annotations
@@ -11,25 +12,28 @@ import functools
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import nn
 
+from drive_robust_agents._nets import require
 from drive_robust_agents._nets import weights as store
+from drive_robust_agents._nets.answer import GENERATE, answer_and_drive
 from drive_robust_agents._nets.manifest import WeightsEntry
-from drive_robust_agents._nets.torch_engine import TYPES, TorchEngine
 from pytest_drive_robust.errors import UsageError, nearest
 
-__all__ = ["ROWS", "Network", "Policy"]
+__all__ = ["ENGINES", "ROWS", "Engine", "Network", "Policy"]
 
 ROWS = 4
 """Rows of a batch. With one size for all the sums of a matrix product are added in the same order everywhere."""
 
-_ENGINES = ("torch", "onnx")
+ENGINES: Mapping[str, tuple[str, ...]] = {"onnx": ("onnxruntime", "numpy"), "torch": ("torch", "numpy")}
+"""What decides the bits of a network on each engine."""
+
+_TYPES = ("float32", "bfloat16", "float16")
 
 _Arrays = Mapping[str, NDArray[Any]]
 
@@ -52,70 +56,74 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _PolicyKey:
-    """Everything that distinguishes one policy from another."""
+    """Everything that distinguishes one policy from another. `content` are the digests of its files."""
 
     name: str
-    build: store.Build
+    network: str
     engine: str
     device: str
     dtype: str
     threads: int
     file: Path | None
-    sha256: str
-    options: tuple[tuple[str, object], ...]
+    content: tuple[str, ...]
 
 
 class Policy:
     """A network with its weights, ready to drive. Make one with `Policy.of`."""
 
-    def __init__(self, net: nn.Module, entry: WeightsEntry, engine: Engine, *, threads: int) -> None:
-        self.net, self.entry = net, entry
-        self._engine, self._threads = engine, threads
+    def __init__(self, entry: WeightsEntry, engine: Engine) -> None:
+        self.entry, self.engine = entry, engine
 
     @classmethod
     def of(
         cls,
         name: str,
-        build: store.Build,
+        network: str,
         *,
-        engine: str = "torch",
+        engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
         threads: int = 1,
         weights: str | Path | None = None,
-        **options: object,
     ) -> Policy:
         """Return the policy of an agent; the same object for the same key in this process.
 
-        `engine` is `"torch"` or `"onnx"` (ONNX Runtime: faster on a CPU, built from the same weights at first use).
-        `device` is `"cpu"`, `"cuda"`, `"cuda:1"` or `"auto"`. `dtype` other than `"float32"` computes with automatic
-        mixed precision and is meant for CUDA: processors without instructions for it are many times slower.
-        `weights` is None for those that ship, or a file with its `manifest.json` beside it. `options` are those of the
-        network. Raises `UsageError` for weights that are refused and for what this machine cannot do.
+        `network` is the module of its network and the class in it, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime,
+        on a CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. `dtype` other than
+        `"float32"` computes with torch's automatic mixed precision and is meant for CUDA: processors without
+        instructions for it are many times slower. `weights` is None for those that ship, or a file with its
+        `manifest.json` beside it. Raises `UsageError` for weights that are refused and for what this machine cannot do.
         """
+        _one_of("engine", engine, tuple(ENGINES))
+        _one_of("dtype", dtype, _TYPES)
+        if threads < 1 or (engine == "onnx" and dtype != "float32"):
+            raise UsageError(
+                f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more; "
+                "engine='torch' has mixed precision."
+            )
+        if engine == "torch":
+            require("torch", extra="torch")
         _, entry = store.locate(name, weights)
         key = _PolicyKey(
             name,
-            build,
-            _one_of("engine", engine, _ENGINES),
+            network,
+            engine,
             _device(device, engine),
-            _one_of("dtype", dtype, tuple(TYPES)),
+            dtype,
             threads,
             None if weights is None else Path(weights).absolute(),
-            entry.sha256,
-            tuple(sorted(options.items())),
+            _digests(entry),
         )
-        if threads < 1 or (engine == "onnx" and dtype != "float32"):
-            raise UsageError(
-                f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more."
-            )
         with _making:
             return _made(key)
 
     @classmethod
-    def check(cls, name: str, build: store.Build, *, weights: str | Path | None = None, **options: object) -> None:
-        """Refuse at once what `of` would refuse: nothing is driven with weights that are not what they should be."""
-        store.load(name, build, weights=weights, **options)
+    def check(cls, name: str, network: str, *, weights: str | Path | None = None) -> None:
+        """Refuse at once the files that `of` would refuse: nothing is driven with weights that were changed."""
+        path, entry = store.locate(name, weights)
+        store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
+        for graph in entry.graphs.values():
+            store.verified_graph(path, entry, graph)
 
     @property
     def label(self) -> str:
@@ -126,15 +134,16 @@ class Policy:
         """Run the network on rows of inputs (each array with the rows as its first axis).
 
         Returns when the result is there, on any device. `method` names another method of the network with the same
-        conventions; ONNX Runtime knows `forward` only.
+        conventions, or is `"generate"` for one that answers before it drives.
         """
-        if torch.get_num_threads() != self._threads:
-            torch.set_num_threads(self._threads)
         rows = len(next(iter(inputs.values())))
         if rows == 1:
-            return self._engine(method, inputs)
-        parts = [self._engine(method, _chunk(inputs, begin)) for begin in range(0, rows, ROWS)]
+            return self._computed(method, inputs)
+        parts = [self._computed(method, _chunk(inputs, begin)) for begin in range(0, rows, ROWS)]
         return {name: np.concatenate([part[name] for part in parts])[:rows] for name in parts[0]}
+
+    def _computed(self, method: str, inputs: _Arrays) -> dict[str, NDArray[Any]]:
+        return answer_and_drive(self.engine, inputs) if method == GENERATE else self.engine(method, inputs)
 
 
 _making = threading.Lock()
@@ -142,17 +151,31 @@ _making = threading.Lock()
 
 @functools.cache
 def _made(key: _PolicyKey) -> Policy:
-    torch.set_num_threads(key.threads)
-    net, entry = store.load(key.name, key.build, weights=key.file, **dict(key.options))
-    if entry.sha256 != key.sha256:
+    path, entry = store.locate(key.name, key.file)
+    if _digests(entry) != key.content:
         raise UsageError(f"{key.name}: the manifest changed while its weights were read. Start again.")
+    engine: Engine
     if key.engine == "torch":
-        engine: Engine = TorchEngine(net, device=key.device, dtype=key.dtype)
+        from drive_robust_agents._nets.torch_engine import TorchEngine
+        from drive_robust_agents._nets.torch_weights import load
+
+        module, _, cls = key.network.partition(":")
+        build = getattr(import_module(f"{__package__}.{module}"), cls).build
+        net, entry = load(key.name, build, weights=key.file)
+        engine = TorchEngine(net, device=key.device, dtype=key.dtype, threads=key.threads)
     else:
         from drive_robust_agents._nets.onnx_engine import OnnxEngine
 
-        engine = OnnxEngine(net, entry, options=key.options, threads=key.threads)
-    return Policy(net, entry, engine, threads=key.threads)
+        engine = OnnxEngine(path, entry, architecture=_class_of(key.network), threads=key.threads)
+    return Policy(entry, engine)
+
+
+def _digests(entry: WeightsEntry) -> tuple[str, ...]:
+    return (entry.sha256, *(graph.sha256 for graph in entry.graphs.values()))
+
+
+def _class_of(network: str) -> str:
+    return network.partition(":")[2]
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
@@ -162,23 +185,30 @@ def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
     return {name: value[places] for name, value in inputs.items()}
 
 
-def _one_of(what: str, given: str, known: tuple[str, ...]) -> str:
+def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:
     if given not in known:
         close = nearest(given, known)
         hint = "" if close is None else f" Did you mean {close!r}?"
         raise UsageError(f"{what}={given!r}: expected one of {', '.join(map(repr, known))}.{hint}")
-    return given
 
 
 def _device(given: str, engine: str) -> str:
     """Return the device of that name. Raises `UsageError` when this machine has none."""
+    if engine == "onnx":
+        if given not in ("auto", "cpu"):
+            raise UsageError(
+                f"device={given!r} with engine='onnx': expected 'cpu' or 'auto'; engine='torch' computes on CUDA."
+            )
+        return "cpu"
+    import torch
+
     if given == "auto":
-        return "cuda" if engine == "torch" and torch.cuda.is_available() else "cpu"
+        return "cuda" if torch.cuda.is_available() else "cpu"
     try:
         kind = torch.device(given).type
     except RuntimeError:
         kind = ""
-    if kind not in ("cpu", "cuda") or (kind == "cuda" and (engine == "onnx" or not torch.cuda.is_available())):
+    if kind not in ("cpu", "cuda") or (kind == "cuda" and not torch.cuda.is_available()):
         raise UsageError(
             f"device={given!r} with engine={engine!r}: expected 'cpu', 'auto', or with a CUDA build of torch and a "
             f"device that it sees 'cuda' (torch {torch.__version__} sees {torch.cuda.device_count()})."

@@ -16,6 +16,7 @@ __all__ = [
     "FORMAT_VERSION",
     "MANIFEST",
     "MOST_BYTES",
+    "GraphFile",
     "WeightsEntry",
     "plain_spec",
     "read_manifest",
@@ -26,9 +27,18 @@ __all__ = [
 FORMAT_VERSION = 1
 MANIFEST = "manifest.json"
 MOST_BYTES = 6 * 1000 * 1000
-"""No weight file may be larger: a larger one is not opened."""
+"""No weight file and no graph may be larger: a larger one is not opened."""
 
 _Spec = TypeVar("_Spec")
+
+
+@dataclass(frozen=True, slots=True)
+class GraphFile:
+    """What ONNX Runtime computes, as a file of the manifest's folder. Its weights are those of the weight file."""
+
+    file: str
+    sha256: str
+    size_bytes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +46,9 @@ class WeightsEntry:
     """One weight file.
 
     `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
-    plain values. `provenance` says where the weights come from: rig, simulator version, data and its seed, trainer
-    settings, closed-loop score with its interval.
+    plain values. `graphs` has a graph for each method of the network that ONNX Runtime can run. `provenance` says where
+    the weights come from: rig, simulator version, data and its seed, trainer settings, closed-loop score with its
+    interval.
     """
 
     name: str
@@ -49,6 +60,7 @@ class WeightsEntry:
     spec: Mapping[str, Any]
     parameters: int
     format_version: int = FORMAT_VERSION
+    graphs: Mapping[str, GraphFile] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -73,13 +85,17 @@ def read_manifest(folder: Path, name: str) -> WeightsEntry:
     if name not in entries:
         raise UnknownNameError.of(f"entry in {path}", name, entries)
     try:
-        entry = WeightsEntry(**entries[name])
-    except TypeError as error:
+        plain: dict[str, Any] = dict(entries[name])
+        graphs = {method: GraphFile(**one) for method, one in plain.pop("graphs", {}).items()}
+        entry = WeightsEntry(**plain, graphs=graphs)
+    except (AttributeError, TypeError, ValueError) as error:
         raise UsageError(f"the entry {name!r} of {path} is not as expected: {error}.") from None
-    if entry.format_version != FORMAT_VERSION or Path(entry.file).name != entry.file:
+    files = (entry.file, *(graph.file for graph in entry.graphs.values()))
+    elsewhere = [file for file in files if Path(file).name != file]
+    if entry.format_version != FORMAT_VERSION or elsewhere:
         raise UsageError(
-            f"the entry {name!r} of {path} names {entry.file!r} in format {entry.format_version!r}, expected a file of "
-            f"that folder in format {FORMAT_VERSION}. Install a drive-robust-agents that fits it."
+            f"the entry {name!r} of {path} names {(elsewhere or files)[0]!r} in format {entry.format_version!r}, "
+            f"expected a file of that folder in format {FORMAT_VERSION}. Install a drive-robust-agents that fits it."
         )
     return entry
 

@@ -1,99 +1,67 @@
-"""ONNX Runtime in place of eager torch: the same weights, about twice as fast at one row on a CPU.
+"""ONNX Runtime: the engine that agents drive with unless they ask for another.
 
-The model is built from the verified weights at first use (a few seconds) and kept in the user's cache, under a name
-that changes with the weights, the options and the versions that built it. There is one source of weights.
+A graph says what is computed, the weight file what with: both are read and verified once, and ONNX Runtime gets the
+bytes that were verified. It turns the halves of the file into single precision, and folds what it can, when it loads.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
+import onnxruntime
 from numpy.typing import NDArray
-from torch import Tensor, nn
 
-from drive_robust_agents._nets import require
 from drive_robust_agents._nets.manifest import WeightsEntry
+from drive_robust_agents._nets.weights import ADVICE, tensors_of, verified_bytes, verified_graph
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.store.whole_file import whole_file
 
-__all__ = ["OnnxEngine", "cache_folder"]
+__all__ = ["OnnxEngine"]
 
-_OPSET = 20
-_FORMAT = 1
+_ERRORS_ONLY = 3
 
 
 class OnnxEngine:
-    """One session for batches of any size. Raises `UsageError` without the extra `onnx`."""
+    """A session for each graph of a weight file, for batches of any size.
 
-    def __init__(
-        self, net: nn.Module, entry: WeightsEntry, *, options: Sequence[tuple[str, object]] = (), threads: int = 1
-    ) -> None:
-        require("onnxruntime", "onnx", extra="onnx")
-        import onnxruntime
+    Raises `UsageError` for files that are not what the manifest lists.
+    """
 
-        settings = onnxruntime.SessionOptions()
-        settings.intra_op_num_threads = threads
-        settings.inter_op_num_threads = 1
-        settings.log_severity_level = 3
-        path = cache_folder() / f"{_model_name(entry, options)}.onnx"
-        if not path.is_file():
-            _export(net, path)
-        self._session = onnxruntime.InferenceSession(str(path), settings, providers=["CPUExecutionProvider"])
-        self._outputs = [output.name for output in self._session.get_outputs()]
+    def __init__(self, path: Path, entry: WeightsEntry, *, architecture: str, threads: int = 1) -> None:
+        if not entry.graphs:
+            raise UsageError(
+                f"{path.with_name('manifest.json')} lists no graph of {entry.label}, which ONNX Runtime needs: write "
+                f"one with `python -m drive_robust_agents.training graphs {path}`, or give engine='torch'."
+            )
+        tensors = tensors_of(path, entry, verified_bytes(path, entry), architecture=architecture)
+        self._path, self._threads = path, threads
+        self._tensors = {name: onnxruntime.OrtValue.ortvalue_from_numpy(value) for name, value in tensors.items()}
+        self._sessions = {
+            method: self._session(graph.file, verified_graph(path, entry, graph))
+            for method, graph in entry.graphs.items()
+        }
 
     def __call__(self, method: str, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Run the model. The method can only be `forward`."""
-        if method != "forward":
-            raise UsageError(f"engine='onnx' cannot compute {method!r} of this agent: give engine='torch'.")
+        """Run the graph of a method. Raises `UsageError` where there is none."""
+        if method not in self._sessions:
+            known = ", ".join(sorted(self._sessions))
+            raise UsageError(f"there is no graph of {method!r} beside {self._path}, only of {known}.")
+        session = self._sessions[method]
         given = {name: np.ascontiguousarray(value) for name, value in inputs.items()}
-        return dict(zip(self._outputs, self._session.run(self._outputs, given), strict=True))
+        names = [output.name for output in session.get_outputs()]
+        return dict(zip(names, session.run(names, given), strict=True))
 
-
-def cache_folder() -> Path:
-    """Return `$XDG_CACHE_HOME/pytest-drive-robust/onnx` or the like under the home folder."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "pytest-drive-robust" / "onnx"
-
-
-def _model_name(entry: WeightsEntry, options: Sequence[tuple[str, object]]) -> str:
-    facts = (entry.sha256, tuple(options), torch.__version__, _OPSET, _FORMAT)
-    return f"{entry.name}-{hashlib.sha256(repr(facts).encode()).hexdigest()[:24]}"
-
-
-class _Named(nn.Module):
-    """The network with inputs by position and outputs as a tuple, as the exporter wants them."""
-
-    def __init__(self, net: nn.Module, names: Sequence[str]) -> None:
-        super().__init__()
-        self._net, self._names = net, tuple(names)
-
-    def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Return the outputs in the order of their dictionary."""
-        return tuple(self._net(**dict(zip(self._names, inputs, strict=True))).values())
-
-
-def _export(net: Any, path: Path) -> None:
-    """Trace the network and put the model into place in one move: several processes may do so at once."""
-    example: dict[str, Tensor] = net.example(2)
-    with torch.inference_mode():
-        outputs = list(net(**example))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as temporary, warnings.catch_warnings(), torch.no_grad():
-        warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
-        torch.onnx.export(
-            _Named(net, list(example)).eval(),
-            tuple(example.values()),
-            str(temporary),
-            input_names=list(example),
-            output_names=outputs,
-            dynamic_axes={name: {0: "rows"} for name in (*example, *outputs)},
-            opset_version=_OPSET,
-            dynamo=False,
-        )
+    def _session(self, name: str, graph: bytes) -> onnxruntime.InferenceSession:
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads, options.inter_op_num_threads = self._threads, 1
+        options.log_severity_level = _ERRORS_ONLY
+        options.add_external_initializers(list(self._tensors), list(self._tensors.values()))
+        try:
+            return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # its errors have no base of their own
+            path = self._path.with_name(name)
+            raise UsageError(
+                f"{path} is no graph that fits {self._path.name}: {str(error).strip()}. {ADVICE}"
+            ) from None

@@ -26,7 +26,7 @@ from drive_robust_agents._nets.blocks import BasicBlock, ConvBnRelu, ImageNorm, 
 from drive_robust_agents._nets.causal import Cache, Decoder
 from drive_robust_agents._nets.manifest import spec_from
 from drive_robust_agents._nets.prompts import ANSWER_SLOTS, PROMPT_SLOTS, by_targets, driving, prompt_row
-from drive_robust_agents._nets.words import CLOSING, NEXT, PAD, SPEED, TARGET
+from drive_robust_agents._nets.words import NEXT, PAD, SPEED, TARGET
 
 __all__ = ["Driving", "SimLingoNet", "SimLingoSpec"]
 
@@ -101,14 +101,48 @@ class SimLingoNet(nn.Module):
             "prompt": torch.tensor([prompt_row(driving(by_targets(0.0)))] * rows),
         }
 
+    def parts(self, rows: int) -> dict[str, dict[str, Tensor]]:
+        """Return inputs of `read`, `say` and `plan`, which `answer.answer_and_drive` runs."""
+        given = self.example(rows)
+        words = functional.pad(given["prompt"], (0, ANSWER_SLOTS), value=PAD)
+        with torch.inference_mode():
+            cache = torch.zeros_like(self.read(**given)["cache"])
+        say = {"place": torch.zeros(rows, dtype=torch.int64), "words": words, "past": cache}
+        return {"read": given, "say": say, "plan": {"words": words, "past": cache}}
+
     def forward(self, image: Tensor, speed: Tensor, target: Tensor, prompt: Tensor) -> dict[str, Tensor]:
         """Drive and say nothing: `path` and `waypoints` as in `Driving`."""
         return self.drive(self.see(image), speed, target, prompt)._asdict()
 
-    def generate(self, image: Tensor, speed: Tensor, target: Tensor, prompt: Tensor) -> dict[str, Tensor]:
-        """Say something first: `path`, `waypoints`, and `answer` (N, 16), numbers of words."""
-        driving, answer = self.comment(self.see(image), speed, target, prompt)
-        return {**driving._asdict(), "answer": answer}
+    def read(self, image: Tensor, speed: Tensor, target: Tensor, prompt: Tensor) -> dict[str, Tensor]:
+        """Read image and prompt: `scores` (N, words) of the first word of an answer, and the `cache` with room for 16.
+
+        The cache is (N, layers, 2, heads, places, d / heads): keys and values.
+        """
+        given = self._prompt(speed, target, prompt)
+        hidden, cache = self.decoder(given, self.see(image), self._mask(prompt, 0), tail=1)
+        packed = torch.stack([torch.stack(layer, dim=1) for layer in cache], dim=1)
+        return {"scores": self._scores(hidden)[:, 0], "cache": functional.pad(packed, (0, 0, 0, ANSWER_SLOTS))}
+
+    def say(self, place: Tensor, words: Tensor, past: Tensor) -> dict[str, Tensor]:
+        """Read the word in a place (N,) of the answer, 0 to 15: `scores` (N, words) of the next one, and the `cache`.
+
+        `words` (N, 38) are prompt and answer so far, with filler behind, `past` the last cache.
+        """
+        at = PROMPT_SLOTS + place
+        x = self.words(words.gather(1, at[:, None])) + self.positions[self.image_places + at][:, None]
+        known = functional.pad(words != PAD, (self.image_places, 0), value=True)
+        room = [(layer[:, 0], layer[:, 1]) for layer in past.unbind(1)]
+        hidden, room = self.decoder.put(x, room, self.image_places + at, known[:, None, None])
+        packed = torch.stack([torch.stack(layer, dim=1) for layer in room], dim=1)
+        return {"scores": self._scores(hidden)[:, 0], "cache": packed}
+
+    def plan(self, words: Tensor, past: Tensor) -> dict[str, Tensor]:
+        """Drive after an answer: `path` and `waypoints` as in `Driving`. `words` (N, 38) are prompt and answer."""
+        queries = self._queries(words.shape[0])  # no len(): a graph has any number of rows
+        mask = self._mask(words, queries.shape[1])[:, :, -queries.shape[1] :]
+        cache = [(layer[:, 0], layer[:, 1]) for layer in past.unbind(1)]
+        return self._heads(self.decoder(queries, cache, mask)[0])._asdict()
 
     # --- the parts ---
 
@@ -138,30 +172,6 @@ class SimLingoNet(nn.Module):
         known = torch.cat((prompt, answer), dim=1)
         hidden, _ = self.decoder(x, seen, self._mask(known, queries), tail=1 + places + queries)
         return self._heads(hidden[:, 1 + places :]), self._scores(hidden[:, :places])
-
-    def comment(self, seen: Cache, speed: Tensor, target: Tensor, prompt: Tensor) -> tuple[Driving, Tensor]:
-        """Read the prompt, say something word by word (always the likeliest), drive: the driving, answer (N, 16).
-
-        The time grows with the longest answer of the batch; the bits of a row do not depend on the others, because
-        every step works on the same shapes.
-        """
-        rows, begin = len(prompt), self.image_places + PROMPT_SLOTS
-        hidden, cache = self.decoder(self._prompt(speed, target, prompt), seen, self._mask(prompt, 0), tail=1)
-        room = [_with_room(layer, ANSWER_SLOTS) for layer in cache]
-        answer = prompt.new_full((rows, ANSWER_SLOTS), PAD)
-        talking = torch.ones_like(answer[:, 0], dtype=torch.bool)
-        for place in range(ANSWER_SLOTS):
-            word = self._scores(hidden)[:, 0].argmax(dim=-1)
-            answer[:, place] = torch.where(talking, word, PAD)
-            talking = talking & (word != CLOSING)
-            x = self.words(answer[:, place : place + 1]) + self.positions[begin + place]
-            known = functional.pad(torch.cat((prompt, answer), dim=1) != PAD, (self.image_places, 0), value=True)
-            hidden = self.decoder.put(x, room, begin + place, known[:, None, None])
-            if not bool(talking.any()):
-                break
-        queries = self._queries(rows)
-        mask = self._mask(torch.cat((prompt, answer), dim=1), queries.shape[1])[:, :, -queries.shape[1] :]
-        return self._heads(self.decoder(queries, room, mask)[0]), answer
 
     # --- below ---
 
@@ -200,9 +210,3 @@ def _encoder(spec: SimLingoSpec) -> nn.Sequential:
     for inputs, outputs in pairwise((spec.stem, *spec.widths)):
         blocks += [BasicBlock(inputs, outputs, stride=2), BasicBlock(outputs, outputs)]
     return nn.Sequential(*blocks)
-
-
-def _with_room(cache: tuple[Tensor, Tensor], places: int) -> tuple[Tensor, Tensor]:
-    """Return keys and values with so many empty places behind them."""
-    key, value = (functional.pad(tensor, (0, 0, 0, places)) for tensor in cache)
-    return key, value

@@ -45,7 +45,7 @@ class TcpSpec:
 
 
 class TcpNet(nn.Module):
-    """1.3 M parameters. `control=False` leaves the control branch out of inference; its weights are there all the same.
+    """1.3 M parameters.
 
     Rows of a batch: image uint8 (N, height, width, 3) RGB; speed float32 (N,) m/s; target float32 (N, 2) the target
     point in metres, ego frame (forward, right); command int64 (N,) `RoadOption` 1 to 6.
@@ -53,9 +53,9 @@ class TcpNet(nn.Module):
 
     options: Tensor
 
-    def __init__(self, spec: TcpSpec, *, control: bool = True) -> None:
+    def __init__(self, spec: TcpSpec) -> None:
         super().__init__()
-        self.spec, self.control = spec, control
+        self.spec = spec
         self.norm = ImageNorm()
         self.encoder = MiniResNet(spec.widths, spec.stem, 4)
         channels, stride = self.encoder.channels, self.encoder.total_stride
@@ -68,9 +68,9 @@ class TcpNet(nn.Module):
         self.controller = ControlBranch(spec, channels, self.cells)
 
     @classmethod
-    def build(cls, spec: Mapping[str, Any], *, control: bool = True) -> TcpNet:
+    def build(cls, spec: Mapping[str, Any]) -> TcpNet:
         """Return the network of a plain specification. Raises `TypeError` for one of another architecture."""
-        return cls(spec_from(TcpSpec, spec), control=control)
+        return cls(spec_from(TcpSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
         """Return inputs of the right shapes and types: a black image, standing, the target ahead, lane following."""
@@ -84,22 +84,20 @@ class TcpNet(nn.Module):
     def forward(
         self, image: Tensor, speed: Tensor, target: Tensor, command: Tensor, *, full: bool = False
     ) -> dict[str, Tensor]:
-        """Compute `waypoints` (N, steps, 2) metres, ego frame, half a second apart.
+        """Compute `waypoints` (N, steps, 2) metres, ego frame, half a second apart, and `action` (N, 2).
 
-        With the control branch `action` (N, 2): steering -1 to 1 (right), acceleration -1 (brake) to 1 (throttle).
-        `full` adds what only training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions
-        of steering and acceleration now and at each step, `speed` (N,) m/s as the image tells it, `values` (N, 2).
+        An action is steering -1 to 1 (right) and acceleration -1 (brake) to 1 (throttle). `full` adds what only
+        training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions of steering and
+        acceleration now and at each step, `speed` (N,) m/s as the image tells it, `values` (N, 2).
         """
         features = self.encoder(self.norm(image))
         pooled = self.pooled(features.mean((2, 3)))
         state = self.measure(self._measurements(speed, target, command))
         joined = torch.cat((pooled, state), 1)
         waypoints, hidden, value = self.trajectory(joined, target)
-        outputs: dict[str, Tensor] = {"waypoints": waypoints}
-        if self.control or full:
-            cells = features.flatten(2).transpose(1, 2)
-            beta, control_value = self.controller(cells, state, hidden if full else None)
-            outputs["action"] = 2.0 * beta_mode(beta[:, 0]) - 1.0
+        cells = features.flatten(2).transpose(1, 2)
+        beta, control_value = self.controller(cells, state, hidden if full else None)
+        outputs: dict[str, Tensor] = {"waypoints": waypoints, "action": 2.0 * beta_mode(beta[:, 0]) - 1.0}
         if full:
             outputs["beta"] = beta
             outputs["speed"] = self.speed_head(pooled)[:, 0] * _SPEED_MPS

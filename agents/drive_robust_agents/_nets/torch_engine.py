@@ -1,4 +1,4 @@
-"""Eager torch on a CPU or a CUDA device: the engine that is always there, and that others are compared with."""
+"""Eager torch on a CPU or a CUDA device: the engine for a GPU, and what the graphs are compared with."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ TYPES = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.float16}
 class TorchEngine:
     """Eager PyTorch: inference mode, channels-last, mixed precision where it is asked for."""
 
-    def __init__(self, net: nn.Module, *, device: str, dtype: str) -> None:
-        self._device = torch.device(device)
-        self._net: Any = net.to(self._device)
+    def __init__(self, net: nn.Module, *, device: str = "cpu", dtype: str = "float32", threads: int = 1) -> None:
+        self._device, self._threads = torch.device(device), threads
+        self.net: Any = net.to(self._device)
         self._dtype = TYPES[dtype]
         if self._device.type == "cuda":
             torch.backends.cudnn.benchmark = False
@@ -30,11 +30,13 @@ class TorchEngine:
 
     def __call__(self, method: str, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """Run the network with one copy to the device and one back; the device has finished on return."""
+        if torch.get_num_threads() != self._threads:
+            torch.set_num_threads(self._threads)
         with torch.inference_mode(), self._precision():
             given = {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in inputs.items()}
             if self._device.type == "cuda":
                 given = {name: value.pin_memory().to(self._device, non_blocking=True) for name, value in given.items()}
-            outputs: dict[str, Tensor] = getattr(self._net, method)(**given)
+            outputs: dict[str, Tensor] = getattr(self.net, method)(**given)
             found = {name: _plain(value) for name, value in outputs.items()}
         if self._device.type == "cuda":
             torch.cuda.synchronize(self._device)

@@ -1,37 +1,39 @@
 """Weights that ship: safetensors in half precision, listed in a manifest, checked before anything is made of them.
 
 The order of loading: the manifest's entry, the size, the SHA-256 of the bytes, the header's metadata against the entry,
-the network from the entry's specification, every tensor by name and shape. Nothing in a weight file is code and nothing
-in it decides what is built; a file that fails any step is refused with `UsageError`.
+the architecture against the agent's, then every tensor by name and shape. Nothing in a weight file or graph is code and
+nothing in it decides what is built; a file that fails any step is refused with `UsageError`. No torch here.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import safetensors
-import safetensors.torch
-from torch import Tensor, nn
+import numpy as np
+from numpy.typing import NDArray
 
-from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm
-from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, WeightsEntry, plain_spec, read_manifest
+from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, GraphFile, WeightsEntry, read_manifest
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["SHIPPED", "Build", "begin_with", "encode", "load", "locate", "verified_bytes"]
+__all__ = ["ADVICE", "SHIPPED", "Tensors", "locate", "metadata", "tensors_of", "verified_bytes", "verified_graph"]
 
-Build = Callable[..., nn.Module]
-"""Makes a network of a plain specification and keyword options: `TcpNet.build`."""
+Tensors = Mapping[str, NDArray[Any]]
+"""Arrays by the names of a network's parameters and statistics."""
 
 SHIPPED = Path(__file__).parent.parent / "weights"
 """The folder of the weights that ship."""
 
-_UNSTORED = "num_batches_tracked"
+ADVICE = "Install drive-robust-agents again, or give weights of your own with their manifest.json beside them."
+
 _PICKLES = (b"PK", *(bytes((0x80, protocol)) for protocol in range(2, 6)))
 """How `torch.save` and `pickle.dump` begin their files."""
+_TYPES = {"F16": np.float16, "F32": np.float32, "F64": np.float64, "I64": np.int64, "I32": np.int32, "U8": np.uint8}
+"""Of tensors in a safetensors file, little-endian as all that we run on."""
 
 
 def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsEntry]:
@@ -46,114 +48,67 @@ def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsE
 
 def verified_bytes(path: Path, entry: WeightsEntry) -> bytes:
     """Return the content of a weight file that is what the manifest says, to the byte. Raises `UsageError`."""
-    try:
-        size = path.stat().st_size
-        if size > MOST_BYTES or size != entry.size_bytes:
-            raise UsageError(
-                f"{path} has {size} bytes, expected {entry.size_bytes} (at most {MOST_BYTES}): it is truncated or not "
-                f"the file of {entry.label}. {_ADVICE}"
-            )
-        content = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"the weights {path} cannot be read: {error.strerror}. {_ADVICE}") from None
-    digest = hashlib.sha256(content).hexdigest()
-    if digest != entry.sha256:
-        raise UsageError(f"{path} has SHA-256 {digest}, the manifest says {entry.sha256}: it was changed. {_ADVICE}")
-    return content
+    return _verified(path, entry.size_bytes, entry.sha256, entry.label)
 
 
-def load(
-    name: str, build: Build, *, weights: str | Path | None = None, **options: object
-) -> tuple[nn.Module, WeightsEntry]:
-    """Return the network of an agent, ready to infer: frozen, in evaluation mode, batch normalisation folded.
+def verified_graph(path: Path, entry: WeightsEntry, graph: GraphFile) -> bytes:
+    """Return the content of a graph that is what the manifest says, to the byte; `path` is the weight file.
 
-    Raises `UsageError` for everything that is not exactly what the manifest lists and the agent builds.
+    Raises `UsageError`.
     """
-    path, entry = locate(name, weights)
-    tensors = _parsed(path, entry, verified_bytes(path, entry))
-    net = _built(path, entry, build, options)
-    _fill(net, tensors, path)
-    net.requires_grad_(False).eval()
-    return channels_last(fold_batch_norm(net)), entry
+    return _verified(path.with_name(graph.file), graph.size_bytes, graph.sha256, entry.label)
 
 
-def begin_with(net: nn.Module, name: str, weights: str | Path) -> None:
-    """Put published weights into a network that goes on learning. Raises `UsageError` as `load` does."""
-    path, entry = locate(name, weights)
-    _fill(net, _parsed(path, entry, verified_bytes(path, entry)), path)
+def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture: str) -> Tensors:
+    """Return the tensors of a weight file whose header says what the manifest says, views of `content`.
 
-
-def encode(net: nn.Module, spec: object) -> bytes:
-    """Encode a weight file: every parameter and statistic in half precision, with the metadata to check."""
-    state = {
-        name: (value.half() if value.is_floating_point() else value).detach().cpu().contiguous()
-        for name, value in net.state_dict().items()
-        if not name.endswith(_UNSTORED)
-    }
-    wild = [name for name, value in state.items() if value.is_floating_point() and not bool(value.isfinite().all())]
-    if wild:
-        raise UsageError(f"these weights are no finite half-precision numbers: {', '.join(wild)}.")
-    return _in_order(safetensors.torch.save(state, metadata=_metadata(type(net).__name__, plain_spec(spec))))
-
-
-def _in_order(content: bytes) -> bytes:
-    """Sort the header: safetensors writes metadata in random order, and digests would differ.
-
-    A file is the header's length in 8 bytes, the header (JSON, padded to a multiple of 8), the tensors.
+    A file is the header's length in 8 bytes, the header (JSON), the tensors one after the other. Raises `UsageError`
+    for another kind of file, another header, and for weights of another network than `architecture`.
     """
-    begin = 8 + int.from_bytes(content[:8], "little")
-    header = json.dumps(json.loads(content[8:begin]), sort_keys=True, separators=(",", ":")).encode()
-    header += b" " * (-len(header) % 8)
-    return len(header).to_bytes(8, "little") + header + content[begin:]
-
-
-_ADVICE = "Install drive-robust-agents again, or give weights of your own with their manifest.json beside them."
-
-
-def _metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:
-    return {"arch": architecture, "spec": json.dumps(spec, sort_keys=True), "format_version": str(FORMAT_VERSION)}
-
-
-def _parsed(path: Path, entry: WeightsEntry, content: bytes) -> dict[str, Tensor]:
-    """Return the tensors of a file whose header says what the manifest says."""
     try:
-        tensors: dict[str, Tensor] = safetensors.torch.load(content)
-        header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
-        given = header.get("__metadata__", {})
-    except (safetensors.SafetensorError, ValueError) as error:
+        begin = 8 + int.from_bytes(content[:8], "little")
+        header: dict[str, Any] = json.loads(content[8:begin])
+        given = header.pop("__metadata__", {})
+        data = memoryview(content)[begin:]
+        tensors = {name: _tensor(data, **facts) for name, facts in header.items()}
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         kind = " It looks like a pickle, which we never open." if content[:2] in _PICKLES else ""
-        raise UsageError(f"{path} is no safetensors file: {error}.{kind} {_ADVICE}") from None
-    expected = _metadata(entry.architecture, entry.spec)
+        raise UsageError(f"{path} is no safetensors file: {error}.{kind} {ADVICE}") from None
+    expected = metadata(entry.architecture, entry.spec)
     wrong = [name for name, value in expected.items() if given.get(name) != value]
     if wrong:
         told = "; ".join(f"{name} is {given.get(name)!r}, the manifest says {expected[name]!r}" for name in wrong)
-        raise UsageError(f"the header of {path} does not fit the manifest: {told}. {_ADVICE}")
+        raise UsageError(f"the header of {path} does not fit the manifest: {told}. {ADVICE}")
+    if entry.architecture != architecture:
+        raise UsageError(f"{path} holds weights of {entry.architecture}, expected those of {architecture}. {ADVICE}")
     return tensors
 
 
-def _built(path: Path, entry: WeightsEntry, build: Build, options: Mapping[str, object]) -> nn.Module:
+def metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:
+    """Return what the header of a weight file says of the network."""
+    return {"arch": architecture, "spec": json.dumps(spec, sort_keys=True), "format_version": str(FORMAT_VERSION)}
+
+
+def _verified(path: Path, size_bytes: int, sha256: str, label: str) -> bytes:
     try:
-        net = build(entry.spec, **options)
-        made = type(net).__name__
-    except (TypeError, ValueError) as error:
-        raise UsageError(
-            f"{path}: no {entry.architecture} can be built as {entry.label} specifies: {error}. {_ADVICE}"
-        ) from error
-    if made != entry.architecture:
-        raise UsageError(f"{path} holds weights of {entry.architecture}, expected those of {made}. {_ADVICE}")
-    return net
+        size = path.stat().st_size
+        if size > MOST_BYTES or size != size_bytes:
+            raise UsageError(
+                f"{path} has {size} bytes, expected {size_bytes} (at most {MOST_BYTES}): it is truncated or not "
+                f"the file of {label}. {ADVICE}"
+            )
+        content = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"the weights {path} cannot be read: {error.strerror}. {ADVICE}") from None
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
+        raise UsageError(f"{path} has SHA-256 {digest}, the manifest says {sha256}: it was changed. {ADVICE}")
+    return content
 
 
-def _fill(net: nn.Module, tensors: Mapping[str, Tensor], path: Path) -> None:
-    """Put every tensor into its place; none may be missing and none too many."""
-    own = net.state_dict()
-    expected = {name: tuple(value.shape) for name, value in own.items() if not name.endswith(_UNSTORED)}
-    given = {name: tuple(value.shape) for name, value in tensors.items()}
-    if given != expected:
-        differ = sorted(name for name in {*given, *expected} if given.get(name) != expected.get(name))
-        some = ", ".join(f"{name} {given.get(name)} instead of {expected.get(name)}" for name in differ[:3])
-        raise UsageError(
-            f"{path} does not hold the tensors of {type(net).__name__}: {len(differ)} differ ({some}). {_ADVICE}"
-        )
-    full = {name: tensors[name].to(value.dtype) if name in tensors else value for name, value in own.items()}
-    net.load_state_dict(full, strict=True)
+def _tensor(data: memoryview, *, dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:
+    begin, end = data_offsets
+    values = np.frombuffer(data[begin:end], dtype=_TYPES[dtype])
+    if min((begin, *shape)) < 0 or end > len(data) or values.size != math.prod(shape):
+        raise ValueError(f"{values.size} numbers at {begin} to {end} of {len(data)} bytes for the shape {shape}")
+    return values.reshape(shape)

@@ -5,22 +5,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.inference import Network, Policy
-from drive_robust_agents._nets.weights import Build
+from drive_robust_agents._nets.inference import ENGINES, Network, Policy
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 
-__all__ = ["ON_ONNX", "LearnedAgent", "NetworkRow"]
-
-ON_ONNX = ("onnxruntime", "torch", "numpy")
-"""What decides the bits of an agent on ONNX Runtime; torch writes its model."""
+__all__ = ["LearnedAgent", "NetworkRow"]
 
 
 class NetworkRow(NamedTuple):
@@ -33,27 +28,25 @@ class NetworkRow(NamedTuple):
 class LearnedAgent(ABC):
     """A network that drives, with all that an episode remembers.
 
-    A subclass names itself as the manifest of weights does and says how its network is built, which weights ship with
-    it, and within how many metres it drops a point of the plan. Constructors repeat the keywords below, so that a
-    reader of one agent sees all that it takes.
+    A subclass names itself as the manifest of weights does and says which class its network is (`"tcp:TcpNet"`: the
+    module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the
+    plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
     """
 
     consumes: ClassVar[frozenset[str]]
     name: ClassVar[str]
-    build: ClassVar[Build]
+    architecture: ClassVar[str]
     weights: ClassVar[tuple[Path, ...]]
     drops_within_m: ClassVar[float] = MIN_M
-    computed_by: tuple[str, ...] = ("torch", "numpy")
+    computed_by: tuple[str, ...] = ENGINES["onnx"]
 
-    _options: Mapping[str, object] = MappingProxyType({})
-    """Those of the network; an agent that has any sets them before it calls this constructor."""
     _method = "forward"
     """Which method of the network is asked."""
 
     def __init__(
         self,
         *,
-        engine: str = "torch",
+        engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
         threads: int = 1,
@@ -63,22 +56,20 @@ class LearnedAgent(ABC):
         """Take `network` or, without one, make it from the others with `Policy.of`."""
         self._network = network or Policy.of(
             self.name,
-            type(self).build,
+            self.architecture,
             engine=engine,
             device=device,
             dtype=dtype,
             threads=threads,
             weights=weights,
-            **self._options,
         )
-        if engine == "onnx":
-            self.computed_by = ON_ONNX
+        self.computed_by = ENGINES[engine]
         self.reset(GlobalPlan(()), 0)
 
     @classmethod
     def check(cls) -> None:
         """Raise `UsageError` where the weights that ship are missing or not what their manifest says."""
-        Policy.check(cls.name, cls.build)
+        Policy.check(cls.name, cls.architecture)
 
     @abstractmethod
     def sensors(self) -> Sequence[CameraSpec]:

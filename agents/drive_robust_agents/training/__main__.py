@@ -14,6 +14,7 @@ _COMMANDS = {
     "collect": "frames and labels, by drives of the expert",
     "train": "a network, from frames",
     "evaluate": "candidates in closed loop, on routes that were neither trained nor are judged on",
+    "graphs": "what ONNX Runtime needs beside weights: written by `train`, again for weights that have none",
     "publish": "the chosen weights, into the package or a folder",
 }
 

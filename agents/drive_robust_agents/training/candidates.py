@@ -1,7 +1,4 @@
-"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
-
-`candidate:tcp-onnx=FILE` drives them on ONNX Runtime.
-"""
+"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`."""
 
 from __future__ import annotations
 
@@ -19,8 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
 
-_ON_ONNX = "-onnx"
-
 
 class CandidateFactory:
     """A factory of agents with one weight file. Their code, configuration and weights key their episodes."""
@@ -32,8 +27,9 @@ class CandidateFactory:
         self.__wrapped__ = cls
         self.__module__ = cls.__module__
         self.__qualname__ = getattr(cls, "__qualname__", agent)
-        self.weights = (file,)
+        self.weights = (file, *sorted(file.parent.glob(f"{file.stem}*.onnx")))
         self.configuration = getattr(cls, "configuration", None)
+        self.computed_by = getattr(cls, "computed_by", None)
 
     def __call__(self) -> Agent:
         """Return a new agent. Raises `UsageError` for weights that are refused."""
@@ -54,8 +50,8 @@ def candidate(argument: str) -> CandidateFactory:
     agent, equals, file = argument.partition("=")
     if not equals or not Path(file).is_file():
         raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")
-    if agent.removesuffix(_ON_ONNX) not in RECIPES:
-        raise UnknownNameError.of("learned agent", agent, [*RECIPES, *(name + _ON_ONNX for name in RECIPES)])
+    if agent not in RECIPES:
+        raise UnknownNameError.of("learned agent", agent, RECIPES)
     return CandidateFactory(agent, Path(file).absolute())
 
 

@@ -130,7 +130,7 @@ def table(found: Sequence[InstructionScore]) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table for a folder of frames. Raises `UsageError` for weights or data that cannot be used."""
     from drive_robust_agents._nets.inference import Policy
-    from drive_robust_agents._nets.simlingo import SimLingoNet
+    from drive_robust_agents.simlingo import SimLingo
 
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.instructions", description=__doc__)
     parser.add_argument("data", nargs="+", help="folders that `collect --agent simlingo` wrote")
@@ -138,7 +138,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--scenes", type=int, default=200, help="for each row of the table")
     parser.add_argument("--all", action="store_true", help="of all frames, not only those that training holds out")
     options = parser.parse_args(arguments)
-    policy = Policy.of("simlingo", SimLingoNet.build, weights=options.weights)
+    policy = Policy.of("simlingo", SimLingo.architecture, weights=options.weights)
     frames = Frames(*options.data)
     found = scores(lambda inputs: policy.run(**inputs), frames, scenes=options.scenes, everything=options.all)
     print(table(found))

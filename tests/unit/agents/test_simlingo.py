@@ -127,11 +127,6 @@ def test_an_instruction_that_it_does_not_know_is_refused_at_once() -> None:
         agent(instruction="faster drive")
 
 
-def test_it_cannot_speak_through_onnx() -> None:
-    with pytest.raises(UsageError, match="commentary=False"):
-        SimLingo(commentary=True, engine="onnx")
-
-
 def test_noise_of_the_gps_hardly_moves_the_target_points() -> None:
     targets = []
     for noise_m in (0.0, 5.0):

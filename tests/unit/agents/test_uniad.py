@@ -134,7 +134,7 @@ def test_without_a_route_it_says_what_is_missing() -> None:
 
 
 def test_its_memory_has_the_shapes_of_the_network(weights: Path) -> None:
-    policy = Policy.of("uniad", UniadNet.build, weights=weights)
+    policy = Policy.of("uniad", UniAD.architecture, weights=weights)
     example = {name: value.numpy() for name, value in UniadNet(UniadSpec()).example(1).items()}
     given = policy.run(**example)
     for name, shape in UniAD.remembers.items():
@@ -148,17 +148,3 @@ def test_it_may_be_driven_in_lockstep(weights: Path) -> None:
         Recording(PLAN, seed, tuple(seen(tick, seed=seed, speed=2.0 * seed) for tick in (0, 11))) for seed in (0, 1)
     ]
     assert check_lockstep(lambda: UniAD(weights=weights), recordings, widths=(4, 8)) is None
-
-
-def test_onnx_runtime_plans_the_same(weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("onnx")
-    pytest.importorskip("onnxruntime")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    plans = []
-    for engine in ("torch", "onnx"):
-        agent = UniAD(weights=weights, engine=engine)
-        agent.reset(PLAN, 0)
-        for tick in (0, 11):
-            agent.act(seen(tick))
-        plans.append(agent.plan().path)
-    np.testing.assert_allclose(plans[0], plans[1], atol=1e-4)

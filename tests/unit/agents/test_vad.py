@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -185,7 +183,7 @@ def real(seed: int = 0) -> Policy:
     """An untrained network as it would drive."""
     torch.manual_seed(seed)
     net = fold_batch_norm(VadNet(VadSpec()).eval().requires_grad_(False)).to(memory_format=torch.channels_last)
-    return Policy(net, None, TorchEngine(net, device="cpu", dtype="float32"), threads=1)  # type: ignore[arg-type]
+    return Policy(None, TorchEngine(net))  # type: ignore[arg-type]
 
 
 def test_company_does_not_change_a_bit_of_a_control() -> None:
@@ -230,24 +228,3 @@ def test_a_network_built_from_the_plain_values_of_its_specification_is_the_same(
     assert VadNet.build(plain_spec(VadSpec(agents=8))).spec == VadSpec(agents=8)
     with pytest.raises(TypeError, match="agentes"):
         VadNet.build(plain_spec(VadSpec()) | {"agentes": 8})
-
-
-def test_onnx_runtime_plans_as_torch_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("onnxruntime")
-    pytest.importorskip("onnx")
-    from drive_robust_agents._nets.onnx_engine import OnnxEngine
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    net = real().net
-    engine = OnnxEngine(net, SimpleNamespace(name="vad", sha256="0"))  # type: ignore[arg-type]
-    for rows in (1, 4):
-        rng = np.random.default_rng(rows)
-        given = {name: value.numpy() for name, value in net.example(rows).items()}  # type: ignore[operator]
-        given["images"] = rng.integers(0, 256, given["images"].shape, dtype=np.uint8)
-        given["command"] = 1 + np.arange(rows)
-        for name in ("can_bus", "motion", "old_bev"):
-            given[name] = rng.standard_normal(given[name].shape).astype(np.float32)
-        given["known"] = np.ones(rows, dtype=np.float32)
-        expected, found = TorchEngine(net, device="cpu", dtype="float32")("forward", given), engine("forward", given)
-        for name in ("waypoints", "bev"):
-            np.testing.assert_allclose(found[name], expected[name], atol=1e-4, err_msg=name)

@@ -1,4 +1,4 @@
-"""Weights out of a training: half precision, checked by reading them back, listed in a manifest."""
+"""Weights out of a training: half precision, with graphs, checked by reading them back, listed in a manifest."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import nn
 
-from drive_robust_agents._nets import weights
+from drive_robust_agents._nets import torch_weights
+from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.manifest import MOST_BYTES, WeightsEntry, plain_spec, read_manifest, write_entry
+from drive_robust_agents.training.loop.graphs import write_graphs
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
@@ -25,9 +27,12 @@ __all__ = ["publish", "write_weights"]
 
 
 def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, step: int, version: str = "0.0") -> Path:
-    """Write `NAME.safetensors` and its manifest into a folder; gives the file. Raises `UsageError` when too large."""
+    """Write `NAME.safetensors`, its graphs and its manifest into a folder; gives the file.
+
+    Raises `UsageError` when too large.
+    """
     spec: Any = net.spec
-    content = weights.encode(net, spec)
+    content = torch_weights.encode(net, spec)
     if len(content) > MOST_BYTES:
         raise UsageError(f"the weights have {len(content)} bytes, at most {MOST_BYTES} ship: make the network smaller.")
     name = options.agent
@@ -49,25 +54,28 @@ def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, ste
             "torch": torch.__version__.partition("+")[0],
         },
     )
-    write_entry(folder, entry)
+    write_entry(folder, write_graphs(net, path, content, entry))
     return path
 
 
 def publish(
     file: Path, folder: Path, *, recipe: TrainingRecipe, version: str, score: Mapping[str, Any] | None, **about: object
 ) -> WeightsEntry:
-    """Copy weights that were chosen into a folder (that of the package), with version, rig and closed-loop score.
+    """Copy weights that were chosen, and their graphs, into a folder (that of the package).
 
-    The file is verified before and loaded after. Raises `UsageError`.
+    Version, rig and closed-loop score go into its manifest. The files are verified before and loaded after.
+    Raises `UsageError`.
     """
     entry = read_manifest(file.parent, recipe.name)
-    content = weights.verified_bytes(file, entry)
+    contents = {entry.file: store.verified_bytes(file, entry)}
+    contents |= {graph.file: store.verified_graph(file, entry, graph) for graph in entry.graphs.values()}
     provenance = {
         **entry.provenance, **about, "rig": [asdict(camera) for camera in recipe.rig], "score": score
     }  # fmt: skip
     entry = replace(entry, version=version, provenance=provenance)
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / entry.file, content)
+    for name, content in contents.items():
+        write_whole(folder / name, content)
     write_entry(folder, entry)
-    weights.load(recipe.name, lambda spec: recipe.make(spec), weights=folder / entry.file)
+    torch_weights.load(recipe.name, lambda spec: recipe.make(spec), weights=folder / entry.file)
     return entry

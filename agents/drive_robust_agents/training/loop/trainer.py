@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.torch_engine import TYPES
-from drive_robust_agents._nets.weights import begin_with
+from drive_robust_agents._nets.torch_weights import begin_with
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.loop.average import Average
 from drive_robust_agents.training.loop.schedule import learning_rate, stage_at

@@ -6,8 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-pytest.importorskip("torch")
-
 from drive_robust_agents._nets import prompts, words
 from drive_robust_agents._nets.commentary import Action, Commentary, Reason, parse_commentary, refusal
 from pytest_drive_robust.errors import UsageError

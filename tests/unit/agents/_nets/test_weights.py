@@ -21,8 +21,10 @@ from drive_robust_agents._nets import require
 from drive_robust_agents._nets.inference import Policy
 from drive_robust_agents._nets.manifest import plain_spec, read_manifest, spec_from
 from drive_robust_agents._nets.tcp import TcpNet
-from drive_robust_agents._nets.weights import encode, load
+from drive_robust_agents._nets.torch_weights import encode, load
 from pytest_drive_robust.errors import UsageError
+
+NETWORK = "tcp:TcpNet"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,9 +50,10 @@ def relist(file: Path, content: bytes | None = None, /, **changes: Any) -> None:
 
 def refused(file: Path, match: str) -> None:
     with pytest.raises(UsageError, match=match):
-        Policy.check("tcp", TcpNet.build, weights=file)
-    with pytest.raises(UsageError, match=match):
-        Policy.of("tcp", TcpNet.build, weights=file)
+        Policy.check("tcp", NETWORK, weights=file)
+    for engine in ("onnx", "torch"):
+        with pytest.raises(UsageError, match=match):
+            Policy.of("tcp", NETWORK, weights=file, engine=engine)
 
 
 def test_equal_weights_are_equal_bytes() -> None:
@@ -138,7 +141,10 @@ def test_a_header_that_does_not_say_what_the_manifest_says_is_refused(file: Path
 def test_tensors_of_another_shape_are_refused_by_name(file: Path) -> None:
     wider = spec_from(type(SPEC), {**plain_spec(SPEC), "hidden": 32})
     relist(file, encode(TcpNet(wider), SPEC))
-    refused(file, r"does not hold the tensors of TcpNet: \d+ differ \(controller")
+    with pytest.raises(UsageError, match=r"does not hold the tensors of TcpNet: \d+ differ \(controller"):
+        load("tcp", TcpNet.build, weights=file)
+    with pytest.raises(UsageError, match=r"tcp\.onnx is no graph that fits tcp\.safetensors: .*do not match"):
+        Policy.of("tcp", NETWORK, weights=file)
 
 
 def test_a_specification_that_the_agent_does_not_know_is_refused(file: Path) -> None:
@@ -147,7 +153,8 @@ def test_a_specification_that_the_agent_does_not_know_is_refused(file: Path) -> 
     grown = len(content) - len(file.read_bytes())
     length = int.from_bytes(content[:8], "little") + grown
     relist(file, length.to_bytes(8, "little") + content[8:], spec=spec)
-    refused(file, "no TcpNet can be built as .*queries")
+    with pytest.raises(UsageError, match=r"no TcpNet can be built as .*queries"):
+        load("tcp", TcpNet.build, weights=file)
 
 
 def test_missing_weights_and_names_are_told(file: Path) -> None:
@@ -170,6 +177,50 @@ def test_another_file_beside_the_manifest_is_refused(file: Path) -> None:
     refused(other, "lists 'tcp.safetensors' for 'tcp', not 'other.safetensors'")
 
 
+def graph_of(file: Path, content: bytes | None) -> None:
+    """Change the graph and let the manifest agree; None lists none."""
+    graphs = {}
+    if content is not None:
+        file.with_suffix(".onnx").write_bytes(content)
+        digest = hashlib.sha256(content).hexdigest()
+        graphs = {"forward": {"file": "tcp.onnx", "sha256": digest, "size_bytes": len(content)}}
+    relist(file, graphs=graphs)
+
+
+def test_one_changed_byte_of_a_graph_is_refused(file: Path) -> None:
+    graph = file.with_suffix(".onnx")
+    content = bytearray(graph.read_bytes())
+    content[-7] ^= 1
+    graph.write_bytes(content)
+    with pytest.raises(UsageError, match=r"tcp\.onnx has SHA-256 .* it was changed"):
+        Policy.check("tcp", NETWORK, weights=file)
+    with pytest.raises(UsageError, match=r"tcp\.onnx has SHA-256 .* it was changed"):
+        Policy.of("tcp", NETWORK, weights=file)
+
+
+@pytest.mark.parametrize("agrees", [False, True])
+def test_a_truncated_graph_is_refused(file: Path, agrees: bool) -> None:
+    graph = file.with_suffix(".onnx")
+    cut = graph.read_bytes()[:-100]
+    graph.write_bytes(cut)
+    if agrees:
+        graph_of(file, cut)
+    with pytest.raises(UsageError, match="no graph that fits" if agrees else "truncated"):
+        Policy.of("tcp", NETWORK, weights=file)
+
+
+def test_weights_without_a_graph_are_told_the_command_that_writes_one(file: Path) -> None:
+    graph_of(file, None)
+    with pytest.raises(UsageError, match=r"lists no graph of tcp@.*training graphs .*tcp\.safetensors.*engine='torch'"):
+        Policy.of("tcp", NETWORK, weights=file)
+    assert Policy.of("tcp", NETWORK, weights=file, engine="torch").label.startswith("tcp@0.0:")
+
+
+def test_a_manifest_may_name_graphs_of_its_own_folder_only(file: Path) -> None:
+    relist(file, graphs={"forward": {"file": "../tcp.onnx", "sha256": "", "size_bytes": 0}})
+    refused(file, r"names '\.\./tcp\.onnx' .* expected a file of that folder")
+
+
 def test_weights_that_are_no_numbers_are_not_written() -> None:
     net = tiny_net()
     with torch.no_grad():
@@ -179,5 +230,5 @@ def test_weights_that_are_no_numbers_are_not_written() -> None:
 
 
 def test_a_missing_library_is_named_with_the_command_that_installs_it() -> None:
-    with pytest.raises(UsageError, match=r"need surely_missing .* pip install 'drive-robust-agents\[onnx\]'"):
-        require("json", "surely_missing", extra="onnx")
+    with pytest.raises(UsageError, match=r"need surely_missing .* pip install 'drive-robust-agents\[train\]'"):
+        require("json", "surely_missing", extra="train")

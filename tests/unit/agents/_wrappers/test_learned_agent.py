@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import inspect
 import shutil
+import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import onnxruntime
 import pytest
+from numpy.typing import NDArray
 
-torch = pytest.importorskip("torch")
+from drive_robust_agents._nets import weights
+from drive_robust_agents._nets.answer import GENERATE
+from drive_robust_agents._nets.inference import ENGINES, ROWS, Policy
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent
+from drive_robust_agents.simlingo import SimLingo
+from drive_robust_agents.tcp import TCP
+from drive_robust_agents.training.candidates import candidate
+from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
+from drive_robust_agents.uniad import UniAD
+from drive_robust_agents.vad import VAD
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import default_registry
 
-from drive_robust_agents._nets import weights  # noqa: E402
-from drive_robust_agents._wrappers.learned_agent import LearnedAgent  # noqa: E402
-from drive_robust_agents.simlingo import SimLingo  # noqa: E402
-from drive_robust_agents.tcp import TCP  # noqa: E402
-from drive_robust_agents.training.candidates import candidate  # noqa: E402
-from drive_robust_agents.training.recipes.recipe import RECIPES  # noqa: E402
-from drive_robust_agents.uniad import UniAD  # noqa: E402
-from drive_robust_agents.vad import VAD  # noqa: E402
-from pytest_drive_robust.errors import UsageError  # noqa: E402
-from pytest_drive_robust.registry.registry import default_registry  # noqa: E402
-from pytest_drive_robust.runner.cache_key.identity import agent_identity  # noqa: E402
+TOLERANCE = 1e-4
+"""Metres of waypoints, shares of a control."""
 
 AGENTS = (SimLingo, TCP, UniAD, VAD)
 every_agent = pytest.mark.parametrize("agent", AGENTS)
@@ -29,7 +36,8 @@ every_agent = pytest.mark.parametrize("agent", AGENTS)
 @every_agent
 def test_it_is_registered_under_the_name_of_its_weights(agent: type[LearnedAgent]) -> None:
     assert default_registry().entry("agents", agent.name).load() is agent
-    assert [file.name for file in agent.weights] == [f"{agent.name}.safetensors"]
+    _, entry = weights.locate(agent.name)
+    assert {file.name for file in agent.weights} == {entry.file, *(graph.file for graph in entry.graphs.values())}
 
 
 def test_there_is_a_recipe_for_each() -> None:
@@ -58,26 +66,77 @@ def test_missing_weights_are_told_before_anything_drives(
         agent.check()
 
 
+def inputs_of(agent: type[LearnedAgent], rows: int) -> dict[str, NDArray[Any]]:
+    """What the network may be asked in the middle of a drive, the same at every call."""
+    pytest.importorskip("torch")
+    recipe = recipe_of(agent.name)
+    generator = np.random.Generator(np.random.Philox(4))
+    given = {name: value.numpy() for name, value in recipe.make().example(rows).items()}  # type: ignore[operator]
+    for name, value in given.items():
+        if value.dtype == np.uint8:
+            given[name] = generator.integers(0, 256, value.shape, dtype=np.uint8)
+        elif name == "command":
+            given[name] = 1 + np.arange(rows) % 6
+        elif name == "known":
+            given[name] = np.ones_like(value)
+        elif value.dtype == np.float32:
+            given[name] = value + generator.normal(0.0, 0.5, value.shape).astype(np.float32)
+    return given
+
+
 @every_agent
-def test_on_onnx_runtime_it_is_another_agent_of_the_same_weights(agent: type[LearnedAgent]) -> None:
-    pytest.importorskip("onnxruntime")
-    entry = default_registry().entry("agents", f"{agent.name}-onnx")
-    assert entry.load().weights == agent.weights  # type: ignore[attr-defined]
-    assert agent_identity(f"{agent.name}-onnx", default_registry()) != agent_identity(agent.name, default_registry())
+def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedAgent]) -> None:
+    given = inputs_of(agent, ROWS)
+    for method in ("forward", GENERATE) if agent is SimLingo else ("forward",):
+        plans = [Policy.of(agent.name, agent.architecture, engine=engine).run(method, **given) for engine in ENGINES]
+        assert set(plans[0]) == set(plans[1])
+        for name in {"path", "waypoints", "action", "answer"} & set(plans[0]):
+            assert np.abs(plans[0][name] - plans[1][name]).max() < TOLERANCE, (method, name)
 
 
-def test_weights_that_do_not_ship_drive_on_onnx_runtime_too(tmp_path: Path) -> None:
-    pytest.importorskip("onnxruntime")
-    for name in ("tcp.safetensors", "manifest.json"):
+@every_agent
+def test_a_graph_computes_a_row_to_the_same_bits_in_any_company(agent: type[LearnedAgent]) -> None:
+    policy, given = Policy.of(agent.name, agent.architecture), inputs_of(agent, 8)
+    whole = policy.run(**given)
+    for rows in ([3, 2, 1, 0], [0, 5, 6], [7, 6, 5, 4, 0, 0]):
+        again = policy.run(**{name: values[rows] for name, values in given.items()})
+        assert all(again[name].tobytes() == whole[name][rows].tobytes() for name in whole)
+
+
+@pytest.mark.skipif(sys.byteorder != "little", reason="weights are little-endian")
+@every_agent
+def test_the_graphs_that_ship_are_open_to_any_program_beside_their_weights(agent: type[LearnedAgent]) -> None:
+    given = inputs_of(agent, 1)
+    plain = onnxruntime.InferenceSession(weights.SHIPPED / f"{agent.name}.onnx", providers=["CPUExecutionProvider"])
+    found = dict(zip([one.name for one in plain.get_outputs()], plain.run(None, given), strict=True))
+    expected = Policy.of(agent.name, agent.architecture).run(**given)
+    assert np.abs(found["waypoints"] - expected["waypoints"]).max() < TOLERANCE
+
+
+@every_agent
+def test_its_engine_is_a_choice_and_decides_what_its_bits_depend_on(agent: type[LearnedAgent]) -> None:
+    pytest.importorskip("torch")
+    assert agent.computed_by == agent().computed_by == ("onnxruntime", "numpy")
+    assert agent(engine="torch").computed_by == ("torch", "numpy")
+
+
+@every_agent
+def test_the_name_that_it_had_on_onnx_runtime_is_told_the_one_that_it_has(agent: type[LearnedAgent]) -> None:
+    with pytest.raises(UsageError, match=rf"no agent named '{agent.name}-onnx'\. Did you mean '{agent.name}'\?"):
+        default_registry().entry("agents", f"{agent.name}-onnx")
+
+
+def test_a_candidate_is_keyed_by_its_weights_and_its_graph(tmp_path: Path) -> None:
+    for name in ("tcp.safetensors", "tcp.onnx", "manifest.json"):
         shutil.copy(weights.SHIPPED / name, tmp_path)
     file = tmp_path / "tcp.safetensors"
-    factory = candidate(f"tcp-onnx={file}")
-    assert type(factory()) is default_registry().entry("agents", "tcp-onnx").load()
-    assert factory.weights == (file,)
+    factory = candidate(f"tcp={file}")
+    assert type(factory()) is TCP
+    assert factory.weights == (file, tmp_path / "tcp.onnx")
 
 
 def test_a_candidate_of_no_learned_agent_is_told_the_nearest(tmp_path: Path) -> None:
     file = tmp_path / "tcp.safetensors"
     file.touch()
-    with pytest.raises(UsageError, match=r"no learned agent named 'tcp-onx'\. Did you mean 'tcp-onnx'\?"):
-        candidate(f"tcp-onx={file}")
+    with pytest.raises(UsageError, match=r"no learned agent named 'tcp-onnx'\. Did you mean 'tcp'\?"):
+        candidate(f"tcp-onnx={file}")

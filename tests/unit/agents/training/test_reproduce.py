@@ -12,7 +12,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.tcp import TcpNet
-from drive_robust_agents._nets.weights import load
+from drive_robust_agents._nets.torch_weights import load
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.reproduce import CURRICULA, add_arguments, commands
 

@@ -16,7 +16,7 @@ from frames_on_disk import write_frames
 import drive_robust_agents.tcp
 from drive_robust_agents._nets.manifest import read_manifest
 from drive_robust_agents._nets.tcp import TcpNet
-from drive_robust_agents._nets.weights import load
+from drive_robust_agents._nets.torch_weights import load
 from drive_robust_agents.training import evaluate as evaluating
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
@@ -145,7 +145,7 @@ def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) 
     file = run / "weights" / "000000005" / "tcp.safetensors"
     factory = candidate(candidate_name("tcp", file).partition(":")[2])
     factory.check()
-    assert factory.weights == (file,)
+    assert factory.weights == (file, file.with_suffix(".onnx"))
     assert type(factory()) is drive_robust_agents.tcp.TCP
     assert factory().sensors() == TRAINING_RIGS["tcp"].cameras == recipe_of("tcp").rig
     with pytest.raises(UsageError, match="expected candidate:AGENT=FILE"):

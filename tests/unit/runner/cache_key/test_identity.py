@@ -159,11 +159,10 @@ def other_versions(monkeypatch):
     ("name", "counts"),
     [
         ("classical", False), ("constant", False), ("expert", False), ("random", False), ("reactive", False),
-        ("tcp", True), ("tcp-onnx", True),
+        ("tcp", True),
     ],
 )  # fmt: skip
 def test_versions_of_libraries_are_in_the_keys_of_agents_whose_bits_depend_on_them(name, counts, other_versions):
-    pytest.importorskip("onnxruntime" if "onnx" in name else "torch" if counts else "numpy")
     registry, options = default_registry(), SimulatorOptions()
     world = registry.simulator("embedded", options)
 

@@ -15,7 +15,7 @@ from frames_on_disk import write_frames
 from rich.console import Console
 from tiny_tcp import CAMERAS, published, tiny_options
 
-from drive_robust_agents._nets.weights import load
+from drive_robust_agents._nets.torch_weights import load
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
