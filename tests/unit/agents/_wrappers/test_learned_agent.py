@@ -95,12 +95,13 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
 
 
 @every_agent
-def test_a_graph_computes_a_row_to_the_same_bits_in_any_company(agent: type[LearnedAgent]) -> None:
+def test_a_graph_computes_a_row_alike_in_any_company(agent: type[LearnedAgent]) -> None:
+    """But for last bits: they are up to the processor, and lockstep checks them before it begins."""
     policy, given = Policy.of(agent.name, agent.architecture), inputs_of(agent, 8)
     whole = policy.run(**given)
     for rows in ([3, 2, 1, 0], [0, 5, 6], [7, 6, 5, 4, 0, 0]):
         again = policy.run(**{name: values[rows] for name, values in given.items()})
-        assert all(again[name].tobytes() == whole[name][rows].tobytes() for name in whole)
+        assert all(np.abs(again[name] - whole[name][rows]).max() < TOLERANCE for name in whole)
 
 
 @pytest.mark.skipif(sys.byteorder != "little", reason="weights are little-endian")
