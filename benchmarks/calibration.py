@@ -26,10 +26,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
-from pytest_drive_robust.engine.worker_setup import WorkerSetup
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
+from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions

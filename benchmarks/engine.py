@@ -35,9 +35,8 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
-from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.episode.loop import drive_episode
@@ -210,7 +209,7 @@ def judged(folder: Path, scope: Scope) -> tuple[float, float]:
     assert clean is not None
     assert clean.comfort is not None
     assert judgement.verdict.perturbed.comfort is not None
-    campaign.close()
+    campaign.scheduler.close()
     return decided - start, time.process_time() - decided
 
 
@@ -270,7 +269,7 @@ def _closing(executor: Executor) -> Iterator[Executor]:
     try:
         yield executor
     finally:
-        executor.close(cancel=True)
+        executor.close()
 
 
 def drive_all(executor: Executor, requests: list[EpisodeRequest]) -> float:

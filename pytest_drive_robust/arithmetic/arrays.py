@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pytest_drive_robust.arithmetic.series import (
     LARGEST_ANGLE_RAD,
-    LN2,
     arctangent,
     cosine,
     exponential,
@@ -20,7 +19,7 @@ from pytest_drive_robust.arithmetic.series import (
     small_sinh,
 )
 
-__all__ = ["atan", "atan2", "cos", "cos_sin", "exp", "hypot", "log", "log2", "power", "sin", "sinh", "tan"]
+__all__ = ["atan", "atan2", "cos", "exp", "hypot", "log", "power", "sin", "sinh"]
 
 Floats = NDArray[np.float64]
 
@@ -71,25 +70,6 @@ def cos(x: ArrayLike) -> Floats:
 
 
 @_quiet
-def cos_sin(x: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the cosine and the sine of each of `x` rad."""
-    quarter, y, tail = quarter_turns(_usual_angles(x))
-    along, beside = cosine(y, tail), sine(y, tail)
-    odd, sign = quarter * quarter == 1.0, np.where(quarter == 0.0, 1.0, -1.0)
-    return np.where(odd, -quarter * beside, sign * along), np.where(odd, quarter * along, sign * beside)
-
-
-@_quiet
-def tan(x: ArrayLike) -> Floats:
-    """Return the tangent of each of `x` rad."""
-    quarter, y, tail = quarter_turns(_usual_angles(x))
-    above, below = sine(y, tail), cosine(y, tail)
-    even = quarter * quarter != 1.0
-    quotient: Floats = np.where(even, above, -below) / np.where(even, below, above)
-    return quotient
-
-
-@_quiet
 def atan(x: ArrayLike) -> Floats:
     """Return the arctangent of each of `x` in rad, from -pi / 2 to pi / 2."""
     x = _floats(x)
@@ -126,33 +106,15 @@ def exp(x: ArrayLike) -> Floats:
     return np.where(usual, value, np.where(x > 0.0, np.inf, np.where(x < 0.0, 0.0, x)))
 
 
-def _parts(x: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return (f, twos, usual): `x` is `(1 + f) * 2**twos` where it is positive and finite."""
-    usual = (x > 0.0) & (x < np.inf)
-    part, whole = np.frexp(np.where(usual, x, 1.0))
-    twos = whole.astype(np.float64)
-    small = part < _ROOT_OF_HALF
-    return np.where(small, 2.0 * part, part) - 1.0, np.where(small, twos - 1.0, twos), usual
-
-
-def _unusual_logarithm(x: Floats) -> Floats:
-    return np.where(x == 0.0, -np.inf, np.where(x > 0.0, x, np.nan))
-
-
 @_quiet
 def log(x: ArrayLike) -> Floats:
     """Return the natural logarithm of each of `x`."""
     x = _floats(x)
-    f, twos, usual = _parts(x)
-    return np.where(usual, logarithm(f, twos), _unusual_logarithm(x))
-
-
-@_quiet
-def log2(x: ArrayLike) -> Floats:
-    """Return the logarithm of each of `x` to base 2, exact for powers of 2."""
-    x = _floats(x)
-    f, twos, usual = _parts(x)
-    return np.where(usual, twos + logarithm(f, np.zeros_like(f)) / LN2, _unusual_logarithm(x))
+    usual = (x > 0.0) & (x < np.inf)
+    part, whole = np.frexp(np.where(usual, x, 1.0))
+    small, twos = part < _ROOT_OF_HALF, whole.astype(np.float64)
+    value = logarithm(np.where(small, 2.0 * part, part) - 1.0, np.where(small, twos - 1.0, twos))
+    return np.where(usual, value, np.where(x == 0.0, -np.inf, np.where(x > 0.0, x, np.nan)))
 
 
 @_quiet

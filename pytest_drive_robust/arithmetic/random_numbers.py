@@ -7,6 +7,7 @@ of them is plain arithmetic.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
@@ -42,6 +43,11 @@ class RandomNumbers:
         words = np.frombuffer(key, "<u8") if isinstance(key, bytes) else np.array(key, np.uint64)
         self._words = np.random.Philox(key=words)
         self._half: int | None = None  # of a word that was split, what is still to be given
+
+    @classmethod
+    def of(cls, *names: object) -> RandomNumbers:
+        """Return the numbers of some names: what they are for, of which route, with which seed."""
+        return cls(hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest())
 
     def random(self) -> float:
         """Return a number, uniform in [0, 1): the upper 53 bits of a word."""

@@ -11,7 +11,6 @@ import math
 
 from pytest_drive_robust.arithmetic.series import (
     LARGEST_ANGLE_RAD,
-    LN2,
     arctangent,
     cosine,
     exponential,
@@ -21,7 +20,7 @@ from pytest_drive_robust.arithmetic.series import (
     small_sinh,
 )
 
-__all__ = ["atan", "atan2", "cos", "cos_sin", "exp", "hypot", "log", "log2", "power", "sin", "sinh", "tan"]
+__all__ = ["atan", "atan2", "cos", "cos_sin", "exp", "hypot", "log", "power", "sin", "sinh", "tan"]
 
 _PI_LOW = 1.2246467991473532e-16  # what pi lacks as a double
 _ROOT_OF_HALF = 0.7071067811865476
@@ -117,17 +116,6 @@ def log(x: float) -> float:
     if part < _ROOT_OF_HALF:
         part, twos = 2.0 * part, twos - 1
     return logarithm(part - 1.0, float(twos))
-
-
-def log2(x: float) -> float:
-    """Return the logarithm of `x` to base 2, exact for powers of 2."""
-    x = float(x)
-    if not 0.0 < x < math.inf:
-        return log(x)
-    part, twos = math.frexp(x)
-    if part < _ROOT_OF_HALF:
-        part, twos = 2.0 * part, twos - 1
-    return float(twos) + logarithm(part - 1.0, 0.0) / LN2
 
 
 def power(x: float, y: float) -> float:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LARGEST_ANGLE_RAD",
-    "LN2",
     "arctangent",
     "cosine",
     "exponential",
@@ -30,8 +29,6 @@ Number = TypeVar("Number", float, "NDArray[np.float64]")
 
 LARGEST_ANGLE_RAD = 1.0e6
 """Up to this angle the sine, cosine and tangent hold their error bound."""
-
-LN2 = 0.6931471805599453
 
 _TURN = 6.283185307179586
 _ROUNDER = 6755399441055744.0  # 1.5 * 2**52: a double of that size has no room for a fraction

@@ -17,10 +17,10 @@ from numba.extending import intrinsic, register_jitable
 
 from pytest_drive_robust.arithmetic import scalars, series
 from pytest_drive_robust.jit.cache import KernelCache
+from pytest_drive_robust.jit.resolutions import remembered_resolutions
 
 __all__ = ["numba_type"]
 
-_TAKES_TWO = ("atan2", "power")
 _PARTS = ("hypot", "wrap_angle")  # short: they become part of the kernel
 _CPU: Any = cpu_target
 _DOUBLE = ir.DoubleType()
@@ -39,7 +39,7 @@ def numba_type(name: str) -> Any:
     context = _CPU.typing_context
     function = getattr(series, name, None) or getattr(scalars, name)
     if name not in _PARTS:
-        function = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name in _TAKES_TWO else 1)
+        function = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name == "atan2" else 1)
     context.refresh()
     return context.resolve_value_type(function)
 
@@ -82,7 +82,8 @@ def _symbol(name: str, signature: Any, body: Callable[..., Any]) -> str:
         body, (signature.args, signature.return_type), {}, {"error_model": "numpy", "forceinline": True}
     )
     compiled._cache = KernelCache(body)
-    compiled.compile()
+    with remembered_resolutions():
+        compiled.compile()
     symbol = f"pytest_drive_robust_{name}"
     llvmlite.binding.add_symbol(symbol, compiled.address)
     _COMPILED.append(compiled)

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from pytest_drive_robust.cli.compare import add_baselines, references_of
 from pytest_drive_robust.regression import clock, git
-from pytest_drive_robust.regression.blessing import Signature, bless
+from pytest_drive_robust.regression.baselines import Blessing
+from pytest_drive_robust.regression.blessing import bless
 
 __all__ = ["add_arguments"]
 
@@ -32,13 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _bless(options: argparse.Namespace) -> int:
     references = references_of(options)
     run = references.load_run(options.run)
-    signature = Signature(
-        reason=options.reason,
-        date=clock.today().isoformat(),
-        by=git.author(Path.cwd()),
-        run=run.label,
-        commit=run.commit,
-    )
+    today, author = clock.today().isoformat(), git.author(Path.cwd())
+    signature = Blessing(today, options.reason.strip(), author, run=run.label, commit=run.commit)
     replace_routes = options.replace_routes
     for blessed in bless(run, references.baselines, signature, environ=os.environ, replace_routes=replace_routes):
         print(

@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
-from pytest_drive_robust.regression.fingerprint import parse_policy
+from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.runs import home_of
-from pytest_drive_robust.regression.verdicts import parse_kind
 from pytest_drive_robust.report.comparison import comparison_text
 
 __all__ = ["add_arguments", "add_baselines", "references_of"]
@@ -61,8 +63,8 @@ def references_of(options: argparse.Namespace) -> References:
 def _compare(options: argparse.Namespace) -> int:
     terms = Terms(
         allowances=parse_allowances(options.fail_on, source="--fail-on"),
-        kind=parse_kind(options.verdict, source="--verdict"),
-        policy=parse_policy(options.on_mismatch),
+        kind=VerdictRule(options.verdict).kind,
+        policy=cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch))),
     )
     references = references_of(options)
     after = references.load(options.after)

@@ -1,9 +1,9 @@
-"""`drive-robust export`: write a run in the schema of an official evaluator."""
+"""`drive-robust export`: write a run for other tools."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,25 +15,43 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
+from pytest_drive_robust.results.mcap_file import write_mcap
+from pytest_drive_robust.results.rrd_file import write_rrd
+from pytest_drive_robust.results.run import Run, read_run
+from pytest_drive_robust.results.table_files import write_csv_tables, write_parquet_tables
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import read_episode
 
 __all__ = ["add_arguments"]
 
-_FORMATS = ("bench2drive",)
+_OFFICIAL = "bench2drive"
+_WRITERS: Mapping[str, Callable[[Run, Path], Iterable[Path]]] = {
+    "csv": write_csv_tables,
+    "parquet": write_parquet_tables,
+    "mcap": write_mcap,
+    "rrd": write_rrd,
+}
+_FORMATS = (_OFFICIAL, *_WRITERS)
+_DESCRIPTION = """Writes a run for other tools. csv, parquet: the tables episodes, ticks, infractions and requirements.
+mcap (Foxglove), rrd (Rerun): one file for each episode with its clean twin; choose few. bench2drive: the files of the
+official evaluator. parquet, mcap and rrd need libraries: pip install 'pytest-drive-robust[parquet]'."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
-    parser.add_argument("folder", metavar="DIR", help="a new folder")
-    parser.add_argument("--format", default="bench2drive", metavar="NAME", help="bench2drive (default)")
+    parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; a new one for bench2drive")
+    parser.add_argument("--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}")
+    for name, of in (("agent", "of this agent"), ("setting", "under this setting"), ("route", "on this route")):
+        parser.add_argument(f"--{name}", metavar=name.upper(), help=f"only episodes {of}")
+    parser.add_argument("--seed", type=int, help="only episodes with this seed")
     parser.add_argument(
         "--episodes",
         action="append",
         default=[],
         metavar="FOLDER",
-        help="where the stored episodes are, whose ticks metric_info.json is made of; repeatable; default: the store",
+        help="where the stored episodes are; default: the store; repeatable for bench2drive",
     )
     parser.set_defaults(command=_export)
 
@@ -41,6 +59,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _export(options: argparse.Namespace) -> int:
     if options.format not in _FORMATS:
         raise UnknownNameError.of("export format", options.format, _FORMATS)
+    chosen = {"agent": options.agent, "setting": options.setting, "route_id": options.route, "seed": options.seed}
+    if options.format != _OFFICIAL:
+        return _write(options, chosen)
+    if options.folder is None or any(value is not None for value in chosen.values()):
+        raise UsageError("--format bench2drive writes the whole run to a new folder: give DIR, and no episodes.")
+    return _write_official(options)
+
+
+def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
+    if len(options.episodes) > 1:
+        raise UsageError(f"--episodes is given {len(options.episodes)} times, expected one store.")
+    folder = Path(options.folder or "drive-export")
+    run = read_run(options.run, store=options.episodes[0] if options.episodes else None).select(**chosen)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in _WRITERS[options.format](run, folder):
+            say(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
+    except OSError as error:
+        raise UsageError(f"cannot write to {str(folder)!r}: {error.strerror}.") from None
+    return 0
+
+
+def _write_official(options: argparse.Namespace) -> int:
     document = read_document(run_file(StoredRuns(home_of(Path.cwd())), options.run))
     towns, specs = _towns(document)
     written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)

@@ -16,14 +16,17 @@ from pytest_drive_robust.registry.registry import default_registry
 __all__ = ["COMMANDS", "main"]
 
 COMMANDS = {
+    "init": "write a starter suite, its limits and a workflow into your repository",
     "list": "what is there, and where it comes from",
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "the runs that --drive-save stored",
     "compare": "is run B worse than run A? Exit code 1 when it is",
     "report": "write a run as a folder of pages: verdicts, failures, replays",
+    "limits": "propose limits for an agent from a run that drove it, to be reviewed",
     "bless": "accept a run as the baseline that later runs are compared with",
     "score": "the totals of official Bench2Drive results",
-    "export": "write a run in the schema of an official evaluator",
+    "export": "write a run for other tools: parquet, csv, mcap, rrd, bench2drive",
+    "comment": "put the summary of a run on the pull request, one comment that is updated in place",
     "doctor": "what is missing for --drive-sim bench2drive?",
     "check-agent": "does an agent keep the contract?",
     "replay": "drive one route again and film it",

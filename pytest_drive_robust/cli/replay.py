@@ -27,12 +27,11 @@ from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
-from pytest_drive_robust.runner.replay.recording import record_episode
-from pytest_drive_robust.runner.replay.tape import Tape
+from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 from pytest_drive_robust.simulators.routes import own_routes, routes_for
-from pytest_drive_robust.verdict.explain import first_divergence_s
+from pytest_drive_robust.verdict.explain import first_divergence
 
 __all__ = ["add_arguments"]
 
@@ -198,8 +197,8 @@ def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:
     """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
     if len(tapes) == 2:
-        parted_s = first_divergence_s(tapes[0].result, tapes[1].result)
-        print("both drove the same" if parted_s is None else f"first divergence at {parted_s:.2f} s")
+        parted = first_divergence(tapes[0].result, tapes[1].result)
+        print("both drove the same" if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
     all_same = True
     for tape in tapes if before is not None else ():
         assert before is not None

@@ -12,9 +12,8 @@ from pytest_drive_robust.cli.tables import print_table
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
-from pytest_drive_robust.simulators.embedded.route_scene import telling_moment
+from pytest_drive_robust.simulators.embedded.route_scene import describe_parameters, describe_road, telling_moment
 from pytest_drive_robust.simulators.embedded.route_sheet import draw_tile, lay_sheets
-from pytest_drive_robust.simulators.embedded.route_words import describe_parameters, describe_road
 from pytest_drive_robust.simulators.embedded.world import World
 
 __all__ = ["check_routes", "draw_routes"]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.runs import StoredRuns, home_of
 
 __all__ = ["add_arguments"]
@@ -19,22 +23,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    runs = StoredRuns(home_of(Path.cwd())).runs()
-    if not runs:
+    runs = StoredRuns(home_of(Path.cwd()))
+    rows, problems = [], []
+    for name in runs.names():
+        try:
+            rows.append(_row(name, read_document(runs.path / f"{name}.json")))
+        except UsageError as error:  # noqa: PERF203 - the others are listed all the same
+            rows.append((name, "not a run"))
+            problems.append(str(error))
+    if not rows:
         print("no stored run. Store one with pytest --drive-robust --drive-save")
         return 0
-    rows = [
-        (run.name, "not a run")
-        if run.problem
-        else (
-            *(run.name, run.date.partition("+")[0], run.commit, ", ".join(run.agents)),
-            *(str(run.settings), str(run.episodes)),
-        )
-        for run in runs
-    ]
     words = dict.fromkeys(("name", "date", "commit", "agents"), LEFT)
     print_table({**words, "settings": RIGHT, "episodes": RIGHT}, rows)
-    for run in runs:
-        if run.problem:
-            print(run.problem)
+    print(*problems, sep="\n", end="\n" if problems else "")
     return 0
+
+
+def _row(name: str, document: Mapping[str, Any]) -> tuple[str, ...]:
+    stored, rows = document.get("stored") or {}, document["summaries"]
+    agents, settings = dict.fromkeys(row["agent"] for row in rows), {row["setting"] for row in rows}
+    date = str(stored.get("date") or "").partition("+")[0]
+    counts = str(len(settings)), str(len(document["episodes"]))
+    return name, date, stored.get("commit") or "", ", ".join(agents), *counts

@@ -6,16 +6,15 @@ import argparse
 import json
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.results.ability_rates import undecided_routes
 from pytest_drive_robust.bench2drive.results.carla_junctions import junction_shares
-from pytest_drive_robust.bench2drive.results.comforts import Comforts
-from pytest_drive_robust.bench2drive.results.official_totals import score_results
+from pytest_drive_robust.bench2drive.results.motion_log import Comforts
+from pytest_drive_robust.bench2drive.results.official_totals import score_results, undecided_routes
 from pytest_drive_robust.bench2drive.results.quirks import notes_on
 from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.metrics.guards import require_mode
+from pytest_drive_robust.metrics.episodes import require_mode
 from pytest_drive_robust.report.official_score import score_as_json, score_text
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 

@@ -7,8 +7,11 @@ from pathlib import Path
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.option import GivenText
+from pytest_drive_robust.options.parsers import time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
 
 __all__ = ["add_arguments"]
@@ -39,7 +42,7 @@ def _stats(options: argparse.Namespace) -> int:
     found = statistics(_folder(options))
     print(
         f"{found.folder}: {found.records} episodes, {found.size_bytes / _MEGA:.1f} MB, "
-        f"{_duration(found.wall_s)} of driving, {found.runs} runs"
+        f"{duration_text(found.wall_s)} of driving, {found.runs} runs"
     )
     if found.by_agent:
         _print_agents(found)
@@ -81,7 +84,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 def _gc(options: argparse.Namespace) -> int:
     folder = _folder(options)
-    older_than_s = None if options.older_than is None else _seconds(options.older_than)
+    older_than_s = time_limit_s(GivenText("--older-than", options.older_than or ""))
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
     print(
         f"{folder}: {'would remove' if options.dry_run else 'removed'} {swept.records} episodes, {swept.set_aside} "
@@ -96,19 +99,3 @@ def _folder(options: argparse.Namespace) -> Path:
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
         raise UsageError(f"there is no store {str(folder)!r}.{advice}")
     return folder
-
-
-_UNITS = {"m": 60.0, "h": 3600.0, "d": 86_400.0}
-
-
-def _seconds(given: str) -> float:
-    number, unit = given[:-1], given[-1:]
-    if unit not in _UNITS or not number.isdecimal():
-        raise UsageError(f"--older-than is {given!r}, expected minutes, hours or days, as in 90m, 12h or 30d.")
-    return int(number) * _UNITS[unit]
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

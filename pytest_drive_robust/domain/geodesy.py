@@ -9,7 +9,7 @@ import math
 
 from pytest_drive_robust.arithmetic import scalars
 
-__all__ = ["EARTH_RADIUS_M", "to_geodetic", "to_metric"]
+__all__ = ["EARTH_RADIUS_M", "GeodeticPlace", "to_geodetic", "to_metric"]
 
 EARTH_RADIUS_M = 6378137.0
 
@@ -29,3 +29,21 @@ def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
         raise ValueError(f"latitude {latitude_deg!r} degrees, expected more than -90 and less than 90")
     y = -EARTH_RADIUS_M * scalars.log(scalars.tan(math.pi / 4.0 + math.radians(latitude_deg) / 2.0))
     return EARTH_RADIUS_M * math.radians(longitude_deg), y
+
+
+class GeodeticPlace:
+    """What has a place in metres in the route's frame, `x_m` east and `y_m` south, has a latitude and longitude."""
+
+    __slots__ = ()
+    x_m: float
+    y_m: float
+
+    @property
+    def latitude_deg(self) -> float:
+        """Latitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[0]
+
+    @property
+    def longitude_deg(self) -> float:
+        """Longitude in degrees, by CARLA's Mercator convention."""
+        return to_geodetic(self.x_m, self.y_m)[1]

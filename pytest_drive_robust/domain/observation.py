@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.domain.geodesy import to_geodetic
+from pytest_drive_robust.domain.geodesy import GeodeticPlace
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,22 +77,12 @@ class Image:
 
 
 @dataclass(frozen=True, slots=True)
-class Gps:
+class Gps(GeodeticPlace):
     """Position of the centre of the vehicle, metres in the route's frame (x east, y south)."""
 
     x_m: float
     y_m: float
     tick: int
-
-    @property
-    def latitude_deg(self) -> float:
-        """Latitude in degrees, by CARLA's Mercator convention."""
-        return to_geodetic(self.x_m, self.y_m)[0]
-
-    @property
-    def longitude_deg(self) -> float:
-        """Longitude in degrees, by CARLA's Mercator convention."""
-        return to_geodetic(self.x_m, self.y_m)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,5 +141,6 @@ class Observation:
         return replace(self, cameras={name: change(name, image) for name, image in self.cameras.items()})
 
     def private(self) -> Observation:
-        """Return a copy whose pixels share no memory with anybody: what the loop hands to the agent."""
-        return self.map_images(lambda _, image: Image(image.pixels.copy(), image.tick))
+        """Return a copy whose pixels and truth share no memory with anybody: what the loop hands to the agent."""
+        own = self.map_images(lambda _, image: Image(image.pixels.copy(), image.tick))
+        return own if own.truth is None else replace(own, truth=own.truth.private())

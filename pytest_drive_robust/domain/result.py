@@ -9,14 +9,25 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
-from pytest_drive_robust.domain.reception import Reception
-from pytest_drive_robust.domain.tracks import Tracks
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["MACHINE_FACTS", "EpisodeResult", "Given", "Injection", "Trace", "merged_versions"]
+    Ints = NDArray[np.int32]
+
+__all__ = [
+    "CONTROL",
+    "MACHINE_FACTS",
+    "EpisodeResult",
+    "Given",
+    "Injection",
+    "Reception",
+    "Touch",
+    "Trace",
+    "Tracks",
+    "merged_versions",
+]
 
 MACHINE_FACTS = {
     "machine libm": "C library",
@@ -26,6 +37,8 @@ MACHINE_FACTS = {
 }
 """Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`), and what computes
 it. They are in no key, and an episode has only those that its bits depend on."""
+CONTROL = "control"
+"""The name of the command on its way from the agent to the vehicle, beside `SIGNALS` and the names of cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +155,52 @@ def merged_versions(several: Iterable[Mapping[str, str]]) -> dict[str, str]:
         for name, version in versions.items():
             found.setdefault(name, set()).add(version)
     return {name: ", ".join(sorted(values)) for name, values in found.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """One signal that a setting changed: in how many ticks, and in which one first.
+
+    `signal` is the name of a camera, `"gps"`, `"compass"`, `"imu"`, `"speed"`, or `"control"` when the vehicle got
+    another command than the agent gave in that tick, or when the agent's computer was too busy to be asked.
+    """
+
+    signal: str
+    ticks: int
+    first_tick: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reception:
+    """Proof of what a setting did at the two seams of one episode.
+
+    `cameras` are the names of the agent's rig, `consumes` the signals that reach its policy by its own word (all of
+    them when it does not say), `observations` how many it was given. `touched` is empty when nothing was changed.
+    """
+
+    cameras: tuple[str, ...]
+    consumes: tuple[str, ...]
+    observations: int
+    touched: tuple[Touch, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracks:
+    """Everything near the ego at the beginning of every `every_ticks`-th tick, and now and then the agent's plan.
+
+    All tables are int32. Sample `k` is the world at the beginning of tick `k * every_ticks`.
+
+    `actors` is (n, 6), one row for each stretch of time in which an actor was there: id, `ActorKind`, length and width
+    in cm, first sample, number of samples. `motion` is (sum of samples, 4), those of one actor after those of the one
+    before: x and y in cm, yaw in mrad (not wrapped), `ActorState`. `lights` is (samples, stop lines): `LightState`.
+
+    `plans` is (m, 4): the tick whose ego the plan was made for, then how many points are path, targets and speeds.
+    `points` is (sum of those, 2): forward and right of that ego in dm, the points of one plan after the other.
+    """
+
+    every_ticks: int
+    actors: Ints
+    motion: Ints
+    lights: Ints
+    plans: Ints
+    points: Ints

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from pytest_drive_robust.domain.geodesy import to_geodetic
+from pytest_drive_robust.domain.geodesy import GeodeticPlace
 
 __all__ = ["GlobalPlan", "PlanPoint", "RoadOption", "Route", "ScenarioSpec", "TriggerPoint", "Waypoint", "Weather"]
+
+_TURN_RAD = math.radians(35.0)
+_MAX_GAP_M = 50.0
 
 
 class RoadOption(IntEnum):
@@ -20,6 +24,13 @@ class RoadOption(IntEnum):
     LANE_FOLLOW = 4
     CHANGE_LANE_LEFT = 5
     CHANGE_LANE_RIGHT = 6
+
+    @classmethod
+    def through_junction(cls, turn_rad: float) -> RoadOption:
+        """Return the command of a way through a junction that turns so far to the right."""
+        if abs(turn_rad) < _TURN_RAD:
+            return cls.STRAIGHT
+        return cls.RIGHT if turn_rad > 0.0 else cls.LEFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,22 +103,12 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanPoint:
+class PlanPoint(GeodeticPlace):
     """One point of the sparse plan: metres in the route's frame and the command that holds from here on."""
 
     x_m: float
     y_m: float
     command: RoadOption
-
-    @property
-    def latitude_deg(self) -> float:
-        """Latitude in degrees, by CARLA's Mercator convention."""
-        return to_geodetic(self.x_m, self.y_m)[0]
-
-    @property
-    def longitude_deg(self) -> float:
-        """Longitude in degrees, by CARLA's Mercator convention."""
-        return to_geodetic(self.x_m, self.y_m)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,3 +124,15 @@ class GlobalPlan:
 
     points: tuple[PlanPoint, ...]
     dense: tuple[PlanPoint, ...] = field(default=(), repr=False)
+
+    @classmethod
+    def of(cls, way: Sequence[PlanPoint], s_m: Sequence[float], dense: tuple[PlanPoint, ...] = ()) -> GlobalPlan:
+        """Return the plan of a way, a point about every metre, each `s_m` along it."""
+        points: list[PlanPoint] = []
+        last_m = -math.inf
+        for point, at_m in zip(way, s_m, strict=True):
+            changed = not points or point.command is not points[-1].command
+            if changed or at_m - last_m >= _MAX_GAP_M or point is way[-1]:
+                points.append(point)
+                last_m = at_m
+        return cls(tuple(points), dense)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum, IntFlag
 from typing import TYPE_CHECKING
 
@@ -102,6 +102,10 @@ class Lane:
     right_line: str
     successors: tuple[int, ...]
 
+    def beside(self, side: str) -> tuple[int, bool]:
+        """Return the neighbour to the `"left"` or `"right"`, or -1, and whether it leads the same way."""
+        return (self.left, self.left_same_way) if side == "left" else (self.right, self.right_same_way)
+
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
@@ -166,16 +170,7 @@ class WorldState:
     actors: Floats
     lights: NDArray[np.int64]
 
-    ID = 0
-    KIND = 1
-    X = 2
-    Y = 3
-    YAW = 4
-    SPEED = 5
-    LENGTH = 6
-    WIDTH = 7
-    HEIGHT = 8
-    STATE = 9
+    ID, KIND, X, Y, YAW, SPEED, LENGTH, WIDTH, HEIGHT, STATE = range(10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,3 +185,8 @@ class GroundTruth:
     lane_map: LaneMap
     route: Floats
     progress: int
+
+    def private(self) -> GroundTruth:
+        """Return the truth of this moment in arrays of its own. The lane map is static and stays shared."""
+        frame = replace(self.frame, actors=self.frame.actors.copy(), lights=self.frame.lights.copy())
+        return replace(self, frame=frame, route=self.route.copy())

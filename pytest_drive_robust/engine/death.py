@@ -8,14 +8,10 @@ import signal
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.shared_state import StateReading
-    from pytest_drive_robust.runner.episode.rescore import RecordedControls
+from pytest_drive_robust.engine.shared_state import CUT_OFF, StateReading
+from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
 __all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
 
@@ -44,7 +40,7 @@ class Blame(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """What is known. `status` is as `os.waitpid` tells it, `faults` from faulthandler, `printed` the last output.
+    """What is known. `status` is as `os.waitpid` tells it, `printed` the last output, with that of faulthandler.
 
     `lasted_s` is how long the phase of `reading` had lasted, `limit_s` the limit that was reached.
     """
@@ -55,7 +51,6 @@ class Death:
     limit_s: float = 0.0
     lasted_s: float = 0.0
     elapsed_s: float = 0.0
-    faults: str = ""
     printed: str = ""
 
 
@@ -76,7 +71,7 @@ def explain(death: Death) -> Explanation:
     """Say who is to blame for a death, in a sentence that people read."""
     phase, tick = death.reading.phase, death.reading.tick
     where = f"in {phase.call} at tick {tick}" if phase.is_agent else f"at tick {tick}"
-    place = place_of_fault(death.faults) or place_of_fault(death.printed)  # an agent may have a handler of its own
+    place = place_of_fault(death.printed)
     if death.cause in (Cause.ACT_DEADLINE, Cause.EPISODE_DEADLINE):
         return _too_late(death, where, place)
     if death.cause is Cause.SILENT or death.status == CUT_OFF << 8:
@@ -85,7 +80,8 @@ def explain(death: Death) -> Explanation:
         return _agent(f"wrote to the descriptors of its process, noticed {where}")
     assert death.status is not None
     ending, number = _ending(death.status)
-    last = f"; it last printed {_last_line(death.printed)!r}" if _last_line(death.printed) else ""
+    lines = death.printed.partition("Fatal Python error")[0].strip().splitlines()
+    last = f"; it last printed {lines[-1][:_LONGEST_LINE]!r}" if lines else ""
     if number in _FROM_OUTSIDE:
         if tick == 0 and not phase.is_agent:
             return _ours(f"killed by {ending} before the episode began")
@@ -96,9 +92,9 @@ def explain(death: Death) -> Explanation:
     return _ours(f"the simulation ended its process: {ending} {where}{place}{last}")
 
 
-def place_of_fault(faults: str) -> str:
+def place_of_fault(printed: str) -> str:
     """Return `" (agent.py:12 in act)"` from what faulthandler wrote, the deepest line that is no installed library."""
-    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _LINE.finditer(faults)]
+    frames = [(Path(match["file"]), match["line"], match["name"]) for match in _LINE.finditer(printed)]
     outside = [frame for frame in frames if not _is_library(frame[0])] or frames
     if not outside:
         return ""
@@ -138,11 +134,6 @@ def _ending(status: int) -> tuple[str, int | None]:
         return signal.Signals(number).name, number
     except ValueError:
         return f"signal {number}", number
-
-
-def _last_line(printed: str) -> str:
-    lines = [line for line in printed.strip().splitlines() if not line.startswith("Extension modules:")]
-    return lines[-1][:_LONGEST_LINE] if lines else ""
 
 
 def _is_library(path: Path) -> bool:

@@ -3,94 +3,89 @@
 from __future__ import annotations
 
 import os
+import pickle
 import select
 import signal
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from multiprocessing.connection import wait
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from pytest_drive_robust.engine.death import Cause, Death
-from pytest_drive_robust.engine.messages import TOKEN_BYTES, Answer, receive, send
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.death import Cause, Death, Explanation, explain
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, WorkerRequest, read_answer, receive
+from pytest_drive_robust.engine.shared_state import StateReading
+from pytest_drive_robust.engine.worker_process import WorkerProcess
+from pytest_drive_robust.engine.worker_setup import Limits
+from pytest_drive_robust.errors import UsageError
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.shared_state import StateReading
-    from pytest_drive_robust.engine.worker_process import WorkerProcess
+__all__ = ["Exchange", "T", "Take"]
 
-__all__ = ["Exchange"]
-
-_CHUNK_BYTES = 1 << 16
 _EXIT_S = 2.0
 """How long a process may take to end, after it said where it is; only those take all of it that do not end at all."""
+_POLL_S = 0.02
+"""How often to ask whether there is another request."""
 T = TypeVar("T")
+Take = Callable[[], tuple[WorkerRequest, T] | None]
+"""Gives the next request and whom it is for, None where there is none now."""
 
 
 class Exchange(Generic[T]):
     """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    `death` is how the worker ended, once it has: also when somebody kills it who wants to stop. One that `is_spent` is
-    given nothing more. `poll_s` is how often to ask whether there is another request, None when there is never one
-    while another is under way.
+    `failure` is how the worker ended, once it has: also when somebody kills it who wants to stop. One that `is_spent`
+    is given nothing more. No more than `most` requests are under way at a time.
     """
 
-    def __init__(self, worker: WorkerProcess, limits: Limits, *, poll_s: float | None = None) -> None:
+    def __init__(self, worker: WorkerProcess, limits: Limits, *, most: int) -> None:
         self._worker = worker
         self._limits = limits
-        self._poll_s = poll_s
-        self.death: Death | None = None
+        self._most = most
+        self.failure: Explanation | None = None
         self.is_spent = False
-        self._printed = bytearray()
         self._under_way: dict[bytes, tuple[float, T]] = {}  # by token: since when, and for whom
 
     @property
     def _started_s(self) -> float:
         return min(since_s for since_s, _ in self._under_way.values())
 
-    @property
-    def printed(self) -> str:
-        """The end of what was printed since the request."""
-        return bytes(self._printed[-self._limits.output_bytes :]).decode("utf-8", "replace")
+    def run(self, take: Take[T]) -> Iterator[tuple[T, EpisodeResult | UsageError | None]]:
+        """Send what `take` gives, a request and whom it is for, and yield each answer with whom it is for.
 
-    def run(self, take: Callable[[], tuple[bytes, T] | None]) -> Iterator[tuple[T, Answer]]:
-        """Send what `take` gives, a payload and whom it is for, and yield each answer with whom it is for.
-
-        `take` is asked again and again while something is under way. Ends when nothing is any more, and with `death`
-        set when the worker is dead. The limit of an episode counts from its own request.
+        `take` is asked again and again while something is under way. When the worker is dead (`failure`), what has no
+        answer comes with None. The limit of an episode counts from its own request.
         """
         worker = self._worker
-        sources: list[Any] = [worker.output, worker.sentinel, worker.connection]
+        worker.forget_output()
         while self._send(take):
-            ready = wait(sources, self._patience_s())
-            if worker.output in ready and not self._listen():
-                sources.remove(worker.output)
+            ready = wait([worker.sentinel, worker.connection], self._patience_s())
             answer = self._hear(ready)
             if answer is not None:
                 yield answer
-            if self._under_way and self.death is None:
+            if self._under_way and self.failure is None:
                 self._check_limits()
+        yield from ((whom, None) for _, whom in self._under_way.values())
 
-    def _send(self, take: Callable[[], tuple[bytes, T] | None]) -> bool:
-        """Send as much as there is room for, since a worker that answers must never wait for us.
-
-        False when there is nothing to wait for.
-        """
+    def _send(self, take: Take[T]) -> bool:
+        """Send what there is room for: a worker that answers must not wait for us. False with nothing to wait for."""
         poller = select.poll()
         poller.register(self._worker.connection, select.POLLOUT)
-        while self.death is None and not self.is_spent:
-            taken = take() if not self._under_way or poller.poll(0) else None
+        while self.failure is None and not self.is_spent:
+            may_send = not self._under_way or (len(self._under_way) < self._most and poller.poll(0))
+            taken = take() if may_send else None
             if taken is None:
                 break
-            payload, whom = taken
+            request, whom = taken
             token = os.urandom(TOKEN_BYTES)
             self._under_way[token] = time.monotonic(), whom
             try:
-                send(self._worker.connection, token, payload)
+                self._worker.connection.send_bytes(token + pickle.dumps(request))
             except OSError:
                 self._lost(Cause.SILENT, grace_s=_EXIT_S)
-        return self.death is None and bool(self._under_way)
+        return self.failure is None and bool(self._under_way)
 
-    def _hear(self, ready: list[Any]) -> tuple[T, Answer] | None:
+    def _hear(self, ready: list[Any]) -> tuple[T, EpisodeResult | UsageError] | None:
         """Return the answer that has come."""
         worker = self._worker
         if worker.connection not in ready:
@@ -101,7 +96,7 @@ class Exchange(Generic[T]):
             token, payload = receive(worker.connection)
             if token not in self._under_way:
                 raise ValueError("an answer to another request")
-            answer = Answer.from_bytes(payload)
+            result, is_spent = read_answer(payload)
         except EOFError:
             self._lost(Cause.SILENT, grace_s=_EXIT_S)
         except OSError:
@@ -109,28 +104,14 @@ class Exchange(Generic[T]):
         except ValueError:
             self._lost(Cause.GARBAGE)
         else:
-            self._listen()
-            self.is_spent = self.is_spent or answer.is_spent
-            return self._under_way.pop(token)[1], answer
+            self.is_spent = self.is_spent or is_spent
+            return self._under_way.pop(token)[1], result
         return None
-
-    def _listen(self) -> bool:
-        """Keep what was printed. False when nothing more can come."""
-        try:
-            while piece := os.read(self._worker.output, _CHUNK_BYTES):
-                self._printed += piece
-                if len(self._printed) > 4 * self._limits.output_bytes + _CHUNK_BYTES:
-                    del self._printed[: -self._limits.output_bytes]
-                if len(piece) < _CHUNK_BYTES:
-                    return True
-        except BlockingIOError:
-            return True
-        return False
 
     def _patience_s(self) -> float | None:
         """Return until when nothing can become late. A call that begins after this is late after the next one."""
         now = time.monotonic()
-        waits = [] if self._poll_s is None else [self._poll_s]
+        waits = [_POLL_S] if self._most > 1 else []
         if self._limits.episode_s is not None:
             waits.append(self._started_s + self._limits.episode_s - now)
         if self._limits.act_s is not None:
@@ -162,15 +143,14 @@ class Exchange(Generic[T]):
                 worker.wait(_EXIT_S)
             worker.kill()
             worker.wait(_EXIT_S)
-        self._listen()
         now = time.monotonic()
-        self.death = Death(
+        death = Death(
             cause=cause if status is None else Cause.DIED,
             reading=reading,
             status=status,
             limit_s=limit_s,
             lasted_s=now - reading.since_s,
             elapsed_s=now - self._started_s,
-            faults=os.pread(worker.faults, _CHUNK_BYTES, 0).decode("utf-8", "replace"),
-            printed=self.printed,
+            printed=worker.printed(self._limits.output_bytes),
         )
+        self.failure = replace(explain(death), recorded=worker.state.recorded())

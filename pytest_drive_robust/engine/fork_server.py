@@ -1,23 +1,20 @@
 """Where worker processes come from: forked by a process of our own that has loaded everything.
 
-This is not the forkserver context of `multiprocessing`, because that one
+This is not the forkserver context of `multiprocessing` (the connections are its own), because that one
 
-- is one server per process, with one list of modules to preload and the environment, the current folder and (before
-  Python 3.12) the `sys.path` of the moment when it was started; ours has those of one `WorkerSetup`;
+- has one list of modules to preload, and the environment, the current folder and (before Python 3.12) the `sys.path` of
+  the moment when it was started; ours has those of one `WorkerSetup`;
 - runs the main module of the program again in every worker: here that is pytest;
-- stays in our process group, so that Ctrl-C at the terminal reaches every worker, and nobody adopts and ends the
-  processes that a worker leaves when it is killed; our server is a subreaper with a session of its own;
+- stays in our process group, where Ctrl-C reaches every worker, and leaves the processes that a killed worker leaves;
+  our server is a subreaper with a session of its own;
 - and the sentinel of a `fork` context is a pipe that an agent can close, and that its own sub-processes inherit: it
-  then tells of the end of a worker too early, or never. Here only the server holds the other end of a sentinel.
-
-The connections are those of `multiprocessing.connection`.
+  tells of the end of a worker too early, or never. Here only the server holds the other end of a sentinel.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import select
 import socket
 import subprocess
 import tempfile
@@ -26,21 +23,20 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from typing import IO, TYPE_CHECKING
+from multiprocessing.connection import Connection
+from typing import IO, Any
 
 from pytest_drive_robust import errors
 from pytest_drive_robust.engine.messages import refusal
 from pytest_drive_robust.engine.worker_process import WorkerProcess
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 
 __all__ = ["ForkServer", "NoWorkerError", "Stopped"]
 
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
 _POLL_S = 0.1
+_EXIT_S = 3.0
 _TRIES = 3
 
 
@@ -71,33 +67,54 @@ class ForkServer:
         self._control: socket.socket | None = None
         self._log: IO[bytes] | None = None
         self._ready = False
-        self.compiling = (0, 0)
-        """How many functions are compiled, of how many that were not in the cache when the server was started."""
+        self._drives: frozenset[str] | None = None
+        self._compiling = (0, 0)
 
     @property
     def pid(self) -> int | None:
         """The server's process, while there is one."""
         return self._process.pid if self._process is not None else None
 
-    def start_worker(self, limits: Limits, unwanted: Callable[[], bool] = lambda: False) -> WorkerProcess:
-        """Start a worker process.
+    @property
+    def is_ready(self) -> bool:
+        """True when workers can be started for some agents or all."""
+        return self._ready
 
-        Raises `UsageError` for a setup that does not work, `NoWorkerError`, and `Stopped` soon after `unwanted()` has
-        become true: getting ready may take a minute where kernels have to be compiled.
+    @property
+    def compiling(self) -> tuple[int, int]:
+        """How many functions are compiled, of how many that some agent waits for and that were not in the cache."""
+        self._hear()
+        return self._compiling
+
+    def drives(self, agent: str) -> bool:
+        """Return False while kernels that this agent may need are compiled, and others can be driven already."""
+        if self._drives is not None:
+            self._hear()
+        drives = self._drives
+        return drives is None or agent in drives
+
+    def start_worker(self, limits: Limits, agent: str, unwanted: Callable[[], bool] = lambda: False) -> WorkerProcess:
+        """Start a worker process that can drive the agent.
+
+        Raises `UsageError` for a setup that does not work, `NoWorkerError`, `Stopped` soon after `unwanted()` is true.
         """
-        problem = ""
-        for _ in range(_TRIES):
+        problems: list[str] = []
+        while len(problems) < _TRIES:
             with self._lock:
                 if unwanted():
                     raise Stopped
                 try:
                     self._start(unwanted)
-                    assert self._control is not None
-                    return WorkerProcess(self._control, limits, tick_cap=self._setup.options.tick_cap)
+                    if self._drives is None or agent in self._drives:
+                        assert self._control is not None
+                        tick_cap = self._setup.options.tick_cap
+                        return WorkerProcess(self._control, limits, tick_cap=tick_cap, drives=self._drives)
                 except (OSError, NoWorkerError) as error:
-                    problem = f"{error} {self._last_line()}"
+                    problems.append(f"{error} {self._last_line()}")
                     self._stop()
-        raise NoWorkerError(f"no process for the episode can be started: {problem}")
+            self._hear()
+            time.sleep(_POLL_S)
+        raise NoWorkerError(f"no process for the episode can be started: {problems[-1]}")
 
     def close(self) -> None:
         """End the server, and with it every worker. Calling it twice does no harm."""
@@ -119,10 +136,7 @@ class ForkServer:
         self._ready = True
 
     def _launch(self, unwanted: Callable[[], bool]) -> bool | None:
-        """Start a new server and tell whether it forks; None when it died while it was getting ready.
-
-        Raises `UsageError`, `Stopped`.
-        """
+        """Start a new server and tell whether it forks, None when it died before. Raises `UsageError`, `Stopped`."""
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         self._control, theirs = socket.socketpair()
         with theirs:
@@ -130,34 +144,52 @@ class ForkServer:
             self._process = self._setup.start_python(
                 "serve_forks", arguments, self._setup, pass_fds=arguments[:1], output=self._log.fileno()
             )
-        line = self._ready_line(unwanted)
-        answer = json.loads(line or "{}")
-        if "type" in answer:
+        answer = self._answer(unwanted)
+        if isinstance(answer, bytes):
             self._stop()
-            raise refusal(line)
-        forks: bool | None = answer.get("forks")
-        return forks
+            raise refusal(answer)
+        return answer
 
-    def _ready_line(self, unwanted: Callable[[], bool]) -> bytes:
-        """Return what the server said when it was ready, nothing when it died before. Raises `Stopped`.
+    def _answer(self, unwanted: Callable[[], bool]) -> bool | bytes | None:
+        """Return what the server said when it was ready, None when it died before. Raises `Stopped`.
 
-        Until then it says how far it has come with compiling: `compiling`.
+        Until then it says how far it has come with compiling.
         """
         assert self._control is not None
         deadline = time.monotonic() + _READY_S
-        with suppress(OSError), self._control.makefile("rb", buffering=0) as file:
-            while True:
-                while not select.select([self._control], [], [], _POLL_S)[0]:
-                    if unwanted():
-                        self._stop()
-                        raise Stopped
-                    if time.monotonic() > deadline:
-                        return b""
-                line = file.readline()
-                if not line.startswith(b'{"compiling"'):
-                    return line
-                self.compiling = tuple(json.loads(line)["compiling"])
-        return b""
+        with suppress(OSError, EOFError), Connection(os.dup(self._control.fileno())) as connection:
+            while time.monotonic() < deadline:
+                if unwanted():
+                    self._stop()
+                    raise Stopped
+                if connection.poll(_POLL_S):
+                    said = connection.recv_bytes()
+                    words = json.loads(said)
+                    if isinstance(words, list):  # a refusal
+                        return said
+                    self._note(words)
+                    if "forks" in words:
+                        return bool(words["forks"])
+        return None
+
+    def _hear(self) -> None:
+        """Take in what the server has said since it was ready; return at once."""
+        if not self._lock.acquire(blocking=False):  # somebody starts a worker, or the server itself
+            return
+        try:
+            if self._ready and self._control is not None:
+                with Connection(os.dup(self._control.fileno())) as connection:
+                    while connection.poll():
+                        self._note(json.loads(connection.recv_bytes()))
+        except (OSError, EOFError):  # it has died
+            self._drives = None
+        finally:
+            self._lock.release()
+
+    def _note(self, words: dict[str, Any]) -> None:
+        self._compiling = tuple(words.get("compiling", self._compiling))
+        if "forks" in words:
+            self._drives = None if words["drives"] is None else frozenset(words["drives"])
 
     def _last_line(self) -> str:
         """Return what the server printed last, as a sentence."""
@@ -173,10 +205,8 @@ class ForkServer:
                 self._control.shutdown(socket.SHUT_WR)
             self._control.close()
         if self._process is not None:
-            if not self._ready:
-                self._process.kill()  # it hears nothing while it loads, and has no workers yet
-            try:
-                self._process.wait(3.0)  # it kills its workers first
+            try:  # it kills its workers first; while it loads it has none, and hears nothing
+                self._process.wait(_EXIT_S if self._ready else 0.0)
             except subprocess.TimeoutExpired:
                 with suppress(OSError):
                     os.killpg(self._process.pid, 9)
@@ -185,4 +215,4 @@ class ForkServer:
             self._log.close()
         self._control = self._process = self._log = None
         self._ready = False
-        self.compiling = (0, 0)
+        self._drives, self._compiling = None, (0, 0)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.runner.executors import Driver, LocalExecutor
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
+    from pytest_drive_robust.engine.fork_server import ForkServer
 
 __all__ = ["ProcessExecutor"]
 
@@ -31,23 +30,33 @@ class ProcessExecutor(LocalExecutor):
         width: int | None = None,
         shares: Callable[[str], bool] = lambda agent: False,
     ) -> None:
-        super().__init__(threads=slots, width=width, shares=shares)
-        self._setup = worker_setup
-        self._limits = limits
         self._fork_server: ForkServer | None = None
 
-    def make_drivers(self) -> Sequence[Driver]:
-        """Return the supervisors. Raises `UsageError` where no worker could load what we have."""
-        self._fork_server = server = ForkServer(self._setup())
-        return [Supervisor(server, self._limits) for _ in range(self._workers)]
+        def make_supervisors(agent: str) -> Sequence[Driver]:
+            from pytest_drive_robust.engine.fork_server import ForkServer  # a run from the store needs neither
+            from pytest_drive_robust.engine.supervisor import Supervisor
+
+            setup = worker_setup()
+            agents = sorted(setup.preload_agents, key=lambda name: name != agent)  # compiled for the first one first
+            self._fork_server = server = ForkServer(replace(setup, preload_agents=tuple(agents)))
+            return [Supervisor(server, limits) for _ in range(slots)]
+
+        super().__init__(make_supervisors, threads=slots, width=width, shares=shares)
+
+    def drives(self, agent: str) -> bool:
+        """Return False while kernels that this agent may need are compiled, and others can be driven already."""
+        return self._fork_server is None or self._fork_server.drives(agent)
 
     @property
     def compiling(self) -> tuple[int, int]:
-        """How many functions are compiled, of how many that the workers wait for."""
-        return self._fork_server.compiling if self._fork_server is not None else (0, 0)
+        """How many functions are compiled, of how many that are waited for: while an agent is driven, none is."""
+        if self._fork_server is None:
+            return 0, 0
+        done, total = self._fork_server.compiling
+        return (total, total) if self._fork_server.is_ready and len(self._idle) < self._workers else (done, total)
 
-    def close(self, *, cancel: bool = False) -> None:
-        """End the workers. With `cancel`, those that drive are killed; without, they come to their end first."""
-        super().close(cancel=cancel)
+    def close(self) -> None:
+        """End the workers, also those that drive."""
+        super().close()
         if self._fork_server is not None:
             self._fork_server.close()

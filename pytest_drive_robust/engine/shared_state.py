@@ -7,36 +7,36 @@ episode scored up to that tick.
 from __future__ import annotations
 
 import json
+import math
 import mmap
 import os
 import struct
 import tempfile
 import time
+import traceback
+from contextlib import suppress
 from dataclasses import asdict
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec
-from pytest_drive_robust.runner.episode.rescore import ROW_FIELDS
-from pytest_drive_robust.runner.episode.stored_controls import AgentRig
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.runner.episode.loop import Watch
+from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+__all__ = ["CUT_OFF", "Phase", "SharedState", "StateReading", "shared_file"]
 
-    from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.domain.truth import WorldState
-
-__all__ = ["Phase", "SharedState", "StateReading", "shared_file", "state_bytes"]
-
+CUT_OFF = 71
+"""The exit code of a worker that can no longer answer, because its agent closed the connection."""
 _READING = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it
 _COUNT = struct.Struct("<I")
 _COUNT_AT = 32
 _RIG_AT = 64
 _RIG_BYTES = 1 << 15
 _ROWS_AT = _RIG_AT + _RIG_BYTES
-_ROW = struct.Struct(f"<{ROW_FIELDS}d")
+_ROW = struct.Struct("<6d")  # throttle, steer, brake as the agent asked for them (NaN: not asked), and as applied
+_UNASKED = (math.nan,) * 3
 _MOST_TICKS = 1 << 20
 
 
@@ -74,61 +74,62 @@ class StateReading(NamedTuple):
     agent_s: float
 
 
-class SharedState:
+class SharedState(Watch):
     """The memory behind a file descriptor, which may be closed afterwards.
 
-    `asked` is what the agent answered in this tick, on the worker's side.
+    `connection` is that by which a worker answers: one that its agent closed it for ends at once, in the same tick.
     """
 
-    def __init__(self, fd: int) -> None:
+    def __init__(self, fd: int, *, connection: int | None = None) -> None:
         size = os.fstat(fd).st_size
         self._memory = mmap.mmap(fd, size)
         self._capacity = (size - _ROWS_AT) // _ROW.size
         self._phase = Phase.IDLE
         self._since_s = 0.0
         self._agent_s = 0.0
-        self.asked: object = None
+        self._connection = connection
+        self._inode = 0 if connection is None else os.fstat(connection).st_ino
 
     def clear(self) -> None:
         """Begin a new episode: nothing was driven yet."""
         self._agent_s = 0.0
-        self.asked = None
         _COUNT.pack_into(self._memory, _COUNT_AT, 0)
         _COUNT.pack_into(self._memory, _RIG_AT, 0)
         self.phase("idle", 0)
 
     def phase(self, name: str, tick: int) -> None:
-        """Note that the code of the phase of that name runs from now on: see `runner.episode.loop.Watch`."""
+        """Note that the code of the phase of that name runs from now on."""
         now = time.monotonic()
         if self._phase.is_agent:
             self._agent_s += now - self._since_s
+            if self._connection is not None and not self._is_connected(self._connection):
+                os._exit(CUT_OFF)
         self._phase, self._since_s = Phase[name.upper()], now
         _READING.pack_into(self._memory, 0, self._phase, tick, now, self._agent_s)
 
-    def equip(self, rig: AgentRig) -> None:
-        """Keep the agent's rig, unless it is too large: then the episode cannot be driven again without the agent."""
-        text = json.dumps(asdict(rig)).encode()
+    def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
+        """Keep what is known of the agent, unless it is too long: then the episode cannot be driven again without."""
+        text = json.dumps([[asdict(camera) for camera in cameras], consumes, privileged]).encode()
         if len(text) <= _RIG_BYTES - _COUNT.size:
             start = _RIG_AT + _COUNT.size
             self._memory[start : start + len(text)] = text
             _COUNT.pack_into(self._memory, _RIG_AT, len(text))
 
-    def ticked(self, tick: int, world: WorldState, observation: Observation, applied: Control) -> None:
-        """Keep a tick that was driven (see `on_tick` of `runner.episode.loop.drive_episode`).
+    def ticked(
+        self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
+    ) -> None:
+        """Keep a tick that was driven. Of episodes that are driven together a mixture is kept, which nobody reads."""
+        if tick < self._capacity:
+            answer = _UNASKED if asked is None else (asked.throttle, asked.steer, asked.brake)
+            row = (*answer, applied.throttle, applied.steer, applied.brake)
+            _ROW.pack_into(self._memory, _ROWS_AT + tick * _ROW.size, *row)
+            _COUNT.pack_into(self._memory, _COUNT_AT, tick + 1)
 
-        That is what the agent asked for, what the vehicle got, where it stood before. Of episodes that are driven
-        together a mixture is kept, which nobody reads.
-        """
-        asked, self.asked = self.asked, None
-        if tick >= self._capacity:
-            return
-        raw = _UNASKED
-        if isinstance(asked, Control) and asked.problem() is None:  # numbers, but perhaps not floats yet
-            raw = float(asked.throttle), float(asked.steer), float(asked.brake)
-        ego = world.ego
-        row = (*raw, applied.throttle, applied.steer, applied.brake, ego.x_m, ego.y_m, ego.speed_mps)
-        _ROW.pack_into(self._memory, _ROWS_AT + tick * _ROW.size, *row)
-        _COUNT.pack_into(self._memory, _COUNT_AT, tick + 1)
+    def failed(self, error: Exception) -> None:
+        """Print the whole traceback among what the agent printed: a result holds one line of it."""
+        if error.__cause__ is not None:
+            with suppress(Exception):  # the agent may have closed what it goes to
+                traceback.print_exception(error.__cause__)
 
     @property
     def ticks(self) -> int:
@@ -142,41 +143,37 @@ class SharedState:
             if first == second:
                 break
         phase, tick, since_s, agent_s = first
-        return StateReading(Phase(phase) if phase in _PHASES else Phase.IDLE, tick, since_s, agent_s)
+        return StateReading(Phase(min(phase, Phase.IDLE)), tick, since_s, agent_s)  # also where nonsense was written
 
-    def rig(self) -> AgentRig | None:
-        """Return the agent's rig, None before it was known. Raises `ValueError` where the worker wrote nonsense."""
+    def recorded(self) -> RecordedControls | None:
+        """Return what is known of the episode; None where it had not begun, or where the worker wrote nonsense."""
         length = _COUNT.unpack_from(self._memory, _RIG_AT)[0]
-        if not length:
-            return None
         start = _RIG_AT + _COUNT.size
-        fields: dict[str, Any] = json.loads(self._memory[start : start + length])
-        cameras = tuple(CameraSpec(**item) for item in fields["cameras"])
-        return AgentRig(cameras, tuple(fields["consumes"]), bool(fields["privileged"]))
+        try:
+            cameras, consumes, privileged = json.loads(self._memory[start : start + length])
+            rig: tuple[CameraSpec, ...] = tuple(CameraSpec(**camera) for camera in cameras)
+        except (ValueError, TypeError):
+            return None
+        rows = list(_ROW.iter_unpack(self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]))
+        asked = tuple(None if math.isnan(row[0]) else Control(*row[:3]) for row in rows)
+        return RecordedControls(rig, tuple(consumes), bool(privileged), asked, tuple(Control(*row[3:]) for row in rows))
 
-    def rows(self) -> NDArray[np.float64]:
-        """Return an array of shape (ticks, 9): see `runner.episode.rescore`."""
-        import numpy as np
-
-        data = self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]
-        return np.frombuffer(data, np.float64).reshape(-1, ROW_FIELDS)
-
-
-_UNASKED = (float("nan"),) * 3
-_PHASES = frozenset(map(int, Phase))
-
-
-def state_bytes(tick_cap: int) -> int:
-    """Return the size of the state of episodes of so many ticks. Memory that is not written to costs nothing."""
-    return _ROWS_AT + min(tick_cap + 1, _MOST_TICKS) * _ROW.size
+    def _is_connected(self, connection: int) -> bool:
+        try:
+            return os.fstat(connection).st_ino == self._inode
+        except OSError:
+            return False
 
 
-def shared_file(name: str, size: int) -> int:
-    """Return a descriptor of `size` zero bytes in memory (or in a deleted file), not inherited unless asked for."""
+def shared_file(tick_cap: int) -> int:
+    """Return a descriptor of zero bytes in memory (or in a deleted file), enough for an episode of so many ticks.
+
+    Memory that is not written to costs nothing.
+    """
     if hasattr(os, "memfd_create"):
-        fd = os.memfd_create(f"drive-robust-{name}")
+        fd = os.memfd_create("drive-robust-state")
     else:
-        fd, path = tempfile.mkstemp(prefix=f"drive-robust-{name}-")
+        fd, path = tempfile.mkstemp(prefix="drive-robust-state-")
         os.unlink(path)
-    os.ftruncate(fd, size)
+    os.ftruncate(fd, _ROWS_AT + min(tick_cap + 1, _MOST_TICKS) * _ROW.size)
     return fd

@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import pickle
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.death import Blame, Death, Explanation, explain
-from pytest_drive_robust.engine.exchange import Exchange
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.death import Blame, Explanation
+from pytest_drive_robust.engine.exchange import Exchange, T, Take
 from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
-from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.messages import CHECK, SALVAGE, Answer, WorkerRequest
-from pytest_drive_robust.engine.shared_state import Phase, SharedState
+from pytest_drive_robust.engine.messages import BATCH, SALVAGE, WorkerRequest
+from pytest_drive_robust.engine.worker_process import WorkerProcess
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
-from pytest_drive_robust.runner.episode.rescore import RecordedControls, bare_result
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.worker_process import WorkerProcess
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-
-    Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
+from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result
+from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["Stopped", "Supervisor"]
 
+_Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
 _SALVAGE_S = 600.0
-_POLL_S = 0.02
-T = TypeVar("T")
 
 
 class Supervisor:
@@ -47,9 +39,8 @@ class Supervisor:
         self._worker: WorkerProcess | None = None
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._failure: Explanation | None = None
-        self.output = ""
-        """The end of what was printed by the time of the latest result."""
+        self._failure: Explanation  # of the latest worker that was lost
+        self.output = ""  # the end of what was printed by the time of the latest result
 
     @property
     def ticks(self) -> int:
@@ -64,15 +55,14 @@ class Supervisor:
         return None if worker is None else worker.pid
 
     def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive the episode, whatever happens to the process that drives it; with a `width` in a batch of its own.
+        """Drive the episode, whatever happens to the process that drives it; with a `width` in a batch of its own."""
+        return self.drive_request(WorkerRequest.of(request, width=width))
 
-        Raises `UsageError` when the agent or the simulator cannot be made at all or the request cannot be sent, and
-        `Stopped` after `stop`.
+    def drive_request(self, request: WorkerRequest) -> EpisodeResult:
+        """Do the same for a request from another machine.
+
+        Raises `UsageError` when the agent or the simulator cannot be made at all, and `Stopped` after `stop`.
         """
-        return self.drive_pickled(WorkerRequest.of(request, width=width))
-
-    def drive_pickled(self, request: WorkerRequest) -> EpisodeResult:
-        """Do the same where nobody has to read the request but the worker."""
         started = time.monotonic()
         for final in (*(False,) * DRIVEN_AGAIN, True):
             ended = self._attempt(request)
@@ -84,33 +74,18 @@ class Supervisor:
                 return result
         raise AssertionError("the last attempt has a result")
 
-    def check(self, request: EpisodeRequest, width: int) -> bool:
-        """Return whether the agent may be driven in lockstep; False also when the process broke.
-
-        Raises `UsageError`, `Stopped`.
-        """
-        ended = self._attempt(WorkerRequest.of(request, kind=CHECK, width=width))
-        return not isinstance(ended, Explanation) and ended.outcome is Outcome.COMPLETED
-
-    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None], width: int) -> Ended:
+    def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None], width: int) -> _Ended:
         """Drive what `take` gives, up to `width` at a time, until none is under way.
 
         Those without a result, whose process broke, come last. Raises `Stopped`.
         """
-        under_way: dict[str, EpisodeRequest] = {}
 
-        def take_payload() -> tuple[bytes, EpisodeRequest] | None:
-            request = take() if len(under_way) < width else None
-            if request is None:
-                return None
-            under_way[request.key] = request
-            return pickle.dumps(WorkerRequest.of(request, width=width)), request
+        def take_next() -> tuple[WorkerRequest, EpisodeRequest] | None:
+            request = take()
+            return None if request is None else (WorkerRequest.of(request, kind=BATCH, width=width), request)
 
-        for request, answer in self._answers(take_payload, self._limits_of(width), poll_s=_POLL_S):
-            del under_way[request.key]
-            result = answer.result
-            yield request, result if isinstance(result, UsageError) else self._judged(result)
-        yield from ((request, None) for request in under_way.values())
+        for request, result in self._results(agent, take_next, self._limits_of(width), most=width):
+            yield request, self._judged(result) if isinstance(result, EpisodeResult) else result
 
     def stop(self) -> None:
         """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
@@ -165,55 +140,50 @@ class Supervisor:
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)
 
     def _limits_of(self, width: int | None) -> Limits:
-        if self._limits.episode_s is None:
-            return self._limits
-        return replace(self._limits, episode_s=self._limits.episode_s * (width or 1))
+        limits = self._limits
+        return limits if limits.episode_s is None else replace(limits, episode_s=limits.episode_s * (width or 1))
 
     def _attempt(self, asked: WorkerRequest, limits: Limits | None = None) -> EpisodeResult | Explanation:
         """Make one request to the worker. Raises `UsageError`, `Stopped`."""
-        payloads = [pickle.dumps(asked)]
-        limits = limits or self._limits_of(asked.width)
-        for _, answer in self._answers(lambda: (payloads.pop(), None) if payloads else None, limits):
-            result = answer.result
-        if self._failure is not None:
-            return self._failure
+        waiting = iter([(asked, None)])
+        ((_, result),) = self._results(
+            asked.episode.agent, lambda: next(waiting, None), limits or self._limits_of(asked.width)
+        )
         if isinstance(result, UsageError):
             raise result
-        return result
+        return result or self._failure
 
-    def _answers(
-        self, take: Callable[[], tuple[bytes, T] | None], limits: Limits, *, poll_s: float | None = None
-    ) -> Iterator[tuple[T, Answer]]:
-        """Yield what the worker, a new one where there is none, answers to what `take` gives (see `Exchange.run`).
+    def _results(
+        self, agent: str, take: Take[T], limits: Limits, *, most: int = 1
+    ) -> Iterator[tuple[T, EpisodeResult | UsageError | None]]:
+        """Yield what a worker that can drive the agent answers to what `take` gives (see `Exchange.run`).
 
-        At the end `_failure` is how the worker was lost, None when it was not. Raises `UsageError`, `Stopped`.
+        Those without an answer come last; `_failure` is how the worker was lost then. Raises `UsageError`, `Stopped`.
         """
-        self._failure = None
         try:
-            worker = self._ready_worker()
+            worker = self._ready_worker(agent)
         except NoWorkerError as error:
             self._failure = Explanation(Blame.OURS, End.SIMULATION_CRASHED, str(error))
-            while take() is not None:
-                pass  # without an answer
+            while (taken := take()) is not None:
+                yield taken[1], None
             return
-        exchange: Exchange[T] = Exchange(worker, limits, poll_s=poll_s)
-        for whom, answer in exchange.run(take):
+        exchange: Exchange[T] = Exchange(worker, limits, most=most)
+        for whom, result in exchange.run(take):
             self._check_stopped()
-            self.output = exchange.printed
-            yield whom, answer
-        self.output = exchange.printed
-        self._check_stopped()
-        if exchange.death is not None:
-            self._failure = _explained(exchange.death, worker.state)
-        if exchange.death is not None or exchange.is_spent:
+            self.output = worker.printed(limits.output_bytes)
+            if exchange.failure is not None:
+                self._failure = exchange.failure
+            yield whom, result
+        if exchange.failure is not None or exchange.is_spent:
             self._end_worker()
 
-    def _ready_worker(self) -> WorkerProcess:
+    def _ready_worker(self, agent: str) -> WorkerProcess:
         """Return the worker that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
-        if self._worker is not None and self._worker.wait(0.0) is not None:  # somebody killed it while it waited
-            self._end_worker()
+        worker = self._worker
+        if worker is not None and (worker.wait(0.0) is not None or agent not in (worker.drives or (agent,))):
+            self._end_worker()  # somebody killed it while it waited; or the agent's kernels are not in there
         if self._worker is None:
-            worker = self._fork_server.start_worker(self._limits, self._stopped.is_set)
+            worker = self._fork_server.start_worker(self._limits, agent, self._stopped.is_set)
             with self._lock:
                 self._worker = worker
         self._check_stopped()  # `stop` may have come before there was a worker to kill
@@ -230,14 +200,3 @@ class Supervisor:
             worker, self._worker = self._worker, None
         if worker is not None:
             worker.end()
-
-
-def _explained(death: Death, state: SharedState) -> Explanation:
-    """Explain a death, with what the shared state still tells of the episode unless the worker wrote all over it."""
-    found, phase = explain(death), death.reading.phase
-    try:
-        rig, rows = state.rig(), state.rows()
-    except (ValueError, KeyError, TypeError):
-        return found
-    recorded = RecordedControls(rig, rows, phase.call if rig is not None else "sensors")
-    return found if phase is Phase.MAKE else replace(found, recorded=recorded)

@@ -3,48 +3,41 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import pickle
-import select
 import signal
 import socket
 import struct
+import tempfile
 import threading
-import time
 from contextlib import ExitStack
-from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, NamedTuple
+from multiprocessing.connection import Connection, wait
 
-from pytest_drive_robust.engine.shared_state import SharedState, shared_file, state_bytes
+from pytest_drive_robust.engine.shared_state import SharedState, shared_file
+from pytest_drive_robust.engine.worker_setup import Limits
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.limits import Limits
-
-__all__ = ["Descriptors", "WorkerProcess"]
+__all__ = ["WorkerProcess"]
 
 _EXIT_S = 0.5
+_MOST_OUTPUT_BYTES = 1 << 24
 _FORK_S = 30.0
 _STALLED_S = 10
 """The rest of a message comes within this time: a worker writes it in one go, and anybody else does not."""
 
 
-class Descriptors(NamedTuple):
-    """What a worker inherits: for messages, for what is printed, for faulthandler, of the shared state."""
-
-    messages: int
-    output: int
-    faults: int
-    state: int
-
-
 class WorkerProcess:
     """One worker process, started by the fork server behind `control`. Raises `OSError` when that does not work.
 
-    `connection` carries the messages, `output` is the descriptor with what is printed, `faults` that of what
-    faulthandler wrote, `sentinel` becomes readable when the process ends.
+    `connection` carries the messages, `sentinel` becomes readable when the process ends. The worker inherits
+    descriptors for messages, for what is printed, and of the shared state. `drives` are the agents for which it has
+    loaded compiled kernels, None for all of them.
     """
 
-    def __init__(self, control: socket.socket, limits: Limits, *, tick_cap: int) -> None:
+    def __init__(
+        self, control: socket.socket, limits: Limits, *, tick_cap: int, drives: frozenset[str] | None = None
+    ) -> None:
+        self.drives = drives
         self._lock = threading.Lock()
         self._status: int | None = None
         self._closed = False
@@ -54,36 +47,44 @@ class WorkerProcess:
                 theirs.callback(their_socket.close)
                 our_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", _STALLED_S, 0))
                 self.connection = ours.enter_context(Connection(our_socket.detach()))
-                self.output, output = _pipe(ours, theirs)
-                os.set_blocking(self.output, False)
-                self.sentinel, exit_w = _pipe(ours, theirs)
-                self.faults, state = shared_file("faults", 0), shared_file("state", state_bytes(tick_cap))
-                ours.callback(os.close, self.faults)
+                self.sentinel, exit_w = os.pipe()
+                ours.callback(os.close, self.sentinel)
+                theirs.callback(os.close, exit_w)
+                self._output = ours.enter_context(tempfile.TemporaryFile()).fileno()
+                fcntl.fcntl(self._output, fcntl.F_SETFL, os.O_APPEND)
+                state = shared_file(tick_cap)
                 theirs.callback(os.close, state)
                 self.state = SharedState(state)
-                descriptors = Descriptors(their_socket.fileno(), output, self.faults, state)
-                socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *descriptors])
+                inherited = their_socket.fileno(), self._output, state
+                socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *inherited])
             self.pid = self._read_pid()
             self._ours = ours.pop_all()
 
     def _read_pid(self) -> int:
-        if not select.select([self.sentinel], [], [], _FORK_S)[0]:
+        if not wait([self.sentinel], _FORK_S):
             raise TimeoutError(f"it did not fork within {_FORK_S:g} s")
         told = os.read(self.sentinel, 4)
         if len(told) < 4:
             raise ConnectionError("it died instead of forking")
         return int.from_bytes(told, "little", signed=True)
 
+    def printed(self, most_bytes: int) -> str:
+        """Return the end of what was printed since `forget_output`."""
+        size = os.fstat(self._output).st_size
+        text = os.pread(self._output, most_bytes, max(0, size - most_bytes)).decode("utf-8", "replace")
+        if size > _MOST_OUTPUT_BYTES:
+            self.forget_output()
+        return text
+
+    def forget_output(self) -> None:
+        """Begin anew with what is printed."""
+        os.ftruncate(self._output, 0)
+
     def wait(self, timeout_s: float) -> int | None:
         """Return how it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
-        deadline = time.monotonic() + timeout_s
-        while True:
-            with self._lock:
-                status = self._read_status()
-            left_s = deadline - time.monotonic()
-            if status is not None or left_s <= 0:
-                return status
-            select.select([self.sentinel], [], [], left_s)
+        wait([self.sentinel], timeout_s)
+        with self._lock:
+            return self._read_status()
 
     def kill(self, number: int = signal.SIGKILL) -> None:
         """Send a signal to it, SIGKILL to its whole group. From any thread, also when it is dead."""
@@ -97,25 +98,13 @@ class WorkerProcess:
         self.connection.close()
         if self.wait(_EXIT_S) is None:
             self.kill()
-        self.close()
-
-    def close(self) -> None:
-        """Free what belongs to it here. Calling it twice does no harm."""
         with self._lock:
             self._closed = True
             self._ours.close()
 
     def _read_status(self) -> int | None:
-        if self._status is None and not self._closed and select.select([self.sentinel], [], [], 0)[0]:
+        if self._status is None and not self._closed and wait([self.sentinel], 0.0):
             told = os.read(self.sentinel, 4)
             # Nothing was told: the fork server died, and its workers with it.
             self._status = int.from_bytes(told, "little", signed=True) if len(told) == 4 else int(signal.SIGKILL)
         return self._status
-
-
-def _pipe(reading: ExitStack, writing: ExitStack) -> tuple[int, int]:
-    """Make a pipe whose ends are closed with their stacks."""
-    reader, writer = os.pipe()
-    reading.callback(os.close, reader)
-    writing.callback(os.close, writer)
-    return reader, writer

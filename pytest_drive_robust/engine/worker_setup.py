@@ -1,4 +1,4 @@
-"""How a fresh process comes to the registry of this run."""
+"""How a fresh process comes to the registry of this run, and what an episode may use of its machine."""
 
 from __future__ import annotations
 
@@ -10,18 +10,13 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.plugins import call_hook, imported_from
-from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.contents import Contents
-    from pytest_drive_robust.registry.registry import Registry
-
-__all__ = ["WorkerSetup"]
+__all__ = ["Limits", "WorkerSetup"]
 
 _THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -34,14 +29,30 @@ _THREAD_VARIABLES = (
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """The limits of every episode; None where there is none.
+
+    `episode_s` is the wall time of an episode, `act_s` that of one call of the agent (`sensors`, `reset`, `act`).
+    `memory_bytes` is what its process may allocate (`RLIMIT_DATA`, Linux only). Of what the process prints, the last
+    `output_bytes` are kept. A process that grew by `growth_bytes` since its first episode is replaced.
+    """
+
+    episode_s: float | None = None
+    act_s: float | None = None
+    memory_bytes: int | None = None
+    output_bytes: int = 65536
+    growth_bytes: int = 256 << 20
+
+
+@dataclass(frozen=True, slots=True)
 class WorkerSetup:
     """Everything that a process needs to drive the episodes of a run; plain data that pickles.
 
     `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
     `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
     name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
-    are names whose modules are imported once for all processes. `contents` are what agents consist of where the run was
-    started: a process that finds anything else refuses to drive them.
+    are names whose modules are imported once for all processes. `checks_identity`: a process refuses to drive where it
+    finds other code, weights or libraries than there are where the run was started.
     """
 
     python_path: tuple[str, ...]
@@ -51,15 +62,14 @@ class WorkerSetup:
     options: SimulatorOptions = field(default_factory=SimulatorOptions)
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
-    contents: tuple[tuple[str, Contents], ...] = ()
+    checks_identity: bool = False
 
     def start_python(
         self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int
     ) -> subprocess.Popen[bytes]:
         """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
 
-        It finds `content` pickled at its standard input, and in its environment the number of threads for libraries
-        that read it.
+        It finds `content` pickled at its standard input, and in its environment the number of threads.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -80,10 +90,7 @@ class WorkerSetup:
             )
 
     def registry(self) -> Registry:
-        """Return every name that the run knows, in the new process.
-
-        Raises `UsageError` for a plugin that does not load.
-        """
+        """Return every name that the run knows. Raises `UsageError` for a plugin that does not load."""
         sys.path[:] = self.python_path
         os.chdir(self.folder)
         registry = default_registry()

@@ -7,7 +7,16 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bytes2", "Bytes3", "Floats1", "Floats2", "Floats3", "Ints1", "Ints2", "Mask2", "Packed1", "Packed2"]
+__all__ = [
+    "Bytes2", "Bytes3", "Floats", "Floats1", "Floats2", "Floats3", "Ints", "Ints1", "Ints2", "Mask2", "Packed",
+    "Packed1", "Packed2", "Pixels",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Pixels = NDArray[np.uint8]
+Packed = NDArray[np.uint32]
+"""With as many dimensions as the text says: for parts of kernels and for Python."""
 
 Floats1 = Annotated[NDArray[np.float64], 1]
 Floats2 = Annotated[NDArray[np.float64], 2]

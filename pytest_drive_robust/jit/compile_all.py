@@ -16,9 +16,13 @@ from pytest_drive_robust.jit.cache import cache_folder
 from pytest_drive_robust.jit.kernels import ENTRIES, Kernel
 from pytest_drive_robust.jit.signatures import argument_types
 
-__all__ = ["compile_all", "missing_functions"]
+__all__ = ["Compilation", "compile_all", "missing_functions"]
 
 Tell = Callable[[int, int], None]
+_WHOLE = 128
+"""Added to the number of a group: it is in the cache. There are fewer groups."""
+_YIELDING = 10
+"""How much nicer than others processes are that compile while these drive."""
 
 
 def compile_all(*, processes: int, tell: Tell = lambda done, total: None) -> int:
@@ -28,18 +32,100 @@ def compile_all(*, processes: int, tell: Tell = lambda done, total: None) -> int
     two, or where a process with several threads cannot be forked) everything is compiled here. Another process that
     does the same is waited for first: it leaves in the cache what we would compile.
     """
-    missing = _missing()
-    if missing:
-        with _only_one():
+    return Compilation(ENTRIES, processes=processes, tell=tell).missing
+
+
+class Compilation:
+    """Compiles what the entry points of all imported modules lack: those of `first` before anything else happens.
+
+    When it is made they are compiled and loaded. The others are compiled meanwhile and afterwards, in at least one
+    process, which yields to those that drive: `news` becomes readable when there is something to `hear`. `missing` is
+    how many entry points were not in the cache, `children` those processes. See `compile_all` for the rest.
+    """
+
+    def __init__(self, first: Sequence[Any], *, processes: int, tell: Tell = lambda done, total: None) -> None:
+        self.news: int | None = None
+        self._tell = tell
+        self.children: list[int] = []
+        self._held = ExitStack()
+        missing = _missing()
+        if missing:
+            self._held.enter_context(_only_one())
             missing = _missing()
-            groups = _groups(missing)
-            if processes > 1 and len(groups) > 1 and _may_fork():
-                _compile_in_processes(groups, processes, tell)
+        self.missing = len(missing)
+        early = [one for one in missing if one in first]
+        groups = [*_groups(early), *_groups([one for one in missing if one not in first])]
+        self._counts = [_count(group) for group in groups]
+        self._compiled = [0] * len(groups)
+        self._whole: set[int] = set()
+        self._awaited = range(len(_groups(early)))
+        aside = processes > 1 or self._awaited.stop < len(groups)  # one process lets others drive, too
+        if aside and 1 < len(groups) < _WHOLE and _may_fork() and os.access(cache_folder(), os.W_OK):
+            self._fork(groups, max(1, processes))
+            while self.news is not None and not (self._are_compiled() and self._awaited.stop < len(groups)):
+                self._read()
+        elif missing:
+            with _counted(tell, _count(missing)):
+                _compile(missing)
+        _compile(first)  # from the cache
+        if self.news is None:
+            self._end()
+            return
+        self._awaited = range(self._awaited.stop, len(groups))
+        for child in self.children:
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, child, os.getpriority(os.PRIO_PROCESS, 0) + _YIELDING)
+
+    def hear(self) -> None:
+        """Take in how far the processes have come; load everything when nothing is left, and `news` is None then."""
+        self._read()
+        if self.news is None:
+            self._end()
+
+    def _fork(self, groups: list[list[Any]], processes: int) -> None:
+        """Let forked processes take one group after the other; each says when it finished a function, and all of them.
+
+        What a process could not compile is compiled, and its error raised, by the one that needs it.
+        """
+        self.news, write = os.pipe()
+        waiting, queue = os.pipe()
+        os.write(queue, bytes(range(len(groups))))
+        os.close(queue)
+        for _ in range(min(processes, len(groups))):
+            self.children.append(_fork_compiler(groups, waiting, write, self.news))
+        os.close(write)
+        os.close(waiting)
+        self._tell_awaited()
+
+    def _read(self) -> None:
+        """Wait for the next news of the processes; `news` is None when they have ended."""
+        assert self.news is not None
+        data = os.read(self.news, 1024)
+        for said in data:
+            number = said % _WHOLE
+            if said == number:
+                self._compiled[number] = min(self._compiled[number] + 1, self._counts[number])
             else:
-                with _counted(tell, _count(missing)):
-                    _compile(missing)
-    _compile(ENTRIES)  # from the cache
-    return len(missing)
+                self._compiled[number] = self._counts[number]
+                self._whole.add(number)
+        if not data:
+            os.close(self.news)
+            self.news = None
+            self._compiled = list(self._counts)
+        self._tell_awaited()
+
+    def _are_compiled(self) -> bool:
+        return self._whole.issuperset(self._awaited)
+
+    def _tell_awaited(self) -> None:
+        self._tell(*(sum(counts[number] for number in self._awaited) for counts in (self._compiled, self._counts)))
+
+    def _end(self) -> None:
+        for child in self.children:
+            with suppress(ChildProcessError):  # somebody else here waits for all children
+                os.waitpid(child, 0)
+        self._held.close()
+        _compile(ENTRIES)
 
 
 def missing_functions() -> int:
@@ -149,37 +235,17 @@ def _counted(tell: Tell, total: int) -> Iterator[None]:
     tell(total, total)
 
 
-def _compile_in_processes(groups: list[list[Any]], processes: int, tell: Tell) -> None:
-    """Let forked processes take one group after the other; each reports a byte for each function that it finished.
-
-    What a process could not compile is compiled, and its error raised, by the one that needs it.
-    """
-    read, write = os.pipe()
-    waiting, queue = os.pipe()
-    os.write(queue, bytes(range(len(groups))))
-    os.close(queue)
-    children = [_fork_compiler(groups, waiting, write, read) for _ in range(min(processes, len(groups)))]
-    os.close(write)
-    os.close(waiting)
-    done, total = 0, sum(_count(group) for group in groups)
-    tell(0, total)
-    while data := os.read(read, 1024):
-        done = min(done + len(data), total)
-        tell(done, total)
-    os.close(read)
-    for child in children:
-        os.waitpid(child, 0)
-    tell(total, total)
-
-
 def _fork_compiler(groups: list[list[Any]], waiting: int, write: int, read: int) -> int:
     pid = os.fork()
     if pid:
         return pid
     try:
         os.close(read)
-        event.register("numba:compile", _Counter(lambda: os.write(write, b".")))
-        while number := os.read(waiting, 1):
-            _compile(groups[number[0]])
+        counter = _Counter(lambda: os.write(write, bytes([number])))
+        event.register("numba:compile", counter)
+        while taken := os.read(waiting, 1):
+            number = taken[0]
+            _compile(groups[number])
+            os.write(write, bytes([number + _WHOLE]))
     finally:
         os._exit(0)

@@ -24,6 +24,8 @@ from numba.core.compiler import Compiler, CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
+from pytest_drive_robust.jit.resolutions import remembered_resolutions
+
 __all__ = ["TESTED", "PartCompiler", "WholeCompiler", "is_tested"]
 
 TESTED = ((0, 60), (0, 68))
@@ -138,7 +140,7 @@ class _WholeCompiler(CompilerBase):  # type: ignore[misc]
 
     def compile_extra(self, function: Any) -> Any:
         """Compile without the garbage collector: a compiler keeps nearly all that it allocates."""
-        with _no_garbage_collection():
+        with _no_garbage_collection(), remembered_resolutions():
             return super().compile_extra(function)
 
 

@@ -34,7 +34,8 @@ def numba_type(hint: Any) -> Any:
         return hint.numba_type()
     if get_origin(hint) is Annotated:
         array, dimensions = get_args(hint)
-        scalar = get_args(get_args(array)[1])[0]
+        parts = get_args(array)  # shape and dtype; the scalar alone where NDArray is an alias (numpy 2.5)
+        scalar = parts[0] if len(parts) == 1 else get_args(parts[1])[0]
         return types.Array(numba.from_dtype(np.dtype(scalar)), dimensions, "C")
     if get_origin(hint) is tuple:
         return types.BaseTuple.from_types([numba_type(part) for part in get_args(hint)])

@@ -10,8 +10,7 @@ from types import MappingProxyType
 
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.averages import mean, mean_over_routes
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.episodes import mean, mean_over_routes, require_scorable
 from pytest_drive_robust.metrics.score import is_success
 
 __all__ = ["ABILITIES", "abilities", "mean_ability"]
@@ -65,7 +64,7 @@ def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
     return {
         ability: mean_over_routes(
             [result for result in results if result.scenario in scenarios],
-            _masters_signs if ability == _SIGNS else _masters,
+            _masters_signs if ability == _SIGNS else is_success,
         )
         for ability, scenarios in ABILITIES.items()
     }
@@ -77,12 +76,6 @@ def mean_ability(rates: Mapping[str, float | None]) -> float | None:
     return mean(known) if known else None
 
 
-def _masters(result: EpisodeResult) -> float:
-    return float(is_success(result))
-
-
-def _masters_signs(result: EpisodeResult) -> float:
-    if is_success(result):
-        return 1.0
+def _masters_signs(result: EpisodeResult) -> bool:
     obeyed = all(infraction.kind not in _SIGN_INFRACTIONS for infraction in result.infractions)
-    return float(result.junction_passed and obeyed)
+    return is_success(result) or (result.junction_passed and obeyed)

@@ -22,13 +22,14 @@ perfectly comfortable.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from math import fsum
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.guards import require_mode, require_scorable
-from pytest_drive_robust.metrics.smoothing import parabola_filter
+from pytest_drive_robust.metrics.episodes import require_mode, require_scorable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["COMFORT_QUIRKS", "Motion", "comfort", "comfort_of"]
+__all__ = ["COMFORT_QUIRKS", "Motion", "comfort", "comfort_of", "parabola_filter"]
 
 FORWARD_MPS2 = (-4.05, 2.40)
 LATERAL_MPS2 = (-4.89, 4.89)
@@ -140,16 +141,11 @@ def _comfortable(
 
 
 def _smooth(values: Floats) -> Floats:
-    return _savitzky_golay(values, derivative=0, step_s=1.0)
+    return parabola_filter(values, min(_WINDOW_SAMPLES, values.shape[-1]), derivative=0, step_s=1.0)
 
 
 def _slope(values: Floats, step_s: float) -> Floats:
-    return _savitzky_golay(values, derivative=1, step_s=step_s)
-
-
-def _savitzky_golay(values: Floats, *, derivative: int, step_s: float) -> Floats:
-    window = min(_WINDOW_SAMPLES, values.shape[-1])
-    return parabola_filter(values, window, derivative=derivative, step_s=step_s)
+    return parabola_filter(values, min(_WINDOW_SAMPLES, values.shape[-1]), derivative=1, step_s=step_s)
 
 
 def _unwrapped(rates: Floats) -> Floats:
@@ -160,3 +156,35 @@ def _unwrapped(rates: Floats) -> Floats:
     turns[..., 1:] = np.cumsum(np.round(np.diff(rates, axis=-1) / (2.0 * np.pi)), axis=-1)
     corrected: Floats = rates - 2.0 * np.pi * turns
     return corrected
+
+
+def parabola_filter(values: Floats, window: int, *, derivative: int, step_s: float) -> Floats:
+    """Return `values` (..., samples) smoothed (`derivative` 0), or their slope per second (1), of the same shape.
+
+    Windows of 3 or more samples and at most as many as there are; an even one must be all of them. `step_s` is the
+    time between two samples.
+    """
+    import numpy as np
+
+    first, weights = _windows(values.shape[-1], window, derivative)
+    filtered: Floats = weights[:, 0] * values[..., first]
+    for k in range(1, window):
+        filtered = filtered + weights[:, k] * values[..., first + k]
+    return np.asarray(filtered / step_s) if derivative else filtered
+
+
+@functools.lru_cache(maxsize=64)
+def _windows(samples: int, window: int, derivative: int) -> tuple[NDArray[np.int64], Floats]:
+    """Return for each sample where its window begins, (samples,), and the weights of it, (samples, window)."""
+    import numpy as np
+
+    within = np.arange(window) - (window - 1) / 2.0
+    second = within * within
+    squares, fourths = fsum(second), fsum(second * second)
+    spread = window * fourths - squares * squares
+    first = np.clip(np.arange(samples) - window // 2, 0, samples - window)
+    at = within[np.arange(samples) - first][:, None]
+    if derivative:
+        return first, within / squares + 2.0 * at * (window * second - squares) / spread
+    bent = fourths - squares * second + at * at * (window * second - squares)
+    return first, bent / spread + at * within / squares

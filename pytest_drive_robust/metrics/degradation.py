@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.averages import mean, values_by_route
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.episodes import mean, require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 
 __all__ = ["EpisodePair", "pair_up", "paired_driving_scores", "robustness_degradation"]
@@ -58,8 +57,14 @@ def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) 
         if not results:
             raise ComparisonError(f"the {name} set holds no episode. Expected the same routes and seeds in both sets.")
         require_scorable(results)
-        _require_one_setting(name, results)
-        _require_no_duplicate(name, results)
+        settings = sorted({result.episode.setting for result in results})
+        if len(settings) > 1:
+            raise ComparisonError(f"the {name} set mixes settings: {'; '.join(settings)}. Expected one.")
+        repeated = [key for key, count in Counter(map(_key, results)).items() if count > 1]
+        if repeated:
+            raise ComparisonError(
+                f"the {name} set holds more than one episode of {_listed(repeated)}. Expected each (route, seed) once."
+            )
     _require_same_pairs(clean, perturbed)
     _require_same_world([*clean, *perturbed])
     twins = {_key(result): result for result in perturbed}
@@ -74,14 +79,6 @@ def _listed(keys: Sequence[_Key]) -> str:
     shown = ", ".join(f"(route {route}, seed {seed})" for route, seed in sorted(keys)[:_SHOWN])
     more = len(keys) - _SHOWN
     return f"{shown} and {more} more" if more > 0 else shown
-
-
-def _require_no_duplicate(name: str, results: Sequence[EpisodeResult]) -> None:
-    repeated = [key for key, count in Counter(map(_key, results)).items() if count > 1]
-    if repeated:
-        raise ComparisonError(
-            f"the {name} set holds more than one episode of {_listed(repeated)}. Expected each (route, seed) once."
-        )
 
 
 def _require_same_pairs(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> None:
@@ -120,9 +117,3 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
 def _versions_of(result: EpisodeResult) -> dict[str, str]:
     """Return what decides the world: another machine may round differently, which the reports say."""
     return {name: version for name, version in result.versions.items() if name not in MACHINE_FACTS}
-
-
-def _require_one_setting(name: str, results: Sequence[EpisodeResult]) -> None:
-    settings = sorted({result.episode.setting for result in results})
-    if len(settings) > 1:
-        raise ComparisonError(f"the {name} set mixes settings: {'; '.join(settings)}. Expected one.")

@@ -7,8 +7,7 @@ Source: Bench2Drive, criterion `MinimumSpeedRouteTest` (one value per twentieth 
 from __future__ import annotations
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.averages import mean
-from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.episodes import mean, require_mode, require_scorable
 
 __all__ = ["LARGEST_RATIO_PCT", "efficiency"]
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.episodes import require_scorable
 
 __all__ = ["PENALTIES", "driving_score", "is_success", "penalty"]
 

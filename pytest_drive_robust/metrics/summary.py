@@ -9,10 +9,9 @@ from functools import cached_property
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import abilities, mean_ability
-from pytest_drive_robust.metrics.averages import mean, values_by_route
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
-from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.episodes import mean, mean_over_routes, require_mode, require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score, is_success
 
 __all__ = ["Summary", "summarize"]
@@ -39,8 +38,7 @@ class Summary:
     @cached_property
     def comfort(self) -> float | None:
         """Percent of the segments; computed when first asked for, since it takes the trace of every episode."""
-        comforts = values_by_route(self._results, lambda result: comfort(result, mode=self._mode))
-        return mean(list(comforts.values())) if comforts else None
+        return mean_over_routes(self._results, lambda result: comfort(result, mode=self._mode))
 
     @property
     def mean_ability(self) -> float | None:
@@ -56,11 +54,10 @@ def summarize(results: Sequence[EpisodeResult], *, mode: str = "bench2drive") ->
     """
     require_mode(mode)
     require_scorable(results)
-    efficiencies = values_by_route(results, lambda result: efficiency(result, mode=mode))
     return Summary(
         ds=mean(list(values_by_route(results, driving_score).values())),
         sr=mean(list(values_by_route(results, is_success).values())),
-        efficiency=mean(list(efficiencies.values())) if efficiencies else None,
+        efficiency=mean_over_routes(results, lambda result: efficiency(result, mode=mode)),
         abilities=abilities(results),
         episodes=len(results),
         agent_errors=sum(result.outcome is Outcome.AGENT_ERROR for result in results),

@@ -13,11 +13,10 @@ from types import MappingProxyType
 from typing import Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.averages import mean, mean_over_routes, values_by_route
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.degradation import paired_driving_scores, robustness_degradation
 from pytest_drive_robust.metrics.efficiency import efficiency
-from pytest_drive_robust.metrics.guards import require_mode, require_scorable
+from pytest_drive_robust.metrics.episodes import mean, require_mode, require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score, is_success
 
 __all__ = ["METRICS", "EpisodeValue", "Metric", "MetricFunction"]
@@ -67,21 +66,17 @@ class Metric:
         return self.name
 
     def measure(
-        self,
-        results: Sequence[EpisodeResult],
-        *,
-        clean: Sequence[EpisodeResult] = (),
-        mode: str = "bench2drive",
+        self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
     ) -> float | None:
         """Return the value over `results`, None without data. Raises `ComparisonError` as its formula says."""
         require_mode(mode)
         require_scorable(results)
-        of_episode = self.of_episode
-        if of_episode is not None:
-            return mean_over_routes(results, lambda result: of_episode(result, mode))
+        if self.needs_clean:
+            return robustness_degradation(clean, results)
         if self.function is not None:
             return self.function(results)
-        return robustness_degradation(clean, results)
+        values, _ = self.by_route(results, mode=mode)
+        return mean(values) if values else None
 
     def by_route(
         self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
@@ -120,48 +115,27 @@ class Metric:
         return text if float(text) == limit else repr(float(limit))
 
 
-METRICS: Mapping[str, Metric] = MappingProxyType(
-    {
-        metric.name: metric
-        for metric in (
-            Metric(
-                "RD",
-                "robustness degradation: share of the clean driving score that is lost",
-                high=1.0,
-                higher_is_better=False,
-                decimals=2,
-            ),
-            Metric(
-                "DS",
-                "driving score: route completion times penalties",
-                low=0.0,
-                high=100.0,
-                of_episode=lambda result, _mode: driving_score(result),
-            ),
-            Metric(
-                "SR",
-                "success rate: routes completed without an infraction",
-                low=0.0,
-                high=1.0,
-                decimals=2,
-                of_episode=lambda result, _mode: float(is_success(result)),
-            ),
-            Metric(
-                "efficiency",
-                "speed of the ego in percent of the traffic's",
-                unit="%",
-                low=0.0,
-                of_episode=lambda result, mode: efficiency(result, mode=mode),
-            ),
-            Metric(
-                "comfort",
-                "share of seconds within the comfort bounds",
-                unit="%",
-                low=0.0,
-                high=100.0,
-                of_episode=lambda result, mode: comfort(result, mode=mode),
-            ),
-        )
-    }
-)
+_BUILTIN = (
+    Metric(
+        "RD", "robustness degradation: share of the clean driving score that is lost",
+        high=1.0, higher_is_better=False, decimals=2,
+    ),
+    Metric(
+        "DS", "driving score: route completion times penalties",
+        low=0.0, high=100.0, of_episode=lambda result, _mode: driving_score(result),
+    ),
+    Metric(
+        "SR", "success rate: routes completed without an infraction",
+        low=0.0, high=1.0, decimals=2, of_episode=lambda result, _mode: float(is_success(result)),
+    ),
+    Metric(
+        "efficiency", "speed of the ego in percent of the traffic's",
+        unit="%", low=0.0, of_episode=lambda result, mode: efficiency(result, mode=mode),
+    ),
+    Metric(
+        "comfort", "share of seconds within the comfort bounds",
+        unit="%", low=0.0, high=100.0, of_episode=lambda result, mode: comfort(result, mode=mode),
+    ),
+)  # fmt: skip
+METRICS: Mapping[str, Metric] = MappingProxyType({metric.name: metric for metric in _BUILTIN})
 """The built-in metrics by the name that requirements use."""

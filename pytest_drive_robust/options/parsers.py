@@ -24,8 +24,8 @@ __all__ = [
     "writable_folder",
 ]
 
-_DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h)?"
-_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+_DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
+_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
 def one_of(names: tuple[str, ...], what: str) -> Callable[[GivenText], str]:
@@ -106,36 +106,26 @@ def gigabytes(given: GivenText) -> int | None:
 
 def writable_file(given: GivenText) -> Path | None:
     """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
-    if not given.text:
-        return None
-    flag, path = given.flag, Path(given.text).absolute()
-    if path.is_dir():
-        example = f"{given.text}/run{flag.replace('--drive-', '.')}"
-        raise UsageError(f"{flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
-    if not path.parent.is_dir():
-        missing = str(path.parent)
-        raise UsageError(f"{flag} is {given.text!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
-    if not os.access(path.parent, os.W_OK):
-        raise UsageError(f"{flag} is {given.text!r}, but {str(path.parent)!r} cannot be written to.")
-    return path
+    if given.text and Path(given.text).is_dir():
+        example = f"{given.text}/run{given.flag.replace('--drive-', '.')}"
+        raise UsageError(f"{given.flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
+    return writable_folder(given)
 
 
 def writable_folder(given: GivenText) -> Path | None:
     """Return the folder to write at the end, None for nothing; refuse now what could not be made then.
 
-    The folder may be there: whoever writes it says what may be in it.
+    It may be there: whoever writes it says what may be in it.
     """
     if not given.text:
         return None
-    flag, path = given.flag, Path(given.text).absolute()
-    if path.exists() and not path.is_dir():
-        raise UsageError(f"{flag} is {given.text!r}, which is a file; expected a folder, as in {flag} drive-report.")
+    path = Path(given.text).absolute()
     if not path.parent.is_dir():
-        missing = str(path.parent)
-        raise UsageError(f"{flag} is {given.text!r}, but there is no directory {missing!r}.{_similar(path.parent)}")
+        missing, similar = str(path.parent), _similar(path.parent)
+        raise UsageError(f"{given.flag} is {given.text!r}, but there is no directory {missing!r}.{similar}")
     place = path if path.is_dir() else path.parent
     if not os.access(place, os.W_OK):
-        raise UsageError(f"{flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
+        raise UsageError(f"{given.flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
     return path
 
 

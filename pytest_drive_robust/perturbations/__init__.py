@@ -1,8 +1,8 @@
-"""Deployment failures, one small class in one module each, and the stacks of them that episodes are driven under.
+"""Deployment failures, one small class each, and the stacks of them that episodes are driven under.
 
-Imports point one way, in this order: `severity`, `draws`, `values`, `readings`; `sentences`; `context`,
-`paper_variables`; `base`; one module for each failure; `ladder`. A new built-in failure is a new module and a line in
-the table below.
+Imports point one way, in this order: `severity`, `readings`; `sentences`; `context`, `paper_variables`; `base`; a
+module for each failure, for both of ego noise; `ladder`. A new built-in failure is a new module and a line in the
+table below.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ from __future__ import annotations
 from pytest_drive_robust.perturbations.base import BUILTIN, Perturbation, RunningStack, Setting
 from pytest_drive_robust.perturbations.burst_frame_drop import BurstFrameDrop
 from pytest_drive_robust.perturbations.context import EpisodeContext
+from pytest_drive_robust.perturbations.ego_noise import GpsNoise, SpeedNoise
 from pytest_drive_robust.perturbations.frame_blend import FrameBlend
-from pytest_drive_robust.perturbations.gps_noise import GpsNoise
 from pytest_drive_robust.perturbations.inference_latency import InferenceLatency
 from pytest_drive_robust.perturbations.partial_observation import PartialObservation
 from pytest_drive_robust.perturbations.sensor_delay import SensorDelay
 from pytest_drive_robust.perturbations.sentences import kebab_name
-from pytest_drive_robust.perturbations.speed_noise import SpeedNoise
 
 __all__ = [
     "BUILTIN",

@@ -34,11 +34,10 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
-from pytest_drive_robust.perturbations.context import EpisodeContext
+from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.paper_variables import perturbations_from
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, preset, render
-from pytest_drive_robust.perturbations.values import render_value
+from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, preset, render, render_value
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -99,8 +98,12 @@ class Perturbation:
         return control
 
     def schedule(self) -> tuple[Injection, ...]:
-        """Return what was injected so far, for the record. Called once, at the end of the episode."""
-        return ()
+        """Return what was injected so far, for the record. Called once, at the end of the episode.
+
+        That is what was noted in `self._spans`, where `reset` made one (see `context.Spans`).
+        """
+        spans: Spans | None = vars(self).get("_spans")
+        return () if spans is None else spans.injections()
 
     def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
         """Return in a clause why it changed nothing: `"latency 20 ms is 0 ticks at 20 Hz"`.
@@ -209,7 +212,7 @@ class Setting:
     @property
     def warmup_ticks(self) -> int:
         """For so many ticks the vehicle gets neutral commands: the longest `warmup_ticks` of the stack, 0 if none."""
-        return _longest_warmup_ticks(self.perturbations)
+        return max((int(getattr(item, "warmup_ticks", 0)) for item in self.perturbations), default=0)
 
     @property
     def baseline(self) -> Setting:
@@ -288,7 +291,7 @@ class RunningStack:
     @property
     def warmup_ticks(self) -> int:
         """For so many ticks the vehicle gets neutral commands: the longest of the stack, 0 if there is none."""
-        return _longest_warmup_ticks(self._perturbations)
+        return Setting(self._perturbations).warmup_ticks
 
     @property
     def measures_inference(self) -> bool:
@@ -324,10 +327,6 @@ class RunningStack:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, perturbation by perturbation."""
         return tuple(injection for item in self._perturbations for injection in item.schedule())
-
-
-def _longest_warmup_ticks(perturbations: tuple[Perturbation, ...]) -> int:
-    return max((int(getattr(item, "warmup_ticks", 0)) for item in perturbations), default=0)
 
 
 def _overrides(perturbation: Perturbation, method: str) -> bool:

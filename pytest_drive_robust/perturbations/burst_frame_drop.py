@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -10,8 +9,7 @@ from typing import ClassVar, Literal
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext
-from pytest_drive_robust.perturbations.draws import Draws
+from pytest_drive_robust.perturbations.context import NO_CAMERA, Draws, EpisodeContext
 from pytest_drive_robust.perturbations.severity import checked_choice, checked_number, refusal, whole_ticks
 
 __all__ = ["BurstFrameDrop", "BurstSchedule"]
@@ -114,39 +112,30 @@ class BurstSchedule:
     A burst lasts `longest_ticks`, or 2..`longest_ticks` with equal chances when `uniform`.
     """
 
-    __slots__ = ("_draws", "_firsts", "_lasts", "_longest_ticks", "_next", "_probability", "_sensor", "_uniform")
-
     def __init__(self, draws: Draws, sensor: str, *, probability: float, longest_ticks: int, uniform: bool) -> None:
         self._draws = draws
         self._sensor = sensor
         self._probability = probability
         self._longest_ticks = longest_ticks
         self._uniform = uniform
-        self._firsts: list[int] = []
-        self._lasts: list[int] = []
+        self._bursts: list[tuple[int, int]] = []
         self._next = 1  # the first tick that is not decided yet
 
     def is_frozen(self, tick: int) -> bool:
         """Return True when the camera repeats an old image in `tick`."""
         while self._next <= tick:
             self._decide()
-        index = bisect_right(self._firsts, tick) - 1
-        return index >= 0 and tick <= self._lasts[index]
+        return tick <= next((last for first, last in reversed(self._bursts) if first <= tick), -1)
 
     def until(self, tick: int) -> list[tuple[int, int]]:
         """Return the bursts that began at or before `tick`, the last one cut off there."""
         self.is_frozen(tick)
-        pairs = zip(self._firsts, self._lasts)  # noqa: B905 - the evaluator's Python may be too old for `strict`
-        return [(first, min(last, tick)) for first, last in pairs if first <= tick]
+        return [(first, min(last, tick)) for first, last in self._bursts if first <= tick]
 
     def _decide(self) -> None:
         trigger, length, _, _ = self._draws.uniform(self._sensor, self._next)
-        if trigger >= self._probability:
-            self._next += 1
-            return
-        ticks = self._longest_ticks
-        if self._uniform:
-            ticks = 2 + int(length * (self._longest_ticks - 1))
-        self._firsts.append(self._next)
-        self._lasts.append(self._next + ticks - 1)
+        ticks = 1
+        if trigger < self._probability:
+            ticks = 2 + int(length * (self._longest_ticks - 1)) if self._uniform else self._longest_ticks
+            self._bursts.append((self._next, self._next + ticks - 1))
         self._next += ticks

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pytest_drive_robust.domain.observation import Image, Observation
-from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans, cameras_by_name
 from pytest_drive_robust.perturbations.severity import checked_choice, checked_count
@@ -56,10 +55,6 @@ class FrameBlend(Perturbation):
             return observation
         self._spans.touch(observation.tick, observation.cameras)
         return observation.map_images(self._blended)
-
-    def schedule(self) -> tuple[Injection, ...]:
-        """Return one stretch for each camera: every observed tick."""
-        return self._spans.injections()
 
     def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
         """Return that there is no camera, or that the images were all the same."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
@@ -116,10 +115,6 @@ class InferenceLatency(Perturbation):
         if self.mode == "measured" or self._ticks or tick < self.warmup_ticks:
             self._spans.touch(tick, ("control",))
         return Control.NEUTRAL if tick < self.warmup_ticks else due
-
-    def schedule(self) -> tuple[Injection, ...]:
-        """Return one stretch: every tick."""
-        return self._spans.injections()
 
     def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
         """Return how short the latency was, or that all commands were the same."""

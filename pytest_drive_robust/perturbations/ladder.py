@@ -6,20 +6,18 @@ nothing between two ticks exists.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
 
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets
+from pytest_drive_robust.perturbations.sentences import brackets, render_value
 from pytest_drive_robust.perturbations.severity import whole_ticks
-from pytest_drive_robust.perturbations.values import render_value
 
 __all__ = ["Ladder", "failure_word", "ladder_of"]
 
@@ -133,14 +131,11 @@ def _declared(cls: type[Perturbation], dt_s: float) -> tuple[str, tuple[float, .
     if cls.ladder is not None:
         field, steps = cls.ladder
         return field, _ticks(dt_s) if steps == "ticks" else tuple(steps)
+    first = next((field.name for field in fields(cls)), "severity")
     raise PerturbationError(
         f"{cls.__name__} has no ladder of severities. Give it one: "
-        f"ladder: ClassVar = ('{next(iter(_numbers(cls)), 'severity')}', (mildest, ..., most severe))."
+        f"ladder: ClassVar = ('{first}', (mildest, ..., most severe))."
     )
-
-
-def _numbers(cls: type[Perturbation]) -> list[str]:
-    return [field.name for field in dataclasses.fields(cls)]
 
 
 def _one_way(levels: tuple[float, ...]) -> bool:

@@ -82,9 +82,7 @@ def perturbations_from(environ: Mapping[str, str], known: Mapping[str, Callable[
         variables.refuse_seed(name)
     variables.refuse_idle()
     rate_hz = variables.number("SIM_RATE", 20.0, above=0.0)
-    stack: list[_P] = []
-    if variables.switch(_OBSERVATION):
-        stack += [*_timing(variables, rate_hz), *_camera(variables, rate_hz), *_ego_state(variables)]
+    stack = [*_observed(variables, rate_hz)] if variables.switch(_OBSERVATION) else []
     if variables.switch(_LATENCY):
         stack.append(_latency(variables))
     return stack
@@ -124,9 +122,7 @@ class _Variables(Generic[_P]):
 
     def whole(self, name: str, default: int, *, low: int = 0) -> int:
         """Read a whole number of at least `low`."""
-        text = self.text(name)
-        if not text:
-            return default
+        text = self.text(name) or str(default)
         if not text.lstrip("+-").isdecimal() or int(text) < low:
             raise self._refused(name, f"a whole number of at least {low}")
         return int(text)
@@ -177,48 +173,31 @@ class _Variables(Generic[_P]):
         return UsageError(f"the environment variable {name} is {self._environ[name]!r}, expected {expected}")
 
 
-def _timing(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
-    camera_ticks = variables.whole("SENSOR_DELAY_CAM", 0)
-    ego_ticks = variables.whole("SENSOR_DELAY_EGO", 0)
-    if camera_ticks or ego_ticks:
-        yield variables.made(
-            "sensor-delay",
-            _DELAYS,
-            camera_ms=1000.0 * camera_ticks / rate_hz,
-            ego_ms=1000.0 * ego_ticks / rate_hz,
-        )
+def _observed(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
+    made = variables.made
+    camera_ms, ego_ms = (1000.0 * variables.whole(name, 0) / rate_hz for name in _DELAYS)
+    if camera_ms or ego_ms:
+        yield made("sensor-delay", _DELAYS, camera_ms=camera_ms, ego_ms=ego_ms)
     if variables.switch("BLEND_ENABLE"):
         frames = variables.whole("BLEND_NUM", 3, low=1)
         weights = variables.choice("BLEND_MODE", "uniform", ("uniform", "linear"))
-        yield variables.made("frame-blend", ("BLEND_NUM", "BLEND_MODE"), frames=frames, weights=weights)
-
-
-def _camera(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
+        yield made("frame-blend", ("BLEND_NUM", "BLEND_MODE"), frames=frames, weights=weights)
     if variables.switch("FRAME_DROP_ENABLE"):
-        yield variables.made(
-            "burst-frame-drop",
-            ("BURST_MAX_TICKS", "BURST_PROBABILITY"),
-            length_s=variables.whole("BURST_MAX_TICKS", 20, low=2) / rate_hz,
-            probability=variables.number("BURST_PROBABILITY", 0.01),
-            length="uniform",
-        )
+        length_s = variables.whole("BURST_MAX_TICKS", 20, low=2) / rate_hz
+        probability, names = variables.number("BURST_PROBABILITY", 0.01), ("BURST_MAX_TICKS", "BURST_PROBABILITY")
+        yield made("burst-frame-drop", names, length_s=length_s, probability=probability, length="uniform")
     if variables.switch("PARTIAL_OBS_ENABLE"):
         # The paper has a black rectangle and no switch; the code that has the switch blurs unless it is told otherwise.
         usual = "blur" if variables.text("PARTIAL_OBS_ENABLE") else "occlusion"
-        fill = variables.choice("PARTIAL_OBS_TYPE", usual, ("blur", "occlusion"))
+        fill = variables.choice("PARTIAL_OBS_TYPE", usual, ("blur", "occlusion")).replace("occlusion", "black")
         ratio = variables.number("PARTIAL_OBS_RATIO", 0.5)
-        yield variables.made(
-            "partial-observation", ("PARTIAL_OBS_RATIO",), ratio=ratio, fill="black" if fill == "occlusion" else fill
-        )
-
-
-def _ego_state(variables: _Variables[_P]) -> Iterator[_P]:
+        yield made("partial-observation", ("PARTIAL_OBS_RATIO",), ratio=ratio, fill=fill)
     if variables.switch("GPS_DRIFT_ENABLE"):
         level_m = _GPS_LEVELS_M[variables.choice("GPS_DRIFT_MODE", "medium", tuple(_GPS_LEVELS_M))]
-        yield variables.made("gps-noise", ("GPS_NOISE_STD",), std_m=variables.number("GPS_NOISE_STD", level_m))
+        yield made("gps-noise", ("GPS_NOISE_STD",), std_m=variables.number("GPS_NOISE_STD", level_m))
     if variables.switch("SPEED_BIAS_ENABLE"):
         mean, std = variables.number("SPEED_BIAS_MEAN", 0.5), variables.number("SPEED_BIAS_STD", 0.2)
-        yield variables.made("speed-noise", ("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), mean=mean, std=std)
+        yield made("speed-noise", ("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), mean=mean, std=std)
 
 
 def _latency(variables: _Variables[_P]) -> _P:

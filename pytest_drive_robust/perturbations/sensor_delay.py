@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from pytest_drive_robust.domain.observation import Image, Observation
-from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans
 from pytest_drive_robust.perturbations.severity import checked_number, delay_ticks, whole_ticks
@@ -74,10 +73,6 @@ class SensorDelay(Perturbation):
             delayed = replace(delayed, gps=ego.gps, compass=ego.compass, imu=ego.imu, speed=ego.speed)
             self._spans.touch(now, _EGO_SIGNALS)
         return delayed
-
-    def schedule(self) -> tuple[Injection, ...]:
-        """Return one stretch for each delayed signal: every observed tick."""
-        return self._spans.injections()
 
     def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
         """Return that there is no camera to delay, or how many ticks the delay is."""

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import json
+import numbers
 import re
 import string
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,13 +17,6 @@ from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
-from pytest_drive_robust.perturbations.values import (
-    field_types,
-    is_number_type,
-    parse_value,
-    render_value,
-    split_outside_quotes,
-)
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -34,8 +29,11 @@ __all__ = [
     "kebab_name",
     "parse",
     "parse_stack",
+    "parse_value",
     "preset",
     "render",
+    "render_value",
+    "split_outside_quotes",
     "templates_of",
 ]
 
@@ -48,6 +46,10 @@ _READING = "reading"
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
 _BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
 _VALUE = r'"(?:[^"\\]|\\.)*"|[^\s()",=]+'
+_QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
+_WORD = re.compile(r"[A-Za-z_][\w.+-]*", re.ASCII)
+_CONSTANTS = {"true": True, "false": False, "none": None}
+_RESERVED = {*_CONSTANTS, "nan", "inf", "infinity"}
 
 
 class Spoken(Protocol):
@@ -97,12 +99,12 @@ class Template(Generic[_S]):
 
     def pattern(self) -> re.Pattern[str]:
         """Match the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
-        kinds = field_types(self.cls)
+        usual = {**_defaults(self.cls), **self.cls.example}
         parts: list[str] = []
         for literal, name, _, _ in string.Formatter().parse(self.text):
             parts.append(_literal(literal, after_number=bool(parts)))
             if name is not None:
-                parts.append(f"(?P<{name}>{_NUMBER if is_number_type(kinds.get(name, object)) else _VALUE})")
+                parts.append(f"(?P<{name}>{_NUMBER if isinstance(usual.get(name), (int, float)) else _VALUE})")
         return re.compile(rf"\s*{''.join(parts)}\s*(?:\((?P<_brackets>{_BRACKETS})\))?\s*", re.IGNORECASE)
 
 
@@ -185,13 +187,13 @@ def parse(text: str, known: Iterable[type[_S]]) -> _S:
     groups = match.groupdict()
     bracketed = groups.pop("_brackets")
     for name, value in groups.items():
-        values[name] = _converted(cls, name, value)
+        values[name] = parse_value(value)
     reading = None
     for name, value in _bracketed(text, bracketed, cls, values):
-        if name == _READING and name not in field_types(cls):
+        if name == _READING and name not in _names(cls):
             reading = DriveReading(value, f"{_READING}={value} in {text.strip()!r}")
         else:
-            values[name] = _converted(cls, name, value)
+            values[name] = parse_value(value)
     made = _built(cls, values)
     return made if reading is None else made.read_as(reading)
 
@@ -234,7 +236,7 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
     """Return the `name=value` pairs within the brackets, names checked."""
     if brackets is None:
         return
-    open_fields = [name for name in dict.fromkeys((*field_types(cls), _READING)) if name not in taken]
+    open_fields = [name for name in dict.fromkeys((*_names(cls), _READING)) if name not in taken]
     for pair in split_outside_quotes(brackets, ","):
         name, equals, value = (part.strip() for part in pair.partition("="))
         if name in open_fields and value:
@@ -252,15 +254,6 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
         raise RequirementError(f"{message} The brackets may hold: {', '.join(open_fields) or 'nothing'}.")
 
 
-def _converted(cls: type, name: str, text: str) -> object:
-    kind = field_types(cls).get(name, object)
-    try:
-        return parse_value(text, kind)
-    except ValueError:
-        expected = getattr(kind, "__name__", str(kind))
-        raise PerturbationError(f"{cls.__name__}: {name} is {text!r}, expected {expected}") from None
-
-
 def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
     try:
         return cls(**values)
@@ -270,6 +263,10 @@ def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
 
 def _form_of(cls: type[_S], parameters: Mapping[str, object]) -> Template[_S]:
     return next(form for form in templates_of(cls) if form.fits(parameters))
+
+
+def _names(cls: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(cls) if field.init]
 
 
 def _defaults(cls: type) -> dict[str, object]:
@@ -316,3 +313,48 @@ def _literal(text: str, *, after_number: bool) -> str:
     before = r"\s*" if after_number else ""
     after = r"\s+" if words and text[-1:].isspace() else ""
     return before + words + after
+
+
+def render_value(value: object) -> str:
+    """Return the text of a severity: shortest exact number, bare word or JSON string, tuples with slashes.
+
+    >>> render_value(200.0), render_value("hold"), render_value((0.12, 0.3)), render_value((0.12,))
+    ('200', 'hold', '0.12/0.3', '0.12/')
+    """
+    if value is None or isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, numbers.Integral):
+        return str(int(value))
+    if isinstance(value, numbers.Real):
+        return repr(float(value)).removesuffix(".0")
+    if isinstance(value, str):
+        return str(value) if _WORD.fullmatch(value) and value.lower() not in _RESERVED else json.dumps(value)
+    if isinstance(value, tuple) and not any(isinstance(item, tuple) for item in value):
+        return "/".join(map(render_value, value)) + ("/" if len(value) < 2 else "")
+    raise PerturbationError(
+        f"a severity is {value!r}, expected a number, a string, True, False, None or a tuple of those: "
+        "only these have a sentence form"
+    )
+
+
+def parse_value(text: str) -> object:
+    """Return the inverse of `render_value`, by the looks of the text; what looks like nothing else is a string."""
+    parts = split_outside_quotes(text, "/")
+    if len(parts) > 1:
+        return tuple(parse_value(part) for part in parts if part)
+    if text.lower() in _CONSTANTS:
+        return _CONSTANTS[text.lower()]
+    for read in (json.loads,) if text.startswith('"') else (int, float):
+        with contextlib.suppress(ValueError):
+            return -0.0 if text == "-0" else read(text)
+    return text
+
+
+def split_outside_quotes(text: str, separator: str) -> list[str]:
+    """Split as `re.split(separator, text)` does, ignoring case and not inside of JSON strings."""
+    masked = _QUOTED.sub(lambda quoted: "\0" * len(quoted.group()), text)
+    parts, start = [], 0
+    for found in re.finditer(separator, masked, re.IGNORECASE):
+        parts.append(text[start : found.start()])
+        start = found.end()
+    return [*parts, text[start:]]

@@ -1,4 +1,7 @@
-"""With `--drive-robust`: what this process does, registered as plugin objects. Imported only then."""
+"""With `--drive-robust`: what this process does, registered as plugin objects. Imported only then.
+
+What few sessions use is imported by those, as every module takes a millisecond of a run that is answered by the store.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +19,12 @@ from pytest_drive_robust.plugin.backends import backend_for, external_options, i
 from pytest_drive_robust.plugin.collection import CollectionPlugin
 from pytest_drive_robust.plugin.driving import DrivingPlugin
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
-from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
 from pytest_drive_robust.plugin.interrupt import InterruptPlugin
 from pytest_drive_robust.plugin.judging import DriveContext
-from pytest_drive_robust.plugin.plan_option import PlanPlugin, check_plan_alone
-from pytest_drive_robust.plugin.probe_option import ProbePlugin
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
-from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs, RunRecord
+from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.plugin.waivers import WaivingPlugin
 from pytest_drive_robust.registry.plugins import plugin_words
@@ -34,7 +34,7 @@ from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.store.opening import new_run_name, open_store
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.runner.campaign import CampaignObserver
+    from pytest_drive_robust.runner.scheduler import Observer
     from pytest_drive_robust.store.base import EpisodeStore
 
 __all__ = ["activate"]
@@ -55,6 +55,8 @@ def activate(config: pytest.Config) -> None:
         return
     folder = xdist.join_run(config, options, partial(drive_here, shared=True))
     if not is_external(options):
+        from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
+
         context = config.stash[DRIVE_CONTEXT]
         name: str = config.workerinput["workerid"]  # type: ignore[attr-defined]
         idle = IdleWorkerPlugin(folder, name, context.scopes, context.campaign)
@@ -71,6 +73,8 @@ def _report_here(
 ) -> None:
     """Drive here or follow what the workers drive: in the one process that people look at."""
     if options.plan:
+        from pytest_drive_robust.plugin.plan_option import check_plan_alone
+
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
     if options.report_path is not None:
@@ -78,7 +82,7 @@ def _report_here(
 
         check_folder(options.report_path, source="--drive-report")
     first_line = " ".join((header(options), *regression.in_words()))
-    record: RunRecord
+    record: LocalRunRecord | xdist.SharedRunRecord
     if is_controller(config):
         execution.check_workers()
         record = xdist.start_run(config, options)
@@ -88,6 +92,8 @@ def _report_here(
     outputs = RunOutputs(options, record, versions={"pytest": pytest.__version__}, checks=checks)
     config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
     if options.probe:
+        from pytest_drive_robust.plugin.probe_option import ProbePlugin
+
         config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
 
 
@@ -97,7 +103,7 @@ def _drive_here(
     execution: ExecutionOptions,
     regression: RegressionOptions,
     store: EpisodeStore,
-    observer: CampaignObserver,
+    observer: Observer,
     *,
     shared: bool,
 ) -> None:
@@ -111,5 +117,7 @@ def _drive_here(
     collection = CollectionPlugin()
     config.pluginmanager.register(collection, "drive_robust_collection")
     if options.plan:
+        from pytest_drive_robust.plugin.plan_option import PlanPlugin
+
         plan = PlanPlugin(config, store, collection.requests, collection.readings, slots=executor.slots)
         config.pluginmanager.register(plan, "drive_robust_planning")

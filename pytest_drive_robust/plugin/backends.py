@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.plugin.executor import executor_of
+from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executors import Executor, InlineExecutor, factory_offers_lockstep
 from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
@@ -64,9 +68,10 @@ def backend_for(
     store: EpisodeStore,
     ticked: Callable[[], object],
 ) -> tuple[Scopes, Executor]:
-    """Return the scopes of tests and the executor of their episodes. Nothing is started. Raises `UsageError`.
+    """Return the scopes of tests and the executor of their episodes; nothing is started before the first one.
 
-    `shared`, `ticked`: see `executor_of`.
+    `shared`: other processes of this run drive beside us. `ticked` is called after every tick that this process drives
+    itself. Raises `UsageError`.
     """
     registry = default_registry()
     if is_external(options):
@@ -94,7 +99,56 @@ def backend_for(
         lockstep=execution.lockstep is not None,
         is_stored=lambda key: store.get(key) is not None,
     )
-    return scopes, executor_of(config, options, execution, shared=shared, agents=lambda: scopes.agents, ticked=ticked)
+    return scopes, _executor(config, options, execution, shared=shared, agents=lambda: scopes.agents, ticked=ticked)
+
+
+def _executor(
+    config: pytest.Config,
+    options: RunOptions,
+    execution: ExecutionOptions,
+    *,
+    shared: bool,
+    agents: Callable[[], tuple[str, ...]],
+    ticked: Callable[[], object],
+) -> Executor:
+    """Return the executor that was asked for; `agents()` are those of the plan, asked for at the first episode."""
+    if execution.executor == "inline":
+        world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
+        return InlineExecutor(
+            default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
+        )
+    limits = Limits(
+        episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
+    )
+
+    def worker_setup() -> WorkerSetup:
+        return _setup_of(config, options, agents())
+
+    if execution.executor == "ray":
+        from pytest_drive_robust.engine.ray.executor import RayExecutor
+
+        return RayExecutor(worker_setup, limits, address=execution.ray_address, slots=execution.workers)
+    from pytest_drive_robust.engine.pool import ProcessExecutor
+
+    return ProcessExecutor(
+        worker_setup,
+        limits,
+        slots=execution.slots(shared=shared),
+        width=execution.lockstep,
+        shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
+    )
+
+
+def _setup_of(config: pytest.Config, options: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
+    """Return how a fresh process comes to know the names that this one knows."""
+    return WorkerSetup(
+        python_path=tuple(sys.path),
+        folder=os.getcwd(),
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+        simulator=options.simulator,
+        options=SimulatorOptions(stuck_stop_s=options.stuck_stop_s),
+        preload_agents=agents,
+    )
 
 
 def _route_file(options: RunOptions) -> Path | None:

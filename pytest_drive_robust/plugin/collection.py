@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import pytest
 
 from pytest_drive_robust.errors import UsageError
@@ -46,8 +48,9 @@ class CollectionPlugin:
         context.campaign.planned(self.requests, self.readings, ahead=not is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
-            context.campaign.tell(Advised(tuple(self._advice.values())))  # the controller shows it
+            context.campaign.observer(Advised(tuple(self._advice.values())))  # the controller shows it
         note_problem(config, "", lambda: self._identify(context))
+        gc.freeze()  # what is loaded by now stays: pytest collects garbage twice at its end, and need not look at it
 
     def pytest_report_collectionfinish(self) -> list[str]:
         """Return what so many routes cannot show: a sentence about the first metric, because all resolve alike."""
@@ -56,7 +59,7 @@ class CollectionPlugin:
     def _identify(self, context: DriveContext) -> None:
         """Tell the record what agents and routes are made of."""
         for scope in self._scopes.values():
-            context.campaign.tell(context.scopes.identify(scope))
+            context.campaign.observer(context.scopes.identify(scope))
 
     def _add(self, context: DriveContext, item: pytest.Item) -> None:
         """Add the episodes of one test. Raises `UsageError` where its routes can show next to nothing."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 import pytest
 
 from pytest_drive_robust.plugin.judging import BrokenRequirementError, NotJudgedError
+from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
 
@@ -25,7 +26,7 @@ class DrivingPlugin:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
-        self, call: pytest.CallInfo[None]
+        self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Put our message in one line into the short summary, and mark what could not be judged."""
         report = yield
@@ -34,6 +35,9 @@ class DrivingPlugin:
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
                 crash.message = str(error).partition("   (")[0].partition("\n")[0]
+            place = place_of(item)
+            if place is not None:
+                report.location = (place[0], place[1] - 1, report.location[2])  # from 0
             if isinstance(error, NotJudgedError):
                 vars(report)[NOT_JUDGED] = True  # a plain attribute: it travels from workers
             report.sections += [
@@ -43,4 +47,4 @@ class DrivingPlugin:
 
     def pytest_unconfigure(self) -> None:
         """Close simulators."""
-        self._campaign.close()
+        self._campaign.scheduler.close()

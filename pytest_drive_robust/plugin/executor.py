@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from pytest_drive_robust.engine.limits import Limits
-from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import InlineExecutor, factory_offers_lockstep

@@ -52,8 +52,10 @@ def pytest_configure(config: pytest.Config) -> None:
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
         if config.getoption("drive_robust"):
-            from pytest_drive_robust.plugin.activation import activate
+            from pytest_drive_robust.plugin.quick_import import quick_import
 
+            with quick_import():
+                from pytest_drive_robust.plugin.activation import activate
             activate(config)
     except Exception as error:
         from pytest_drive_robust.plugin.usage_errors import raise_as_pytests

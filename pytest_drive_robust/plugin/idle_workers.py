@@ -63,7 +63,7 @@ class IdleWorkerPlugin:
         wanted = _OpenRequests(self._folder, self._scopes)
         try:
             while not self._stop.exists() and self._others_are_busy():
-                self._campaign.assist(wanted.requests())
+                self._campaign.scheduler.assist(wanted.requests())
         except UsageError:  # the worker that asked says so in its test
             return
 

@@ -19,6 +19,8 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.plugin.allure_attachments import attach
+from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
@@ -181,7 +183,7 @@ class Drive:
             dt_s, reading = self._context.scopes.dt_s, self._reading
             ladder = ladder_of(perturbation, dt_s=dt_s, levels=levels, reading=reading)
             bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
-        self._context.campaign.tell(searched(bracket, self._scope, self._item.nodeid))
+        self._context.campaign.observer(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
         return bracket
 
@@ -237,7 +239,10 @@ class Drive:
 
     def _fail(self, judgement: Judgement) -> NoReturn:
         __tracebackhide__ = True
-        raise BrokenRequirementError(self._text(judgement), pytrace=False)
+        attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
+        place = place_of(self._item)
+        stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
+        raise BrokenRequirementError(self._text(judgement) + stated, pytrace=False)
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""

@@ -9,7 +9,7 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.repeatability import drive_twice
+from pytest_drive_robust.runner.repeatability import drive_twice, drives_compared
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -50,4 +50,4 @@ class ProbePlugin:
             )
         except UsageError as error:  # a conftest.py that only the workers read may know the name
             return f"probe: not driven: {error}"
-        return str(found)
+        return drives_compared(*found)

@@ -11,7 +11,6 @@ from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.outcome import Comparison, Terms
 from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.snapshot import Snapshot
-from pytest_drive_robust.regression.verdicts import parse_kind
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import json_text, run_as_json
@@ -31,8 +30,7 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._references = References(regression.home, regression.baselines)
-        kind = parse_kind(options.verdict_rule.kind, source="--drive-verdict")
-        self._terms = Terms(regression.allowances, kind, regression.policy)
+        self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy)
         self._before = self._load(options.simulator) if regression.compare else None
         # the pages show its replays, too; None for a baseline, which holds scores only
         wanted = self._before is not None and options.report_path is not None

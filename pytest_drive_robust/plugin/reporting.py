@@ -17,6 +17,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, 
 __all__ = ["ReportingPlugin", "every_test_ran", "header"]
 
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
+_INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
 _NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")
 
 
@@ -53,6 +54,8 @@ class ReportingPlugin:
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write every report. A run that drove no episode, or whose file was not written, is not green."""
         if self._ran and not problems_of(self._config):
+            if session.exitstatus == pytest.ExitCode.INTERRUPTED:
+                self._outputs.note(_INTERRUPTED)
             problem = self._outputs.finish(whole=every_test_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED

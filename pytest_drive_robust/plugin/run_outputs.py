@@ -6,10 +6,9 @@ import os
 from collections.abc import Callable, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeVar
 
 from pytest_drive_robust import __version__
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.report.csv_file import write_csv
@@ -21,26 +20,19 @@ from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.events import Event
 
-__all__ = ["LocalRunRecord", "RunOutputs", "RunRecord"]
+if TYPE_CHECKING:
+    from pytest_drive_robust.plugin.xdist import SharedRunRecord
+
+__all__ = ["LocalRunRecord", "RunOutputs"]
 
 _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
     "Select tests that use the drive fixture, or leave --drive-robust out."
 )
 
+T = TypeVar("T")
+
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "highway-env")
-
-
-class RunRecord(Protocol):
-    """What happened in a run, wherever it happened."""
-
-    def events(self) -> list[Event]:
-        """Return everything so far; in order within each process."""
-        ...
-
-    def find(self, key: str) -> EpisodeResult | None:
-        """Return the finished episode of a key, or None."""
-        ...
 
 
 class LocalRunRecord:
@@ -54,10 +46,6 @@ class LocalRunRecord:
     def events(self) -> list[Event]:
         """Return everything so far."""
         return self._events
-
-    def find(self, key: str) -> EpisodeResult | None:
-        """Return the finished episode of a key, or None."""
-        return self.store.get(key)
 
     def __call__(self, event: Event) -> None:
         """Note that something happened (see `runner.scheduler.Observer`)."""
@@ -79,7 +67,7 @@ class RunOutputs:
     def __init__(
         self,
         options: RunOptions,
-        record: RunRecord,
+        record: LocalRunRecord | SharedRunRecord,
         *,
         versions: Mapping[str, str],
         checks: RegressionChecks,
@@ -102,30 +90,30 @@ class RunOutputs:
 
         `whole` says that every test was selected and ran.
         """
-        try:
-            self._run = self._build()
-        except Exception as error:
-            self._problems.append(f"ERROR: the result of the run could not be put together: {_reason(error)}")
+        run = self._run = self._attempt("the result of the run could not be put together", self._build)
+        if run is None:
             return True
-        if not self._run.episodes:
+        if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN)
-        self._write(self._options.json_path, write_json, self._run)
-        self._write(self._options.csv_path, write_csv, self._run)
-        try:
-            append_step_summary(self._run, os.environ)
-        except Exception as error:
-            self._problems.append(f"ERROR: the step summary was not written: {_reason(error)}")
-        red = self._conclude(self._run, whole=whole)
-        self._write(self._options.report_path, self._write_pages, self._run)  # it shows the comparison
-        return red or bool(self._problems)
+        self._write(self._options.json_path, write_json, run)
+        self._write(self._options.csv_path, write_csv, run)
+        red = self._attempt("the run was not stored or compared", lambda: self._checks.finish(run, whole=whole))
+        compared = self._checks.comparison
+        self._attempt("the step summary was not written", lambda: append_step_summary(run, os.environ, compared))
+        self._write(self._options.report_path, self._write_pages, run)  # it shows the comparison
+        return bool(red or self._problems)
 
     def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
-        if path is None:
-            return
+        if path is not None:
+            self._attempt(f"{os.fspath(path)} was not written", lambda: write(path, run))
+
+    def _attempt(self, problem: str, act: Callable[[], T]) -> T | None:
+        """Return what `act` returns; note the problem where it raises."""
         try:
-            write(path, run)
+            return act()
         except Exception as error:
-            self._problems.append(f"ERROR: {os.fspath(path)} was not written: {_reason(error)}")
+            self._problems.append(f"ERROR: {problem}: {_reason(error)}")
+            return None
 
     def _write_pages(self, folder: Path, run: RunResult) -> None:
         from pytest_drive_robust.registry.registry import default_registry
@@ -137,15 +125,8 @@ class RunOutputs:
         records = RunRecords.of(document, run.episodes.get, registry, label="this run")
         before = None
         if other is not None and checks.comparison is not None:
-            before = RunRecords.of(other, self._record.find, registry, label=checks.comparison.before.label)
+            before = RunRecords.of(other, self._record.store.get, registry, label=checks.comparison.before.label)
         self._page = write_pages(folder, records, comparison=checks.comparison, before=before)
-
-    def _conclude(self, run: RunResult, *, whole: bool) -> bool:
-        try:
-            return self._checks.finish(run, whole=whole)
-        except Exception as error:
-            self._problems.append(f"ERROR: the run was not stored or compared: {_reason(error)}")
-            return True
 
     def sections(self, *, colour: bool) -> list[tuple[str, str]]:
         """Return (title, text) of what comes after the table."""
@@ -169,7 +150,7 @@ class RunOutputs:
     def _build(self) -> RunResult:
         versions = {"pytest-drive-robust": __version__, **_libraries(), **self._versions}
         events, notes = self._record.events(), tuple(self._notes)
-        return RunResult.of(self._options, events, self._record.find, versions=versions, notes=notes)
+        return RunResult.of(self._options, events, self._record.store.get, versions=versions, notes=notes)
 
 
 def _from_here(path: Path) -> Path:

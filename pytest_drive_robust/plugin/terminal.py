@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any, TextIO
 
-from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress, SilentProgress
+from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
 
 __all__ = ["UncapturedScreen", "progress_for"]
 
@@ -39,7 +39,7 @@ def progress_for(config: Any) -> Progress:
     """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`."""
     reporter = config.pluginmanager.getplugin("terminalreporter")
     if reporter is None or config.getoption("verbose") < 0:
-        return SilentProgress()
+        return Progress()
     capture = config.pluginmanager.getplugin("capturemanager")
     screen = UncapturedScreen(reporter, capture, writer=config.get_terminal_writer())
     return LiveProgress(screen) if reporter.isatty else PlainProgress(screen)

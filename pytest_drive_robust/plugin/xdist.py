@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.store.events import Advised, Event
 from pytest_drive_robust.store.journal import JournalReader, JournalWriter
 from pytest_drive_robust.store.opening import open_store
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.report.progress import Progress
     from pytest_drive_robust.store.base import EpisodeStore
@@ -52,22 +50,15 @@ def join_run(
     """Drive with the store of the run, tell the controller through the run's folder, return it: a worker's part."""
     workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
     folder = Path(workerinput[_INPUT])
-    journal = JournalWriter(folder, name=workerinput["workerid"])
-    config.add_cleanup(journal.close)
+    observer = WorkerObserver(folder, name=workerinput["workerid"])
+    config.add_cleanup(observer.close)
     store = open_store(options, config.rootpath, run=folder.name, own=folder / "store")
-    drive_here(store, WorkerObserver(journal))
+    drive_here(store, observer)
     return folder
 
 
-class WorkerObserver:
+class WorkerObserver(JournalWriter):
     """Writes what happens in a worker to its journal; the controller shows it."""
-
-    def __init__(self, journal: JournalWriter) -> None:
-        self._journal = journal
-
-    def __call__(self, event: Event) -> None:
-        """Write an event."""
-        self._journal(event)
 
     def ticked(self) -> None:
         """Do nothing: the controller cannot see ticks."""
@@ -80,8 +71,8 @@ class SharedRunRecord:
     """What the workers of a run did, read from the run's folder."""
 
     def __init__(self, folder: Path, store: EpisodeStore) -> None:
+        self.store = store
         self._reader = JournalReader(folder)
-        self._store = store
         self._events: list[Event] = []
         self._lock = threading.Lock()
 
@@ -96,10 +87,6 @@ class SharedRunRecord:
             events = self._reader.read()
             self._events += events
         return events
-
-    def find(self, key: str) -> EpisodeResult | None:
-        """Return the finished episode of a key, or None."""
-        return self._store.get(key)
 
 
 class ControllerPlugin:
@@ -153,6 +140,8 @@ class ControllerPlugin:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self) -> Generator[None, None, None]:
         """Stop following before the summaries are written. Workers without tests stop helping."""
+        from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
+
         stop_idle_workers(self._folder)
         self._stop.set()
         if self._thread.is_alive():

@@ -44,8 +44,6 @@ _BUILTIN_SIMULATORS = (
     ("embedded", "embedded:EmbeddedSimulator", ""),
     ("gymnasium", "gymnasium:gymnasium_simulator", "ID"),
 )
-_RENAMED = {"highway-env": "gymnasium"}
-"""Simulators of earlier versions, and what to give instead of them."""
 _BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),)
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
@@ -193,9 +191,6 @@ class Registry:
         if colon and bare in known and (known[bare][0].argument or takes_options):
             name = bare
         if name not in known:
-            if kind == "simulators" and bare in _RENAMED:
-                instead = f"{_RENAMED[bare]}:{argument or 'ID'}"
-                raise UnknownNameError(f"there is no simulator named {name!r} any more. Give {instead!r}.")
             if takes_options:
                 raise UnknownNameError.of("agent", bare, known, hint=_HINTS[kind])
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):

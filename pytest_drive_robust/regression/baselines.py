@@ -9,13 +9,14 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
+from pytest_drive_robust.regression.snapshot import RouteScore
 
 __all__ = ["SCHEMA", "Baseline", "BlessedRoute", "Blessing", "Place", "baseline_file", "merge", "read_baseline"]
 
@@ -25,31 +26,27 @@ SCHEMA = 1
 Place = tuple[str, str, str]
 """(simulator, setting, route id): what a blessed score belongs to."""
 
+_ELSEWHERE = ("route_id", "fingerprint")
+"""What the place and the blessing of a score tell."""
+
 
 @dataclass(frozen=True, slots=True)
 class Blessing:
-    """Who accepted a run, when and why, and what it was driven with. `by`, `run` and `commit` are empty if unknown."""
+    """Who accepted a run, when and why, and what it was driven with. What is not known is empty."""
 
     date: str
     reason: str
-    by: str
-    run: str
-    commit: str
-    fingerprint: Fingerprint
+    by: str = ""
+    run: str = ""
+    commit: str = ""
+    fingerprint: Fingerprint = field(default_factory=lambda: Fingerprint(""))
 
 
-@dataclass(frozen=True, slots=True)
-class BlessedRoute:
-    """An accepted score: `ds` 0..100 and `sr` 0..1, means over `seeds`; `digest` names the content of the route."""
+class BlessedRoute(NamedTuple):
+    """An accepted score, rounded to three digits, and the id of the blessing that accepted it."""
 
     blessing: str
-    scenario: str
-    ds: float
-    sr: float
-    seeds: tuple[int, ...]
-    worst_seed: int
-    outcome: str
-    digest: str
+    score: RouteScore
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,27 +58,16 @@ class Baseline:
     routes: Mapping[Place, BlessedRoute] = field(default_factory=dict)
 
     def to_text(self) -> str:
-        """Return the file: sorted, one route a line, numbers rounded to three digits."""
-        lines = ["{", f'  "schema": {SCHEMA},', f'  "agent": {_line(self.agent)},', '  "blessings": {']
-        lines += _joined(
-            f"    {_line(name)}: {_line(_blessing_json(blessing))}" for name, blessing in sorted(self.blessings.items())
-        )
-        lines += ["  },", '  "scores": {']
-        lines += _joined("\n".join(self._simulator(simulator)) for simulator in _firsts(self.routes))
-        return "\n".join([*lines, "  }", "}"]) + "\n"
-
-    def _simulator(self, simulator: str) -> Iterable[str]:
-        yield f"    {_line(simulator)}: {{"
-        settings = _firsts(place[1:] for place in self.routes if place[0] == simulator)
-        yield from _joined("\n".join(self._setting(simulator, setting)) for setting in settings)
-        yield "    }"
-
-    def _setting(self, simulator: str, setting: str) -> Iterable[str]:
-        yield f"      {_line(setting)}: {{"
-        found = [(place[2], route) for place, route in self.routes.items() if place[:2] == (simulator, setting)]
-        found.sort(key=lambda item: _natural(item[0]))
-        yield from _joined(f"        {_line(route_id)}: {_line(_route_json(route))}" for route_id, route in found)
-        yield "      }"
+        """Return the file: sorted, one route a line."""
+        scores: dict[str, dict[str, dict[str, object]]] = {}
+        for place in sorted(self.routes, key=lambda place: (*place[:2], _natural(place[2]))):
+            simulator, setting, route_id = place
+            scores.setdefault(simulator, {}).setdefault(setting, {})[route_id] = _route_json(self.routes[place])
+        blessings = {name: _blessing_json(blessing) for name, blessing in sorted(self.blessings.items())}
+        document = {"schema": SCHEMA, "agent": self.agent, "blessings": blessings, "scores": scores}
+        levels = {"blessings": 1, "scores": 3}
+        lines = [f"  {_text(name)}: {_text(value, levels.get(name, 0), '  ')}" for name, value in document.items()]
+        return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def merge(old: Baseline, new: Baseline) -> Baseline:
@@ -93,7 +79,7 @@ def merge(old: Baseline, new: Baseline) -> Baseline:
     if old.agent != new.agent:
         raise UsageError(f"the baseline is of agent {old.agent!r}, expected {new.agent!r}.")
     names = {name: _free(name, blessing, old.blessings) for name, blessing in new.blessings.items()}
-    fresh = {place: replace(route, blessing=names[route.blessing]) for place, route in new.routes.items()}
+    fresh = {place: route._replace(blessing=names[route.blessing]) for place, route in new.routes.items()}
     routes = {**old.routes, **fresh}
     used = {route.blessing for route in routes.values()}
     blessings = {**old.blessings, **{names[name]: blessing for name, blessing in new.blessings.items()}}
@@ -114,24 +100,18 @@ def read_baseline(path: Path) -> Baseline:
         document = json.loads(path.read_text(encoding="utf-8"))
         if document["schema"] != SCHEMA:
             raise UsageError(f"{str(path)!r} has schema {document['schema']!r}, this version reads {SCHEMA}.")
-        baseline = Baseline(
-            agent=document["agent"],
-            blessings={name: _blessing(item) for name, item in document["blessings"].items()},
-            routes={
-                (simulator, setting, route_id): BlessedRoute(**{**item, "seeds": tuple(item["seeds"])})
-                for simulator, settings in document["scores"].items()
-                for setting, routes in settings.items()
-                for route_id, item in routes.items()
-            },
-        )
-        lost = [route.blessing for route in baseline.routes.values() if route.blessing not in baseline.blessings]
+        blessings = {name: _blessing(item) for name, item in document["blessings"].items()}
+        routes = {
+            (simulator, setting, route_id): _blessed_route(route_id, item, blessings)
+            for simulator, settings in document["scores"].items()
+            for setting, routes in settings.items()
+            for route_id, item in routes.items()
+        }
+        return Baseline(document["agent"], blessings, routes)
     except OSError as error:
         raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{str(path)!r} is no baseline: {type(error).__name__}: {error}.") from None
-    if lost:
-        raise UsageError(f"{str(path)!r} refers to the blessing {lost[0]!r}, which it does not hold.")
-    return baseline
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
@@ -151,6 +131,12 @@ def _blessing(item: Mapping[str, Any]) -> Blessing:
     return Blessing(**texts, fingerprint=fingerprint)
 
 
+def _blessed_route(route_id: str, item: Mapping[str, Any], blessings: Mapping[str, Blessing]) -> BlessedRoute:
+    fields = {**item, "seeds": tuple(item["seeds"])}
+    blessing = fields.pop("blessing")
+    return BlessedRoute(blessing, RouteScore(route_id, fingerprint=blessings[blessing].fingerprint, **fields))
+
+
 def _blessing_json(blessing: Blessing) -> dict[str, object]:
     document = asdict(blessing)
     document["fingerprint"]["versions"] = dict(sorted(blessing.fingerprint.versions.items()))
@@ -158,21 +144,16 @@ def _blessing_json(blessing: Blessing) -> dict[str, object]:
 
 
 def _route_json(route: BlessedRoute) -> dict[str, object]:
-    return {**asdict(route), "ds": round(route.ds, 3), "sr": round(route.sr, 3)}
+    score = asdict(route.score)
+    return {"blessing": route.blessing, **{name: value for name, value in score.items() if name not in _ELSEWHERE}}
 
 
-def _line(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def _joined(items: Iterable[str]) -> list[str]:
-    """Put a comma behind all but the last."""
-    listed = list(items)
-    return [*(f"{item}," for item in listed[:-1]), *listed[-1:]]
-
-
-def _firsts(places: Iterable[tuple[str, ...]]) -> list[str]:
-    return sorted({place[0] for place in places})
+def _text(value: object, levels: int = 0, indent: str = "") -> str:
+    """Return JSON, the first `levels` levels of its objects with a line for each key."""
+    if not levels or not isinstance(value, dict):
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    lines = [f"{indent}  {_text(key)}: {_text(item, levels - 1, indent + '  ')}" for key, item in value.items()]
+    return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
 
 
 def _natural(text: str) -> list[tuple[int, int, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
@@ -11,7 +11,6 @@ from pytest_drive_robust.regression.baselines import (
     Baseline,
     BlessedRoute,
     Blessing,
-    Place,
     baseline_file,
     merge,
     read_baseline,
@@ -19,18 +18,7 @@ from pytest_drive_robust.regression.baselines import (
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["Blessed", "Signature", "bless", "blessed_snapshot"]
-
-
-@dataclass(frozen=True, slots=True)
-class Signature:
-    """Why, when (ISO date) and by whom. `by`, `run` and `commit` are empty when nobody knows."""
-
-    reason: str
-    date: str
-    by: str = ""
-    run: str = ""
-    commit: str = ""
+__all__ = ["Blessed", "bless", "blessed_snapshot"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +33,11 @@ class Blessed:
 
 
 def bless(
-    run: Snapshot, folder: Path, signature: Signature, *, environ: Mapping[str, str], replace_routes: bool = False
+    run: Snapshot, folder: Path, signature: Blessing, *, environ: Mapping[str, str], replace_routes: bool = False
 ) -> tuple[Blessed, ...]:
     """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
 
+    `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
     of or that holds no score, and, unless `replace_routes`, for routes that are others than the blessed ones of the
     same id. Nothing is written then.
@@ -90,11 +79,11 @@ def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, la
         for (world, setting, route_id), route in baseline.routes.items():
             if world == simulator:
                 routes = cells.setdefault((baseline.agent, setting), {})
-                routes[route_id] = _score(route_id, route, baseline.blessings[route.blessing])
+                routes[route_id] = route.score
     return Snapshot(label, {key: Cell(*key, "", routes) for key, routes in cells.items()})
 
 
-def _require_acceptable(run: Snapshot, signature: Signature, environ: Mapping[str, str]) -> None:
+def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str, str]) -> None:
     if environ.get("CI"):
         raise UsageError(
             "CI is set in the environment, and CI never blesses: a baseline is accepted by a person. Fetch the run, "
@@ -116,7 +105,7 @@ def _require_same_routes(old: Baseline, new: Baseline) -> None:
     others = [
         place
         for place, route in new.routes.items()
-        if place in old.routes and old.routes[place].digest not in ("", route.digest)
+        if place in old.routes and old.routes[place].score.digest not in ("", route.score.digest)
     ]
     if others:
         _, setting, route_id = others[0]
@@ -126,41 +115,14 @@ def _require_same_routes(old: Baseline, new: Baseline) -> None:
         )
 
 
-def _baseline(run: Snapshot, agent: str, signature: Signature) -> Baseline:
-    blessings: dict[str, Blessing] = {}
-    routes: dict[Place, BlessedRoute] = {}
-    for (name, setting), cell in run.cells.items():
-        for route_id, score in cell.routes.items() if name == agent else ():
-            routes[score.fingerprint.simulator, setting, route_id] = BlessedRoute(
-                blessing=signature.date,
-                scenario=score.scenario,
-                ds=round(score.ds, 3),
-                sr=round(score.sr, 3),
-                seeds=score.seeds,
-                worst_seed=score.worst_seed,
-                outcome=score.outcome,
-                digest=score.digest,
-            )
-            blessings[signature.date] = Blessing(
-                date=signature.date,
-                reason=signature.reason.strip(),
-                by=signature.by,
-                run=signature.run,
-                commit=signature.commit,
-                fingerprint=score.fingerprint,
-            )
-    return Baseline(agent, blessings, routes)
-
-
-def _score(route_id: str, route: BlessedRoute, blessing: Blessing) -> RouteScore:
-    return RouteScore(
-        route_id=route_id,
-        scenario=route.scenario,
-        ds=route.ds,
-        sr=route.sr,
-        seeds=route.seeds,
-        outcome=route.outcome,
-        worst_seed=route.worst_seed,
-        digest=route.digest,
-        fingerprint=blessing.fingerprint,
-    )
+def _baseline(run: Snapshot, agent: str, signature: Blessing) -> Baseline:
+    routes = {
+        (score.fingerprint.simulator, setting, route_id): BlessedRoute(
+            signature.date, replace(score, ds=round(score.ds, 3), sr=round(score.sr, 3))
+        )
+        for (name, setting), cell in run.cells.items()
+        if name == agent
+        for route_id, score in cell.routes.items()
+    }
+    prints = [route.score.fingerprint for route in routes.values()]  # a run has one for each agent
+    return Baseline(agent, {signature.date: replace(signature, fingerprint=prints[0])} if prints else {}, routes)

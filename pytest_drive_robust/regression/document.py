@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,9 @@ from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.verdict.explain import describe_outcome
 
-__all__ = ["READS_SCHEMA", "episode_of", "read_document", "snapshot_of"]
+__all__ = ["episode_of", "read_document", "snapshot_of"]
 
-READS_SCHEMA = 1
+_SCHEMA = 1
 """The `schema` of the runs that are understood here."""
 
 
@@ -34,9 +34,9 @@ def read_document(path: Path) -> dict[str, Any]:
     known = ("settings", "summaries", "episodes")
     if not isinstance(document, dict) or any(name not in document for name in known):
         raise UsageError(f"{str(path)!r} is no run: expected a file written by --drive-save or --drive-json.")
-    if document.get("schema") != READS_SCHEMA:
+    if document.get("schema") != _SCHEMA:
         raise UsageError(
-            f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {READS_SCHEMA}. "
+            f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {_SCHEMA}. "
             "Drive it again."
         )
     return document
@@ -45,74 +45,59 @@ def read_document(path: Path) -> dict[str, Any]:
 def snapshot_of(document: Mapping[str, Any], *, label: str) -> Snapshot:
     """Return the scores and the fingerprint of a run. Raises `UsageError` for a document that lacks what runs have."""
     try:
-        return _Reader(document, label).snapshot()
+        return _snapshot(document, label)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
 
 
-class _Reader:
-    def __init__(self, document: Mapping[str, Any], label: str) -> None:
-        self._document = document
-        self._label = label
-        self._routes: Mapping[str, str] = document.get("fingerprint", {}).get("routes", {})
-        self._prints: dict[str, Fingerprint] = {}
-
-    def snapshot(self) -> Snapshot:
-        """Return cells in the order of the summaries."""
-        found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
-        specs: dict[CellKey, str] = {}
-        for row in self._document["summaries"]:
-            key = row["agent"], row["setting"]
-            found.setdefault(key, {})
-            specs.setdefault(key, row["routes_spec"])
-        for episode in self._document["episodes"]:
-            key = episode["agent"], episode["setting"]
-            found.setdefault(key, {}).setdefault(episode["route_id"], []).append(episode)
-        cells = {key: self._cell(key, specs.get(key, ""), routes) for key, routes in found.items()}
-        stored = self._document.get("stored") or {}  # a plain --drive-json file does not say
-        return Snapshot(self._label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")
-
-    def _cell(self, key: CellKey, routes_spec: str, routes: Mapping[str, list[Mapping[str, Any]]]) -> Cell:
-        scores, broken = {}, []
-        for route_id, episodes in routes.items():
-            self._require_one_route(key, route_id, episodes)
-            scored = [item for item in episodes if item["driving_score"] is not None]
-            broken += [
-                f"{route_id}, seed {item['seed']}: {item['end_detail']}" for item in episodes if item not in scored
-            ]
-            if scored:
-                scores[route_id] = RouteScore.of(
-                    route_id,
-                    scored[0]["scenario"],
-                    [_taken(item) for item in scored],
-                    digest=self._routes.get(route_id, ""),
-                    fingerprint=self._fingerprint(key[0]),
-                )
-        return Cell(*key, routes_spec, scores, tuple(broken))
-
-    def _require_one_route(self, key: CellKey, route_id: str, episodes: Iterable[Mapping[str, Any]]) -> None:
-        """Refuse two routes of one id, as of two files that a run drove: their episodes must not be averaged."""
-        seeds = [item["seed"] for item in episodes]
-        if len(set(seeds)) != len(seeds):
+def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
+    """Return cells in the order of the summaries."""
+    found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
+    specs: dict[CellKey, str] = {}
+    for row in document["summaries"]:
+        found.setdefault((row["agent"], row["setting"]), {})
+        specs.setdefault((row["agent"], row["setting"]), row["routes_spec"])
+    for episode in document["episodes"]:
+        of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
+        if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
             raise UsageError(
-                f"the run {self._label!r} holds two routes with the id {route_id!r} for {key[0]} under {key[1]}, so "
-                "they cannot be told apart. Give the routes of one file other ids, or drive the files in two runs."
+                f"the run {label!r} holds two routes with the id {episode['route_id']!r} for {episode['agent']} under "
+                f"{episode['setting']}, so they cannot be told apart. Give the routes of one file other ids, or drive "
+                "the files in two runs."
             )
+        of_route.append(episode)
+    digests = document.get("fingerprint", {}).get("routes", {})
+    prints = {agent: _fingerprint(document, agent) for agent, _ in found}
+    cells = {}
+    for key, routes in found.items():
+        broken = [item for items in routes.values() for item in items if item["driving_score"] is None]
+        scores = {
+            route_id: RouteScore.of(
+                route_id,
+                scored[0]["scenario"],
+                [_taken(item) for item in scored],
+                digest=digests.get(route_id, ""),
+                fingerprint=prints[key[0]],
+            )
+            for route_id, items in routes.items()
+            if (scored := [item for item in items if item["driving_score"] is not None])
+        }
+        told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
+        cells[key] = Cell(*key, specs.get(key, ""), scores, told)
+    stored = document.get("stored") or {}  # a plain --drive-json file does not say
+    return Snapshot(label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")
 
-    def _fingerprint(self, agent: str) -> Fingerprint:
-        if agent not in self._prints:
-            settings = self._document["settings"]
-            told = self._document.get("fingerprint", {}).get("agents", {}).get(agent, {})
-            self._prints[agent] = Fingerprint(
-                simulator=settings["simulator"],
-                stuck_stop_s=settings.get("stuck_stop_s"),
-                agent=AgentPrint(**{name: told.get(name, "") for name in ("distribution", "source", "weights")}),
-                versions=merged_versions(
-                    item.get("versions", {}) for item in self._document["episodes"] if item["agent"] == agent
-                ),
-                plugins=tuple(settings.get("plugins", ())),  # runs that were saved before these were told lack them
-            )
-        return self._prints[agent]
+
+def _fingerprint(document: Mapping[str, Any], agent: str) -> Fingerprint:
+    settings = document["settings"]
+    told = document.get("fingerprint", {}).get("agents", {}).get(agent, {})
+    return Fingerprint(
+        simulator=settings["simulator"],
+        stuck_stop_s=settings.get("stuck_stop_s"),
+        agent=AgentPrint(**{name: told.get(name, "") for name in ("distribution", "source", "weights")}),
+        versions=merged_versions(item.get("versions", {}) for item in document["episodes"] if item["agent"] == agent),
+        plugins=tuple(settings.get("plugins", ())),  # runs that were saved before these were told lack them
+    )
 
 
 def _taken(item: Mapping[str, Any]) -> Taken:

@@ -17,12 +17,15 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from pytest_drive_robust.domain.result import MACHINE_FACTS
-from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.options.parsers import one_of
 
 __all__ = ["AgentPrint", "Fingerprint", "Mismatch", "MismatchPolicy", "mismatches", "parse_policy"]
 
 MismatchPolicy = Literal["default", "warn", "refuse"]
 Kind = Literal["simulator", "routes", "versions", "agent"]
+
+parse_policy = one_of(get_args(MismatchPolicy), "policy for mismatches")
+"""Returns the policy that an option names."""
 
 _NOT_NUMBERS = frozenset({"pytest", "pytest-drive-robust"})
 """Versions that are recorded but decide no score; our own simulators have versions of their own."""
@@ -70,14 +73,6 @@ class Mismatch:
         if self.kind == "agent" or policy == "warn":
             return False
         return policy == "refuse" or self.kind in ("simulator", "routes")
-
-
-def parse_policy(given: str) -> MismatchPolicy:
-    """Return the policy of that name. Raises `UnknownNameError`."""
-    known: dict[str, MismatchPolicy] = {name: name for name in get_args(MismatchPolicy)}
-    if given not in known:
-        raise UnknownNameError.of("policy for mismatches", given, known)
-    return known[given]
 
 
 def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[Mismatch, ...]:

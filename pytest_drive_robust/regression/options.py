@@ -23,10 +23,6 @@ def _allowances(given: GivenText) -> tuple[Allowance, ...]:
     return parse_allowances([given.text], source=given.flag)
 
 
-def _policy(given: GivenText) -> MismatchPolicy:
-    return parse_policy(given.text)
-
-
 def _compare(given: GivenText) -> str:
     """Refuse a place: `--drive-compare suites/` takes the folder that was meant to be collected."""
     reference = given.text
@@ -69,7 +65,7 @@ class RegressionOptions:
     save: str = option("--drive-save", parse=_save)
     compare: str = option("--drive-compare", parse=_compare)
     allowances: tuple[Allowance, ...] = option("--drive-fail-on", parse=_allowances)
-    policy: MismatchPolicy = option("--drive-on-mismatch", parse=_policy)
+    policy: MismatchPolicy = option("--drive-on-mismatch", parse=parse_policy)
     baselines: Path = option("--drive-baselines", parse=_baselines)
     waivers: Path | None = option("--drive-waivers", parse=_waivers)
 

@@ -4,35 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression import clock, git
-from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["AUTO", "RESERVED", "StoredRun", "StoredRuns", "check_run_name", "home_of", "run_file"]
+__all__ = ["AUTO", "StoredRuns", "check_run_name", "home_of", "run_file"]
 
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
-RESERVED = (AUTO, "latest", "baseline")
+_RESERVED = (AUTO, "latest", "baseline")
 _HOME = ".drive-robust"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
-
-
-@dataclass(frozen=True, slots=True)
-class StoredRun:
-    """What `drive-robust runs list` says about a run. `problem` is why the file is none, else empty."""
-
-    name: str
-    date: str = ""
-    commit: str = ""
-    agents: tuple[str, ...] = ()
-    settings: int = 0
-    episodes: int = 0
-    problem: str = ""
 
 
 def home_of(folder: Path) -> Path:
@@ -48,7 +33,7 @@ def check_run_name(name: str, *, source: str) -> str:
 
     A path is refused with advice: `--drive-save suites/` takes the folder that was meant to be collected.
     """
-    if name in RESERVED:
+    if name in _RESERVED:
         raise UsageError(f"{source} is {name!r}, which stands for something else. Choose another name.")
     if not _NAME.fullmatch(name) or name.endswith((".json", ".py")):
         raise UsageError(
@@ -97,25 +82,6 @@ class StoredRuns:
         if name not in names:
             raise UnknownNameError.of("stored run", name, names, hint="Store one with --drive-save=NAME.")
         return self.path / f"{name}.json"
-
-    def runs(self) -> list[StoredRun]:
-        """Return all of them, the oldest first. A file that is no run is listed with its problem."""
-        return [self._describe(name) for name in self.names()]
-
-    def _describe(self, name: str) -> StoredRun:
-        try:
-            document = read_document(self.path / f"{name}.json")
-            stored, rows = document.get("stored") or {}, document["summaries"]
-            return StoredRun(
-                name=name,
-                date=stored.get("date") or "",
-                commit=stored.get("commit") or "",
-                agents=tuple(dict.fromkeys(row["agent"] for row in rows)),
-                settings=len({row["setting"] for row in rows}),
-                episodes=len(document["episodes"]),
-            )
-        except UsageError as error:
-            return StoredRun(name, problem=str(error))
 
     def _free(self, name: str) -> str:
         """Return `name`, or with a number behind it when two runs end in the same second."""

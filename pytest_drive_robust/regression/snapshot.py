@@ -37,8 +37,8 @@ class RouteScore:
     ds: float
     sr: float
     seeds: tuple[int, ...]
-    outcome: str
     worst_seed: int
+    outcome: str
     digest: str
     fingerprint: Fingerprint
 
@@ -54,8 +54,8 @@ class RouteScore:
             ds=fmean(item.ds for item in taken),
             sr=fmean(item.success for item in taken),
             seeds=tuple(sorted(item.seed for item in taken)),
-            outcome=worst.outcome,
             worst_seed=worst.seed,
+            outcome=worst.outcome,
             digest=digest,
             fingerprint=fingerprint,
         )

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import cast
 
-from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS, VerdictRule
-from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.stats.evidence import (
@@ -25,17 +24,10 @@ from pytest_drive_robust.stats.evidence import (
 )
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
 
-__all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for", "parse_kind"]
+__all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for"]
 
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
-
-
-def parse_kind(given: str, *, source: str) -> str:
-    """Return the rule of that name, or `"auto"`. Raises `UnknownNameError`, naming `source`."""
-    if given not in VERDICT_KINDS:
-        raise UnknownNameError.of(f"rule for {source}", given, VERDICT_KINDS)
-    return given
 
 
 def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> VerdictKind:

@@ -15,7 +15,7 @@ TOML, because a waiver is written and read by people and wants comments.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import date, datetime
 from fnmatch import fnmatchcase
@@ -64,11 +64,10 @@ class Waiver:
 
 
 class Waivers:
-    """The waivers of a run. `today` is asked whenever a date counts."""
+    """The waivers of a run."""
 
-    def __init__(self, waivers: Sequence[Waiver] = (), today: Callable[[], date] | None = None) -> None:
+    def __init__(self, waivers: Sequence[Waiver] = ()) -> None:
         self._waivers = tuple(waivers)
-        self._today = today
 
     @classmethod
     def of(cls, path: Path | None) -> Waivers:
@@ -85,8 +84,7 @@ class Waivers:
 
     def holds(self, waiver: Waiver) -> bool:
         """Return True up to and on the day on which it expires."""
-        today = clock.today if self._today is None else self._today
-        return today() <= waiver.expires
+        return clock.today() <= waiver.expires
 
     def review(self, judged: Sequence[Judged], *, whole: bool) -> list[str]:
         """Return what people should know at the end: a line for each waiver, in the order of the file.

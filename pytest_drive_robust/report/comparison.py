@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import counted, shown
 from pytest_drive_robust.report.page import WIDTH, Page, new_table
-from pytest_drive_robust.verdict.explain import WorstRoute
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -155,10 +155,8 @@ def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> 
     options = RunOptions(
         simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s, plugins=fingerprint.plugins
     )
-    worst = WorstRoute(
-        score.route_id, score.scenario, score.worst_seed, None, score.ds, "not driven", score.outcome, None
-    )
-    return replay_command(worst, cell.agent, cell.setting, options, routes_spec=cell.routes_spec)
+    episode = Episode(cell.agent, score.route_id, cell.setting, score.worst_seed)
+    return replay_command(episode, options, routes_spec=cell.routes_spec)
 
 
 def _short(lines: Sequence[str], most: int) -> Iterator[str]:

@@ -7,8 +7,7 @@ from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.report.json_file import episode_as_json
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult
 
-__all__ = ["COLUMNS", "csv_text", "write_csv"]
+__all__ = ["COLUMNS", "csv_text", "episode_fields", "write_csv"]
 
 COLUMNS = (
     "agent",
@@ -51,37 +50,23 @@ def csv_text(run: RunResult) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for key, result in run.episodes.items():
-        fields = {**_fields(result), "key": key}
+        fields = {**episode_fields(result), "key": key}
         writer.writerow([fields[column] for column in COLUMNS])
     return legible(stream.getvalue(), controls=True)
 
 
-def _fields(result: EpisodeResult) -> dict[str, object]:
-    score, success = _score(result)
+def episode_fields(result: EpisodeResult) -> dict[str, object]:
+    """Return every column of an episode but its key; None where there is no number."""
+    facts = episode_as_json("", result)
+    success = facts["success"]
     events = sorted(result.infractions, key=lambda event: event.tick)
     touched = () if result.reception is None else result.reception.touched
     return {
-        "agent": result.episode.agent,
-        "setting": result.episode.setting,
-        "route_id": result.episode.route_id,
-        "scenario": result.scenario,
-        "seed": result.episode.seed,
-        "outcome": result.outcome.value,
-        "end": result.end.value,
-        "driving_score": score,
-        "success": success,
+        **{name: facts[name] for name in COLUMNS if name in facts and name != "key"},
+        "success": None if success is None else int(bool(success)),
         "route_completion_pct": float(result.route_completion_pct),
         "infractions": " ".join(event.kind.value for event in events),
-        "first_infraction_s": round(events[0].tick * result.dt_s, 6) if events else "",
+        "first_infraction_s": round(events[0].tick * result.dt_s, 6) if events else None,
         "touched": " ".join(touch.signal for touch in touched),
         "game_s": round(result.game_s, 6),
-        "wall_s": result.wall_s,
-        "trace_digest": result.trace.digest,
     }
-
-
-def _score(result: EpisodeResult) -> tuple[float | str, int | str]:
-    try:
-        return driving_score(result), int(is_success(result))
-    except ComparisonError:
-        return "", ""

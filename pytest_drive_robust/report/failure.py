@@ -6,19 +6,18 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.simulators.routes import ships
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.domain.episode import Episode
     from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.explain import WorstRoute
 
-__all__ = ["failure_text", "replay_command", "value_text"]
+__all__ = ["failure_text", "replay_command", "value_text", "worst_episode"]
 
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
@@ -32,10 +31,15 @@ def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, pri
     if privileged:
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
     if verdict.worst:
-        setting = str(verdict.requirement.setting)
-        command = replay_command(verdict.worst[0], verdict.agent, setting, options, routes_spec=routes_spec)
+        command = replay_command(worst_episode(verdict), options, routes_spec=routes_spec)
         lines.append(f"  replay:  {command}")  # never shortened: it is there to be copied
     return "\n".join(lines)
+
+
+def worst_episode(verdict: Verdict) -> Episode:
+    """Return the first of the worst routes of a verdict, which must have one, as the episode under the failure."""
+    worst = verdict.worst[0]
+    return Episode(verdict.agent, worst.route_id, str(verdict.requirement.setting), worst.seed)
 
 
 def value_text(metric: str, setting: str, value: float) -> str:
@@ -43,13 +47,11 @@ def value_text(metric: str, setting: str, value: float) -> str:
     return f"{metric} under {setting} = {shown(metric, value)}"
 
 
-def replay_command(
-    worst: WorstRoute | Episode, agent: str, setting: str, options: RunOptions, *, routes_spec: str
-) -> str:
+def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -> str:
     """Return the command line that drives one episode again, without the options that say what the defaults say."""
     words = ["drive-robust", *(word for plugin in options.plugins for word in ("-p", plugin))]
-    words += ["replay", worst.route_id, "--agent", agent, "--setting", setting]
-    words += ["--seed", str(worst.seed)]
+    words += ["replay", episode.route_id, "--agent", episode.agent, "--setting", episode.setting]
+    words += ["--seed", str(episode.seed)]
     if routes_spec != options.simulator and not ships(routes_spec):
         words += ["--routes", routes_spec]
     if options.stuck_stop_s is not None:

@@ -1,4 +1,4 @@
-"""The run as a GitHub step summary: what a pull request shows without opening a log."""
+"""The run as Markdown: what a pull request shows, as a step summary and as a comment, without opening a log."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.perturbations.readings import READINGS
+from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.numbers import interval_text, legible, shown
 from pytest_drive_robust.report.terminal import columns_of, footnotes, numbers_of
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.regression.outcome import CellComparison, Comparison
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
     from pytest_drive_robust.store.events import Judged
 
@@ -20,22 +22,23 @@ VARIABLE = "GITHUB_STEP_SUMMARY"
 """Where GitHub Actions says which file to append to."""
 
 _LOUD = ("fail", "error")
+_MOST_FLIPS = 10
 _VERDICT_HEADS = ("requirement", "agent", "value", "interval", "routes", "verdict")
 
 
-def append_step_summary(run: RunResult, environ: Mapping[str, str]) -> None:
+def append_step_summary(run: RunResult, environ: Mapping[str, str], comparison: Comparison | None = None) -> None:
     """Append the summary to the file that the environment names; without one nothing happens. Raises `OSError`."""
     path = environ.get(VARIABLE, "")
     if not path:
         return
-    text = step_summary(run)
+    text = step_summary(run, comparison)
     if text:
         with Path(path).open("a", encoding="utf-8") as file:
             file.write(legible(text))
 
 
-def step_summary(run: RunResult) -> str:
-    """Return as Markdown the verdicts, the table of settings, the footnotes. Empty when nothing was asked for."""
+def step_summary(run: RunResult, comparison: Comparison | None = None) -> str:
+    """Return the verdicts, what changed, the table of settings, the footnotes. Empty when nothing was asked for."""
     if not run.rows and not run.judged:
         return ""
     parts = [f"## drive-robust: {_headline(run)}"]
@@ -43,6 +46,7 @@ def step_summary(run: RunResult) -> str:
         parts.append(_table(_VERDICT_HEADS, map(_verdict, run.judged)))
     reasons = [f"- {_cell(item.requirement)}: {_cell(item.message)}" for item in run.judged if item.message]
     parts += ["\n".join(reasons)] if reasons else []
+    parts += [] if comparison is None else _compared(comparison)
     if run.rows:
         columns = columns_of(run)
         table = _table(("agent", "setting", *columns, "verdict"), (_setting(row, columns) for row in run.rows))
@@ -62,6 +66,7 @@ def _headline(run: RunResult) -> str:
     parts += [f"{counts['fail']} broken"] if counts["fail"] else []
     parts += [f"{counts['error']} not judged"] if counts["error"] else []
     parts += [f"{open_} open"] if open_ else []
+    parts += ["but the run ended early"] if any(len(row.results) < row.needed for row in run.rows) else []
     reading = run.options.reading
     return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")
 
@@ -81,6 +86,49 @@ def _verdict(judged: Judged) -> tuple[str, ...]:
     )
 
 
+def _compared(comparison: Comparison) -> list[str]:
+    """Return what came of comparing, the settings in which a score changed, before and after, and what broke."""
+    parts = [f"### {_cell(conclusion(comparison))}"]
+    cells = [] if comparison.refusals else [cell for cell in comparison.cells if cell.changed or cell.regressed]
+    if cells:
+        heads = (
+            "agent",
+            "setting",
+            "DS before",
+            "after",
+            "SR before",
+            "after",
+            "RD before",
+            "after",
+            "routes",
+            "verdict",
+        )
+        parts.append(_table(heads, map(_before_and_after, cells)))
+    broken = [(cell, flip.before, flip.after) for cell in cells for flip in cell.flips if flip.fails]
+    lines = [
+        f"- {_cell(f'{after.route_id} {after.scenario} under {cell.setting}: was {before.ds:.1f}, {before.outcome}')}; "
+        f"is {_cell(f'{after.ds:.1f}, {after.outcome}')}"
+        for cell, before, after in broken[:_MOST_FLIPS]
+    ]
+    lines += [f"- and {len(broken) - _MOST_FLIPS} more"] if len(broken) > _MOST_FLIPS else []
+    return [*parts, "\n".join(("newly failing:\n", *lines))] if lines else parts
+
+
+def _before_and_after(cell: CellComparison) -> tuple[str, ...]:
+    before, after = cell.before, cell.after
+    numbers = (
+        shown(metric, value)
+        for metric, pair in (
+            ("DS", (before.ds, after.ds)),
+            ("SR", (before.sr, after.sr)),
+            ("RD", (before.rd, after.rd)),
+        )
+        for value in pair
+    )
+    verdict = f"**{cell.verdict}**" if cell.regressed else cell.verdict
+    return cell.agent, cell.setting, *numbers, f"{cell.changed} of {cell.routes} changed", verdict
+
+
 def _setting(row: SettingRow, columns: tuple[str, ...]) -> tuple[str, ...]:
     return (row.agent + ("*" if row.privileged else ""), row.setting, *numbers_of(row, columns), row.verdict)
 
@@ -91,8 +139,8 @@ def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Return the text as one line, in which nothing ends a cell, begins a tag or is taken for a footnote's star."""
+    """Return the text as one line, in which nothing ends a cell, begins a tag, calls a user or is a star."""
     text = " ".join(text.split())
-    for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|")):
+    for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("@", "&#64;"), ("|", "\\|")):
         text = text.replace(sign, written)
     return text if text.startswith("**") else text.replace("*", "\\*")

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
-from pytest_drive_robust.report.machines import mixed_machines
+from pytest_drive_robust.report.run_result import mixed_machines
 from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.metrics.summary import Summary
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
-__all__ = ["SCHEMA", "json_text", "run_as_json", "write_json"]
+__all__ = ["SCHEMA", "episode_as_json", "json_text", "run_as_json", "write_json"]
 
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away, not when one is added."""
+_SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "episodes", "agent_errors")
 
 
 def write_json(path: Path, run: RunResult) -> None:
@@ -45,7 +45,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "requirements": [asdict(judged) for judged in run.judged],
         "searches": [asdict(searched) for searched in run.searched],
         "summaries": [_row(row) for row in run.rows],
-        "episodes": [_episode(key, result) for key, result in run.episodes.items()],
+        "episodes": [episode_as_json(key, result) for key, result in run.episodes.items()],
         "notes": [*mixed_machines(run), *run.notes],
     }
     return {key: _finite(value) for key, value in document.items()}
@@ -76,7 +76,7 @@ def _row(row: SettingRow) -> dict[str, object]:
         "setting": row.setting,
         "episodes_needed": row.needed,
         "episodes_finished": len(row.results),
-        "summary": None if row.summary is None else _summary(row.summary),
+        "summary": None if row.summary is None else {name: getattr(row.summary, name) for name in _SUMMARY},
         "routes_planned": row.planned,
         "ds_interval": row.ds_interval,
         "rd": row.rd,
@@ -86,19 +86,7 @@ def _row(row: SettingRow) -> dict[str, object]:
     }
 
 
-def _summary(summary: Summary) -> dict[str, object]:
-    return {
-        "ds": summary.ds,
-        "sr": summary.sr,
-        "efficiency": summary.efficiency,
-        "comfort": summary.comfort,
-        "abilities": dict(summary.abilities),
-        "episodes": summary.episodes,
-        "agent_errors": summary.agent_errors,
-    }
-
-
-def _episode(key: str, result: EpisodeResult) -> dict[str, object]:
+def episode_as_json(key: str, result: EpisodeResult) -> dict[str, object]:
     """Return the record of an episode; of its trajectory only the digest."""
     score, success = _score(result)
     return {

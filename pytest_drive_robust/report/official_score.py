@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.bench2drive.results.safe_json import shown
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.bench2drive.results.ability_rates import AbilityRate
-    from pytest_drive_robust.bench2drive.results.official_totals import OfficialTotals
+    from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 
 __all__ = ["score_as_json", "score_text"]
 
@@ -17,28 +17,14 @@ _MOST_IDS = 30
 
 def score_as_json(score: OfficialTotals, notes: tuple[str, ...]) -> dict[str, Any]:
     """Return the totals as plain JSON types, numbers in full."""
-    return {
-        "metrics": score.mode,
-        "ds": score.ds,
-        "sr": score.sr,
-        "efficiency": score.efficiency,
-        "comfort": score.comfort,
-        "abilities": {name: _rate_json(rate) for name, rate in score.abilities.items()},
-        "mean_ability": _rate_json(score.mean_ability),
-        "records": score.records,
-        "routes": score.routes,
-        "comfort_records": score.comfort_records,
-        "statuses": dict(score.statuses),
-        "duplicates": list(score.duplicates),
-        "unscored": list(score.unscored),
-        "missing": None if score.missing is None else list(score.missing),
-        "missing_count": score.missing_count,
-        "notes": list(notes),
-    }
+    told = {"metrics": score.mode, **asdict(score), "notes": notes}
+    del told["mode"]
+    abilities = {name: _rate_json(rate) for name, rate in score.abilities.items()}
+    return {**told, "abilities": abilities, "mean_ability": _rate_json(score.mean_ability)}
 
 
 def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
-    return {"value": rate.value, "low": rate.low, "high": rate.high, "routes": rate.routes}
+    return {"value": rate.value, **asdict(rate)}
 
 
 def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:

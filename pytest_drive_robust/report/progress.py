@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.live import Live
     from rich.table import Table
 
-__all__ = ["LiveProgress", "PlainProgress", "Progress", "ProgressState", "Screen", "SilentProgress"]
+__all__ = ["LiveProgress", "PlainProgress", "Progress", "ProgressState", "Screen"]
 
 _REDRAW_S = 0.2
 _PLAIN_S = 3.0
@@ -139,36 +139,20 @@ class ProgressState:
         return f"{last.agent}, {last.setting}, {last.route}{others}"
 
 
-class Progress(Protocol):
-    """A display of a run."""
+class Progress:
+    """A display of a run: this one, for `-q` and `-p no:terminal`, shows nothing."""
 
     def see(self, event: Event) -> None:
         """Take in an event."""
-        ...
 
     def refresh(self) -> None:
         """Show the present state. Called often; does something only now and then."""
-        ...
 
     def pause(self) -> None:
         """Leave the terminal as if nothing had been drawn: somebody else is about to write."""
-        ...
 
 
-class SilentProgress:
-    """For `-q` and `-p no:terminal`."""
-
-    def see(self, event: Event) -> None:
-        """Do nothing."""
-
-    def refresh(self) -> None:
-        """Do nothing."""
-
-    def pause(self) -> None:
-        """Do nothing."""
-
-
-class PlainProgress:
+class PlainProgress(Progress):
     """A line when a setting is finished, at most one in three seconds, and a sign of life every half minute.
 
     While kernels are compiled, a line at once and one every five seconds.
@@ -196,9 +180,6 @@ class PlainProgress:
         elif self._state.active and self._clock() - self._written_s >= _HEARTBEAT_S:
             self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
-    def pause(self) -> None:
-        """Do nothing: lines stay."""
-
     def _write(self, text: str) -> None:
         self._written_s = self._clock()
         with self._screen.exclusive() as stream:
@@ -206,7 +187,7 @@ class PlainProgress:
             stream.flush()
 
 
-class LiveProgress:
+class LiveProgress(Progress):
     """One line that is drawn over and over, gone when somebody else writes."""
 
     def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:

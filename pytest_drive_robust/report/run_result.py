@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import platform
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult, merged_versions
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.averages import mean, values_by_route
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
+from pytest_drive_robust.metrics.episodes import mean, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
@@ -28,7 +29,7 @@ from pytest_drive_robust.store.events import (
     Used,
 )
 
-__all__ = ["RunResult", "SettingRow"]
+__all__ = ["RunResult", "SettingRow", "mixed_machines"]
 
 Interval = tuple[float, float]
 Lookup = Callable[[str], "EpisodeResult | None"]
@@ -126,6 +127,20 @@ class RunResult:
             late=late,
             driven=len(episodes.keys() & {event.key for event in events if isinstance(event, Finished)}),
         )
+
+
+def mixed_machines(run: RunResult) -> list[str]:
+    """Return a sentence for each fact of machines (see `runner.episode.machine`) in which the episodes differ."""
+    sentences = []
+    for name, library in MACHINE_FACTS.items():
+        found = Counter(result.versions[name] for result in run.episodes.values() if name in result.versions)
+        if len(found) > 1:
+            shares = ", ".join(f"{count} on {digest}" for digest, count in found.most_common())
+            sentences.append(
+                f"these episodes were driven on machines whose {library} gives different bits ({shares}): scores may "
+                "differ in their last digits from those of one machine (--drive-fresh drives all of them here)"
+            )
+    return sentences
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.machines import mixed_machines
 from pytest_drive_robust.report.numbers import legible, shown
 from pytest_drive_robust.report.page import Page, new_table
+from pytest_drive_robust.report.run_result import mixed_machines
 from pytest_drive_robust.stats.several import any_wrong
 from pytest_drive_robust.verdict.evaluate import immunity
 
@@ -87,8 +87,9 @@ def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
             "SR": shown("SR", summary.sr),
             "RD": shown("RD", row.rd) + _between(row.rd_interval, "{:.2f}"),
             "efficiency": shown("efficiency", summary.efficiency),
-            "comfort": shown("comfort", summary.comfort),
         }
+        if "comfort" in columns:  # takes the trace of every episode
+            numbers["comfort"] = shown("comfort", summary.comfort)
     return [numbers.get(name, "-") for name in columns]
 
 
@@ -195,8 +196,7 @@ def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
     routes_spec = next(specs, None)
     if routes_spec is None:
         return []
-    episode = result.episode
-    command = replay_command(episode, episode.agent, episode.setting, run.options, routes_spec=routes_spec)
+    command = replay_command(result.episode, run.options, routes_spec=routes_spec)
     return [f"{_REPLAY} (it ended after {result.ticks} ticks):  {command}"]
 
 

@@ -2,8 +2,8 @@
 
 A verdict from evidence stops early, so nobody knows beforehand how many episodes there will be. For a verdict that is
 being read its judge says how many routes it probably takes (`Read`); for one that is not, its limit does, and whether
-the verdicts of this run took more or fewer than that. An episode costs what its clean twin cost, times what this
-setting cost compared with its clean twins. Seconds of episodes become seconds of the clock by the slots in use; what an
+the verdicts of this run took more or fewer than that. An episode costs what those of its agent under its setting
+cost. Seconds of episodes become seconds of the clock by the slots in use; what an
 episode waited for before it began, such as a compiler, is not counted.
 """
 
@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable
-from typing import NamedTuple
 
 from pytest_drive_robust.store.events import Awaited, Event, Finished, Judged, Read, Started
 
@@ -21,7 +20,7 @@ __all__ = ["EpisodeCosts", "LikelyEpisodes", "Pace"]
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
 _USUAL_FACTOR = 1.3
-"""What a perturbed episode costs compared with its clean twin, before one is known: 0.9 to 3 for `classical`."""
+"""What an episode under a failure costs compared with a clean one, before one is known: 0.9 to 3 for `classical`."""
 _USUAL_WEIGHT = 3.0
 """How many episodes of this run say as much as what is usual."""
 _USUAL_VERDICTS = 3
@@ -84,120 +83,71 @@ class LikelyEpisodes:
         return min(planned, math.ceil(known))
 
 
-class _Kind(NamedTuple):
-    """What decides what an episode costs."""
-
-    agent: str
-    setting: str
-    route_id: str
-
-
 class EpisodeCosts:
-    """What the episodes of the plan cost in wall seconds, learnt from those that ended."""
+    """What the episodes of the plan cost in wall seconds, learnt from those that ended.
+
+    An episode costs what those of its agent under its setting cost on average. While few of these are known, what is
+    usual counts as much as `_USUAL_WEIGHT` of them: the clean episodes of the agent, times `_USUAL_FACTOR` under a
+    failure.
+    """
 
     def __init__(self) -> None:
-        self._kinds: dict[str, _Kind] = {}
+        self._kinds: dict[str, tuple[str, str]] = {}
         self._baselines = {_CLEAN}
-        self._clean_s: dict[tuple[str, str], float] = {}
-        self._perturbed: list[tuple[_Kind, float]] = []
+        self._walls_s: dict[tuple[str, str], list[float]] = defaultdict(list)
 
     def see(self, event: Event) -> None:
         """Take in an event."""
         if isinstance(event, Awaited):
-            kinds = zip(event.keys, event.route_ids, strict=True)
-            self._kinds.update((key, _Kind(event.agent, event.setting, route)) for key, route in kinds)
-            twins = zip(event.clean_keys, event.route_ids, strict=False)
-            self._kinds.update((key, _Kind(event.agent, event.clean, route)) for key, route in twins)
+            self._kinds.update(dict.fromkeys(event.keys, (event.agent, event.setting)))
+            self._kinds.update(dict.fromkeys(event.clean_keys, (event.agent, event.clean)))
             self._baselines.add(event.clean or _CLEAN)
         elif isinstance(event, Started):
-            self._kinds.setdefault(event.key, _Kind(event.agent, event.setting, event.route.partition(" ")[0]))
+            self._kinds.setdefault(event.key, (event.agent, event.setting))
         elif isinstance(event, Finished) and event.key in self._kinds:
-            self._note(self._kinds[event.key], event.wall_s)
+            self._walls_s[self._kinds[event.key]].append(event.wall_s)
 
     def expected_s(self, keys: Iterable[str]) -> dict[str, float]:
         """Return the wall seconds that each of these episodes probably takes."""
-        agents = self._means()
-        usual = _mean(agents.values(), _USUAL_EPISODE_S)
-        factors = self._factors(agents, usual)
-        unknown = _mean((*self._clean_s.values(), *(wall_s for _, wall_s in self._perturbed)), _USUAL_EPISODE_S)
-        expected = {}
-        for key in keys:
-            kind = self._kinds.get(key)
-            if kind is None:
-                expected[key] = unknown
-                continue
-            factor = 1.0 if kind.setting in self._baselines else factors.get((kind.agent, kind.setting), _USUAL_FACTOR)
-            expected[key] = factor * self._twin_s(kind, agents, usual)
-        return expected
+        agents: dict[str, list[float]] = defaultdict(list)
+        for (agent, setting), walls in self._walls_s.items():
+            if setting in self._baselines:
+                agents[agent] += walls
+        usual = _mean((_mean(walls, _USUAL_EPISODE_S) for walls in agents.values()), _USUAL_EPISODE_S)
+        costs = {}
+        for agent, setting in set(self._kinds.values()):
+            walls = self._walls_s[agent, setting]
+            prior = _USUAL_WEIGHT * self._factor(setting) * _mean(agents[agent], usual)
+            costs[agent, setting] = (math.fsum(walls) + prior) / (len(walls) + _USUAL_WEIGHT)
+        return {key: costs[self._kinds[key]] if key in self._kinds else usual for key in keys}
 
-    def _note(self, kind: _Kind, wall_s: float) -> None:
-        if kind.setting in self._baselines:
-            self._clean_s.setdefault((kind.agent, kind.route_id), wall_s)
-        else:
-            self._perturbed.append((kind, wall_s))
-
-    def _means(self) -> dict[str, float]:
-        """Return the mean of the clean episodes of each agent; of all its episodes where none of them is clean."""
-        walls: dict[str, list[float]] = defaultdict(list)
-        for (agent, _), wall_s in self._clean_s.items():
-            walls[agent].append(wall_s)
-        others: dict[str, list[float]] = defaultdict(list)
-        for kind, wall_s in self._perturbed:
-            others[kind.agent].append(wall_s / _USUAL_FACTOR)
-        return {agent: _mean(values, _USUAL_EPISODE_S) for agent, values in {**others, **walls}.items()}
-
-    def _twin_s(self, kind: _Kind, agents: dict[str, float], usual: float) -> float:
-        return self._clean_s.get((kind.agent, kind.route_id), agents.get(kind.agent, usual))
-
-    def _factors(self, agents: dict[str, float], usual: float) -> dict[tuple[str, str], float]:
-        """Return for each setting that was driven what it costs compared with clean twins."""
-        actual: dict[tuple[str, str], float] = defaultdict(float)
-        twins: dict[tuple[str, str], float] = defaultdict(float)
-        for kind, wall_s in self._perturbed:
-            actual[kind.agent, kind.setting] += wall_s
-            twins[kind.agent, kind.setting] += self._twin_s(kind, agents, usual)
-        weight_s = _USUAL_WEIGHT * usual
-        return {
-            place: (wall_s + weight_s * _USUAL_FACTOR) / (twins[place] + weight_s) for place, wall_s in actual.items()
-        }
+    def _factor(self, setting: str) -> float:
+        return 1.0 if setting in self._baselines else _USUAL_FACTOR
 
 
 class Pace:
-    """How many seconds of episodes are driven in a second of the clock.
+    """How many seconds of episodes are driven in a second of the clock, and for how long those under way have been.
 
     Episodes that began before the first one of their agent ended may have waited for a compiler: they tell nothing.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._began_s: dict[str, tuple[str, float]] = {}
+        self._began: dict[str, tuple[str, float, bool]] = {}
         self._ready: set[str] = set()
-        self._waited: set[str] = set()
-        self._slots = 0
-        self._driven_s, self._held_s = _USUAL_WEIGHT, _USUAL_WEIGHT
+        self.per_second = 1
 
     def see(self, event: Event) -> None:
-        """Take in an event."""
+        """Take in an event. As many slots as were ever seen in use drive at the same time."""
         if isinstance(event, Started):
-            self._began_s[event.key] = event.agent, self._clock()
-            self._slots = max(self._slots, len(self._began_s))
-            if event.agent not in self._ready:
-                self._waited.add(event.key)
-        elif isinstance(event, Finished):
-            agent, began_s = self._began_s.pop(event.key, ("", self._clock()))
-            self._ready.add(agent)
-            if event.key not in self._waited:
-                self._driven_s += event.wall_s
-                self._held_s += max(event.wall_s, self._clock() - began_s)
-
-    @property
-    def per_second(self) -> float:
-        """Return the slots seen in use, less what an episode holds its slot for beyond its own time."""
-        return max(1, self._slots) * self._driven_s / self._held_s
+            self._began[event.key] = event.agent, self._clock(), event.agent in self._ready
+            self.per_second = max(self.per_second, len(self._began))
+        elif isinstance(event, Finished) and event.key in self._began:
+            self._ready.add(self._began.pop(event.key)[0])
 
     def running_s(self) -> dict[str, float]:
         """Return for how long each episode under way has held its slot."""
-        return {key: self._clock() - began_s for key, (_, began_s) in self._began_s.items() if key not in self._waited}
+        return {key: self._clock() - began_s for key, (_, began_s, ready) in self._began.items() if ready}
 
 
 def _ident(event: Awaited | Read | Judged) -> _Ident:

@@ -22,13 +22,17 @@ __all__ = ["EXTRA", "has_encoder", "write_png", "write_video"]
 EXTRA = "pytest-drive-robust[video]"
 """What to install for videos."""
 
-_ENCODERS = ("libx264", "libopenh264")
-"""The wheels of PyAV bring the first; builds of FFmpeg without it often bring the second."""
+_ENCODER = "libx264"
+"""The wheels of PyAV bring it; builds of FFmpeg may lack it."""
 
 
 def has_encoder() -> bool:
     """Return True when a video can be written here."""
-    return _encoder() is not None
+    try:
+        import av
+    except ImportError:
+        return False
+    return _ENCODER in av.codecs_available
 
 
 def write_video(
@@ -40,8 +44,7 @@ def write_video(
     every picture; pictures are taken one at a time. Raises `UsageError` where no encoder is installed, the path cannot
     be written, or there is no picture; then `path` is what it was before.
     """
-    encoder = _encoder()
-    if encoder is None:
+    if not has_encoder():
         raise UsageError(f"no H.264 encoder is installed: pip install '{EXTRA}'.")
     import av
 
@@ -53,7 +56,7 @@ def write_video(
         stream: Any = None
         for picture in pictures:
             if stream is None:
-                stream = _stream(container, encoder, picture, rate_hz)
+                stream = _stream(container, picture, rate_hz)
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame = frame.reformat(format="yuv420p", src_colorspace="ITU709", dst_colorspace="ITU709")
             container.mux(stream.encode(frame))
@@ -73,25 +76,15 @@ def write_png(path: Path, picture: Pixels) -> None:
         write_whole(path, data)
 
 
-def _encoder() -> str | None:
-    try:
-        import av
-    except ImportError:
-        return None
-    return next((name for name in _ENCODERS if name in av.codecs_available), None)
-
-
-def _stream(container: Any, encoder: str, picture: Pixels, rate_hz: int) -> Any:
-    options = {"crf": "20", "preset": "veryfast"} if encoder == "libx264" else {}
-    stream = container.add_stream(encoder, rate=Fraction(rate_hz), options=options)
+def _stream(container: Any, picture: Pixels, rate_hz: int) -> Any:
+    options = {"crf": "20", "preset": "veryfast"}
+    stream = container.add_stream(_ENCODER, rate=Fraction(rate_hz), options=options)
     stream.height, stream.width = picture.shape[:2]
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context
     context.gop_size = rate_hz * 2  # one can jump to any two seconds
     context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709
     context.color_range = 1  # 16..235
-    if encoder != "libx264":
-        context.bit_rate = 4_000_000
     return stream
 
 

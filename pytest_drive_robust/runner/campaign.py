@@ -2,49 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
-from pytest_drive_robust.runner.plan import RouteRequests, first_of_each_agent
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope, first_of_each_agent
 from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged, read
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
-from pytest_drive_robust.store.events import Event, Planned, Spared, Troubled, Used
-from pytest_drive_robust.verdict.evaluate import evaluate
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.events import Planned, Spared, Troubled, Used
+from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
+from pytest_drive_robust.verdict.requirement import Requirement
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.verdict_rule import VerdictRule
-    from pytest_drive_robust.perturbations.base import Setting
-    from pytest_drive_robust.runner.executors import Executor
-    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Reading, Scope
-    from pytest_drive_robust.store.base import EpisodeStore
-    from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.requirement import Requirement
-
-__all__ = ["Campaign", "CampaignObserver", "Judgement"]
+__all__ = ["Campaign", "Judgement"]
 
 Results = tuple[EpisodeResult, ...]
 
 
-class CampaignObserver(Observer, Protocol):
-    """Who follows the run, and is told when it waits for nothing."""
-
-    def idle(self) -> None:
-        """Note that nothing is under way any more, be it that all is done or that driving was interrupted."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """A verdict with what else people ask about it: `episode_s` are the wall seconds of all episodes behind it."""
+    """A verdict with the episodes behind it."""
 
     verdict: Verdict
-    privileged: bool
-    episode_s: float
+    clean: Results
+    perturbed: Results
+
+    @property
+    def privileged(self) -> bool:
+        """True when the agent saw ground truth."""
+        return any(result.privileged for result in (*self.clean, *self.perturbed))
+
+    @property
+    def episode_s(self) -> float:
+        """The wall seconds of all episodes."""
+        return sum(result.wall_s for result in (*self.clean, *self.perturbed))
 
 
 class Campaign:
@@ -53,7 +50,7 @@ class Campaign:
     While one question waits for its episodes, free slots of the executor already drive what it will ask for next, then
     what later tests need. Answers do not depend on that: episodes are read in planned order, whoever ended first.
 
-    `budget_s`: so many seconds after the first question no new episode is begun.
+    `budget_s`: so many seconds after an episode was missing first no new one is begun.
     `whole`: episodes that a verdict can do without are driven too, because the run is compared with others: routes
     that were driven until their scores happened to be high enough say nothing about two runs.
     """
@@ -62,7 +59,7 @@ class Campaign:
         self,
         store: EpisodeStore,
         executor: Executor,
-        observer: CampaignObserver,
+        observer: Observer,
         *,
         metrics: str,
         whole: bool = False,
@@ -71,10 +68,10 @@ class Campaign:
         self._store = store
         self._told: set[str] = set()
         self._first: tuple[EpisodeRequest, ...] = ()
-        self._observer = observer
+        self.observer = observer
         self._metrics = metrics
         self._whole = whole
-        self._scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
+        self.scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
 
     def planned(
         self, requests: Mapping[str, EpisodeRequest], readings: Sequence[Reading], *, ahead: bool = True
@@ -84,18 +81,18 @@ class Campaign:
         `ahead`: idle slots may begin with what the `readings` probably take, in their order, but first of all with a
         few episodes of each agent, so that the observer knows early what the episodes of each take.
         """
-        self._observer(Planned(tuple(requests)))
+        self.observer(Planned(tuple(requests)))
         readings = [replace(reading, kind="point") for reading in readings] if self._whole else readings
         for reading in readings:
-            self._observer(awaited(reading))
+            self.observer(awaited(reading))
         if ahead:
             self._first = first_of_each_agent(readings)
-            self._scheduler.plan(request for reading in readings for request in reading.likely)
+            self.scheduler.plan(request for reading in readings for request in reading.likely)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Return every episode of `scope` under `setting`, routes within seeds."""
         need = scope.need(setting, clean=False)
-        with self._answering(scope, need) as begun:
+        with self._answering(scope, setting, need) as begun:
             self._ensure_all(need, begun)
         return self._use(need.perturbed)
 
@@ -108,17 +105,17 @@ class Campaign:
         try:
             judgement = self.decide(requirement, scope, verdict_rule)
         except DriveRobustError as error:
-            self._observer(not_judged(requirement, scope, nodeid, str(error)))
+            self.observer(not_judged(requirement, scope, nodeid, str(error)))
             raise
-        self._observer(judged(judgement.verdict, scope, nodeid))
+        self.observer(judged(judgement.verdict, scope, nodeid))
         return judgement
 
     def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None) -> Judgement:
         """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
         reading = scope.reading(requirement, verdict_rule)
-        used: RouteRequests = reading.need
+        used = reading.need
         decision = planned = None
-        with self._answering(scope, reading.need) as begun:
+        with self._answering(scope, requirement.setting, reading.need) as begun:
             if reading.kind == "point":
                 self._ensure_all(reading.need, begun)
             else:
@@ -135,8 +132,7 @@ class Campaign:
             decision=decision,
             planned=planned,
         )
-        results = (*clean, *perturbed)
-        return Judgement(verdict, any(item.privileged for item in results), sum(item.wall_s for item in results))
+        return Judgement(verdict, clean, perturbed)
 
     def measure(self, requirement: Requirement, scope: Scope) -> Verdict:
         """Return the value over all episodes, for a caller who only wants the value.
@@ -148,22 +144,10 @@ class Campaign:
             raise ComparisonError(f"{verdict.reason}. Ask for a clean floor first: 'DS under clean >= 30'.")
         return verdict
 
-    def assist(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Drive some of `requests` for others who ask for them; see `Scheduler.assist`."""
-        self._scheduler.assist(requests)
-
-    def tell(self, event: Event) -> None:
-        """Put something into the record of the run that no episode tells."""
-        self._observer(event)
-
-    def close(self) -> None:
-        """Cut off what is still under way and free simulators, agents and processes."""
-        self._scheduler.close()
-
-    def _ensure_all(self, need: Need, begun: list[EpisodeRequest]) -> None:
+    def _ensure_all(self, need: RouteRequests, begun: list[EpisodeRequest]) -> None:
         """Drive what is missing of all that is needed, no long one last."""
         begun += need.requests
-        self._scheduler.ensure(sorted(need.requests, key=self._scheduler.expected_s, reverse=True))
+        self.scheduler.ensure(sorted(need.requests, key=self.scheduler.expected_s, reverse=True))
 
     def _read_routes(self, reading: Reading, begun: list[EpisodeRequest]) -> tuple[str, int]:
         """Return the verdict and how many routes it was read from; deal with the episodes that it did without."""
@@ -171,11 +155,11 @@ class Campaign:
         decision, count = read_until_decided(judge, self._scores(reading, judge, begun))
         rest = reading.requests(count)
         if self._whole:
-            self._scheduler.ensure(rest)
-            self._observer(Used(tuple(request.key for request in rest)))
+            self.scheduler.ensure(rest)
+            self.observer(Used(tuple(request.key for request in rest)))
         elif rest:
-            self._scheduler.spare(rest)
-            self._observer(Spared(tuple(request.key for request in rest)))
+            self.scheduler.spare(rest)
+            self.observer(Spared(tuple(request.key for request in rest)))
         return decision, count
 
     def _scores(
@@ -186,43 +170,43 @@ class Campaign:
         for number, route in enumerate(reading.routes):
             begun += route.requests
             likely = planned if self._whole else number + max(1, judge.likely_left(planned))
-            self._observer(read(reading, number, likely))
+            self.observer(read(reading, number, likely))
             ahead, self._first = (*self._first, *reading.requests(number + 1, likely)), ()
-            self._scheduler.ensure(route.requests, ahead, reading.requests(likely))
+            self.scheduler.ensure(route.requests, ahead, reading.requests(likely))
             clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
             yield metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
         """Return the results of these requests, which the run now rests on."""
         if requests:
-            self._observer(Used(tuple(request.key for request in requests)))
+            self.observer(Used(tuple(request.key for request in requests)))
         return self._finished(requests)
 
     def _finished(self, requests: tuple[EpisodeRequest, ...]) -> Results:
-        results = {request.key: self._store.get(request.key) for request in requests}
-        lost = [request.episode for request in requests if results[request.key] is None]
+        results = [(request, self._store.get(request.key)) for request in requests]
+        lost = [request.episode for request, result in results if result is None]
         if lost:
             raise DriveRobustError(f"{len(lost)} episodes were driven but are not in the store, first {lost[0]}.")
-        return tuple(result for request in requests if (result := results[request.key]) is not None)
+        return tuple(result for _, result in results if result is not None)
 
     @contextmanager
-    def _answering(self, scope: Scope, need: Need) -> Iterator[list[EpisodeRequest]]:
+    def _answering(self, scope: Scope, setting: Setting, need: RouteRequests) -> Iterator[list[EpisodeRequest]]:
         """Tell what is asked for; afterwards the display is gone, whatever happened.
 
         The list that is yielded gets what is begun. When no verdict comes of it, those that are finished belong to the
         run all the same: an error or an interrupt is to be read beside what led to it.
         """
         begun: list[EpisodeRequest] = []
-        for event in asked(scope, need):
-            self._observer(event)
+        for event in asked(scope, setting, need):
+            self.observer(event)
         try:
             yield begun
         except BaseException:
-            self._observer(Used(tuple(dict.fromkeys(request.key for request in begun if self._store.get(request.key)))))
+            self.observer(Used(tuple(dict.fromkeys(request.key for request in begun if self._store.get(request.key)))))
             raise
         finally:
-            self._observer.idle()
+            self.observer.idle()
             for problem in self._store.problems():
                 if problem not in self._told:
                     self._told.add(problem)
-                    self._observer(Troubled(problem))
+                    self.observer(Troubled(problem))

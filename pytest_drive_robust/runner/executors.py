@@ -9,17 +9,14 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["Driver", "Executor", "InlineExecutor", "LocalExecutor", "factory_offers_lockstep"]
 
@@ -32,12 +29,10 @@ class Executor(Protocol):
     """Drives episodes, at most `slots` at a time.
 
     An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of a future are
-    `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
-
-    An executor that drives in the thread of its caller has a `work()`, too: it is called while somebody waits, again
-    and again, and returns when something has ended or nothing is left to drive.
-
-    An executor whose episodes may wait for a compiler says in `compiling` how many functions are compiled, of how many.
+    `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off. One
+    that drives in the thread of its caller has a `work()`: it is called again and again while somebody waits, and
+    returns when something has ended or nothing is left. One whose episodes may wait for a compiler says in `compiling`
+    how many functions are compiled, of how many, and in `drives(agent)` whether an agent need not wait for it.
     """
 
     @property
@@ -49,41 +44,29 @@ class Executor(Protocol):
         """Begin an episode. The caller keeps to `slots`."""
         ...
 
-    def close(self, *, cancel: bool = False) -> None:
-        """Free simulators, agents and processes. With `cancel`, what is under way is cut off and has no result.
-
-        Calling it twice does no harm.
-        """
+    def close(self) -> None:
+        """Free simulators, agents and processes; what is under way has no result. Calling it twice does no harm."""
         ...
 
 
 class Driver(Protocol):
-    """Drives one episode or one batch at a time, here (`EpisodeDriver`) or in a process (`engine.supervisor`)."""
+    """Drives one episode or one batch at a time, here (`EpisodeDriver`) or in a process (`engine.supervisor`).
+
+    `output` is what was printed by the time of the latest result. Methods raise `UsageError`, `Stopped`.
+    """
 
     output: str
-    """What was printed by the time of the latest result."""
 
     def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive one, by `act` or with a `width` in a batch of its own; again when its end was not the agent's doing.
-
-        Raises `UsageError`, `Stopped`.
-        """
-        ...
-
-    def check(self, request: EpisodeRequest, width: int) -> bool:
-        """Return whether the agent of `request` may be driven in lockstep, False when it broke before it was asked.
-
-        Raises `UsageError` when it must not, or cannot be made.
-        """
+        """Drive one, by `act` or with a `width` in a batch of its own; again when its end was not the agent's doing."""
         ...
 
     def drive_batch(
         self, agent: str, take: Callable[[], EpisodeRequest | None], width: int
     ) -> Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]:
-        """Drive what `take` gives, up to `width` at once, each with its result as soon as it ends, until none is left.
+        """Drive up to `width` at once, each with its result as soon as it ends; what has none is to be driven alone.
 
-        `take` is asked again and again: it may give none now and another one later. No result (None): it wants to be
-        driven alone.
+        `take` is asked again and again: it may give none now and another one later.
         """
         ...
 
@@ -100,12 +83,19 @@ class LocalExecutor:
     """Has drivers take what waits: an episode, or with a `width` a batch of up to so many of an agent that `shares`.
 
     With `threads` there are so many drivers, each in a thread of its own; without there is one, which works in `work`.
-    They are made at the first episode.
+    `make_drivers(agent)` is called at the first episode, which is one of `agent`, and raises `UsageError` where no
+    process could be made like this one.
     """
 
     def __init__(
-        self, *, threads: int = 0, width: int | None = None, shares: Callable[[str], bool] = lambda agent: False
+        self,
+        make_drivers: Callable[[str], Sequence[Driver]],
+        *,
+        threads: int = 0,
+        width: int | None = None,
+        shares: Callable[[str], bool] = lambda agent: False,
     ) -> None:
+        self._make_drivers = make_drivers
         self._width = width or 1
         self._shares = shares
         self._workers = max(1, threads)
@@ -115,16 +105,9 @@ class LocalExecutor:
         self._drivers: Sequence[Driver] = ()
         self._steps: Generator[None, None, None] = (None for _ in ())
         self._lock = threading.Lock()
-        self._idle: set[Driver] = set()
+        self._idle: list[Driver] = []
         self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
-        self._checking = threading.Lock()
-        self._refusals: dict[str, UsageError | None] = {}
         self._words: list[tuple[str, str]] = []
-        self._closed = False
-
-    def make_drivers(self) -> Sequence[Driver]:
-        """Return one driver for each thread. Raises `UsageError` where no process could be made like this one."""
-        raise NotImplementedError
 
     @property
     def slots(self) -> int:
@@ -135,32 +118,23 @@ class LocalExecutor:
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Let the next free driver have an episode. Raises `UsageError` as `make_drivers`."""
         if not self._drivers:
-            self._drivers = self.make_drivers()
-            self._idle.update(self._drivers)
+            self._drivers = self._make_drivers(request.episode.agent)
+            self._idle += self._drivers
         future: Future[EpisodeResult] = Future()
         if self._width > 1 and not self._shares(request.episode.agent):
             self._singles.add(future)
         with self._lock:
             self._waiting.append((request, future))
-            idle = self._idle.pop() if self._idle and self._pool is not None else None
-        if idle is not None and self._pool is not None:
-            self._pool.submit(deque, self._drive(idle), maxlen=0)
+        if self._pool is not None:
+            self._pool.submit(self._drive_in_thread)
         return future
 
-    def close(self, *, cancel: bool = False) -> None:
-        """Free everything. With `cancel` what is under way is cut off; without, it comes to its end first."""
-        if self._closed:
-            return
-        self._closed = True
-        if cancel:
-            for driver in self._drivers:
-                driver.stop()
+    def close(self) -> None:
+        """Cut off what is under way, and free everything."""
+        for driver in self._drivers:
+            driver.stop()
         if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=cancel)
-        elif not cancel:
-            while self._waiting:
-                self._work()
-            deque(self._steps, maxlen=0)
+            self._pool.shutdown(cancel_futures=True)
         self._steps.close()
         for driver in self._drivers:
             driver.close()
@@ -178,9 +152,14 @@ class LocalExecutor:
         self._steps = self._drive(self._drivers[0]) if self._drivers else self._steps
         next(self._steps, None)
 
+    def _drive_in_thread(self) -> None:
+        driver = self._idle.pop()  # there are as many as threads
+        deque(self._drive(driver), maxlen=0)
+        self._idle.append(driver)
+
     def _drive(self, driver: Driver) -> Generator[None, None, None]:
         """Drive what waits until nothing does; a step for every episode that has ended."""
-        while (first := self._first_waiting(driver)) is not None:
+        while (first := next((request for request, _ in tuple(self._waiting)), None)) is not None:
             taken: dict[str, Future[EpisodeResult]] = {}
             try:
                 yield from self._drive_first(driver, first, taken)
@@ -192,7 +171,7 @@ class LocalExecutor:
         self, driver: Driver, first: EpisodeRequest, taken: dict[str, Future[EpisodeResult]]
     ) -> Generator[None, None, None]:
         """Drive `first`, with others of its agent where it shares. `taken` are those without a result yet, by key."""
-        agent, alone = first.episode.agent, [first]
+        agent = first.episode.agent
         width = self._width if self._width > 1 and self._shares(agent) else None
 
         def take() -> EpisodeRequest | None:
@@ -206,17 +185,15 @@ class LocalExecutor:
                         return request
             return None
 
-        if width is None or not self._may_share(driver, first, width):
-            request = take()  # one that breaks at once says nothing of its agent: the next one tells more
-            alone = [] if request is None else [request]
-        else:
-            alone = []
-            for request, result in driver.drive_batch(agent, take, width):
-                if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
-                    alone.append(request)
-                else:
-                    self._end(driver, taken.pop(request.key), result)
-                    yield
+        alone: list[EpisodeRequest] = []
+        for request, result in () if width is None else driver.drive_batch(agent, take, width):
+            if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
+                alone.append(request)
+            else:
+                self._end(driver, taken.pop(request.key), result)
+                yield
+        if width is None and (single := take()) is not None:
+            alone.append(single)
         for request in alone:
             try:
                 found: EpisodeResult | UsageError = driver.drive(request, width)
@@ -237,31 +214,6 @@ class LocalExecutor:
                 if len(self._words) < _MOST_EPISODES:
                     self._words.append((str(result.episode), shown))
         future.set_result(result)
-
-    def _may_share(self, driver: Driver, first: EpisodeRequest, width: int) -> bool:
-        """Return whether the agent of `first` may be driven in lockstep, False when that is still unknown.
-
-        It is found out once for all drivers. Raises `UsageError` for one that must not.
-        """
-        agent = first.episode.agent
-        with self._checking:
-            if agent not in self._refusals:
-                try:
-                    if not driver.check(first, width):
-                        return False
-                    self._refusals[agent] = None
-                except UsageError as error:
-                    self._refusals[agent] = error
-        refusal = self._refusals[agent]
-        if refusal is not None:
-            raise refusal
-        return True
-
-    def _first_waiting(self, driver: Driver) -> EpisodeRequest | None:
-        with self._lock:
-            if not self._waiting:
-                self._idle.add(driver)
-            return self._waiting[0][0] if self._waiting else None
 
     def _fail(self, agent: str, taken: dict[str, Future[EpisodeResult]], error: Exception) -> None:
         """End whatever is known of this agent without a result."""
@@ -287,17 +239,26 @@ class InlineExecutor(LocalExecutor):
         ticked: Callable[[], object],
         width: int | None = None,
     ) -> None:
-        super().__init__(width=width, shares=lambda agent: factory_offers_lockstep(agent, registry))
-        self._simulator = simulator
-        self._driver = EpisodeDriver(
-            lambda: registry.simulator(simulator, options),
-            lambda name: make_agent(registry, name),
-            on_tick=lambda *_: ticked(),
-        )
+        from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
+        from pytest_drive_robust.runner.episode.loop import Watch
 
-    def make_drivers(self) -> Sequence[Driver]:
-        """Return the one of this process."""
-        return [self._driver]
+        class _Ticks(Watch):
+            """Hears of every tick."""
+
+            def __init__(self, ticked: Callable[[], object]) -> None:
+                self._ticked = ticked
+
+            def ticked(self, *_: object) -> None:
+                self._ticked()
+
+        watch = _Ticks(ticked)
+        driver = EpisodeDriver(
+            lambda: registry.simulator(simulator, options), lambda name: make_agent(registry, name), watch=watch
+        )
+        super().__init__(
+            lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
+        )
+        self._simulator = simulator
 
     @functools.cached_property
     def compiling(self) -> tuple[int, int]:

@@ -7,29 +7,19 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, cast
+from typing import Any, cast
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
-from pytest_drive_robust.runner.cache_key.object_code import perturbation_sources
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, perturbation_sources
 from pytest_drive_robust.stats.judges import Judge, VerdictKind, judge_by
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.verdict.requirement import Requirement
+from pytest_drive_robust.verdict.requirement import Requirement
 
 __all__ = [
-    "EpisodeRequest",
-    "Need",
-    "Reading",
-    "RouteRequests",
-    "Scope",
-    "first_of_each_agent",
-    "planned_order",
-    "routes_in_order",
-]
+    "EpisodeRequest", "Reading", "RouteRequests", "Scope", "first_of_each_agent", "planned_order", "routes_in_order",
+]  # fmt: skip
 
 
 _FIRST = 3
@@ -40,8 +30,7 @@ _FIRST = 3
 class EpisodeRequest:
     """An episode together with what is needed to drive it.
 
-    `identity` is a digest of everything else that decides the outcome: the agent, the simulator, our own code (see
-    `identity.identity_of`). It is empty where nobody looks for an earlier drive of the same.
+    `identity`: see `identity.identity_of`. It is empty where nobody looks for an earlier drive of the same.
     """
 
     episode: Episode
@@ -61,10 +50,7 @@ class EpisodeRequest:
 
 @dataclass(frozen=True)
 class Scope:
-    """What one test drives over: an agent, a set of routes (`routes_spec` is how it was called), seeds.
-
-    `identity`: see `EpisodeRequest`.
-    """
+    """What one test drives over: an agent, routes (`routes_spec` is the name of their set), seeds."""
 
     agent: str
     routes_spec: str
@@ -72,16 +58,13 @@ class Scope:
     seeds: tuple[int, ...]
     identity: str = ""
 
-    def need(self, setting: Setting, *, clean: bool) -> Need:
-        """Return the episodes under `setting` and, if `clean` is asked for, their clean twins.
+    def need(self, setting: Setting, *, clean: bool) -> RouteRequests:
+        """Return the episodes of all routes under `setting` and, if `clean` is asked for, their clean twins.
 
         The twins are driven under `setting.baseline`, which has the warm-up of `setting`: a baseline that may drive
         off earlier would make the setting look worse than it is.
         """
-        perturbed = self._requests(setting)
-        if setting.is_clean:
-            return Need(perturbed if clean else (), perturbed, setting)
-        return Need(self._requests(setting.baseline) if clean else (), perturbed, setting)
+        return RouteRequests(self._requests(setting.baseline) if clean else (), self._requests(setting))
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
         """Return every episode that judging `requirements` takes, by key, each once, in the order of need."""
@@ -98,10 +81,13 @@ class Scope:
         kind = cast("VerdictKind", verdict_rule.kind) if requirement.reads_routes(verdict_rule) else "point"
         return Reading(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
 
+    @property
+    def named(self) -> dict[str, Any]:
+        """How events name the scope."""
+        return {"agent": self.agent, "routes_spec": self.routes_spec, "seeds": self.seeds}
+
     def _requests(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
-        """Return one request for each route and seed, seeds varying slowest so that a picture of all routes comes
-        early.
-        """
+        """Return one request for each route and seed; seeds vary slowest: a picture of all routes comes early."""
         sentence = str(setting)
         return tuple(
             EpisodeRequest(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
@@ -112,7 +98,7 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class RouteRequests:
-    """Episodes with their clean twins (none when nothing is compared), of one route over all seeds."""
+    """Episodes under one setting with their clean twins (none when nothing is compared), of a route over all seeds."""
 
     clean: tuple[EpisodeRequest, ...]
     perturbed: tuple[EpisodeRequest, ...]
@@ -130,19 +116,12 @@ class RouteRequests:
 
 
 @dataclass(frozen=True, slots=True)
-class Need(RouteRequests):
-    """The same of all routes, under one setting."""
-
-    setting: Setting
-
-
-@dataclass(frozen=True, slots=True)
 class Reading:
     """The routes that a verdict on `requirement` reads one by one, as a judge of this `kind` does."""
 
     requirement: Requirement
     scope: Scope
-    need: Need
+    need: RouteRequests
     routes: tuple[RouteRequests, ...]
     kind: VerdictKind
     verdict_rule: VerdictRule
@@ -178,11 +157,8 @@ def first_of_each_agent(readings: Iterable[Reading]) -> tuple[EpisodeRequest, ..
     return tuple(request for agent, reading in agents.items() if agent != own for request in reading.likely[:_FIRST])
 
 
-def routes_in_order(scope: Scope, need: Need) -> tuple[RouteRequests, ...]:
-    """Return the routes of a need in planned order.
-
-    It is the same for all requirements of a scope, so they share clean episodes.
-    """
+def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, ...]:
+    """Return the routes of a need in planned order, which all requirements of a scope share."""
     ids = [route.id for route in scope.routes]
     types = [route.scenario.type for route in scope.routes]
     order = planned_order(ids, types, f"{scope.agent} on {scope.routes_spec}")
@@ -198,13 +174,9 @@ def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_
 
     With equally many routes of each type these are blocks with one route of each, shuffled within and between;
     otherwise a type with twice the routes comes twice as often from start to end. The same on every machine and
-    whatever the order of the arguments; another text gives another order. Use the id of the suite or the requirement
-    as text, never the time.
-
-    Raises `ValueError` when a route has no type or comes twice.
+    whatever the order of the arguments; another text, never the time, gives another order. Raises `ValueError` when a
+    route has no type or comes twice.
     """
-    if len(route_ids) != len(scenario_types):
-        raise ValueError(f"{len(route_ids)} routes and {len(scenario_types)} scenario types. Expected one for each.")
     if len(set(route_ids)) != len(route_ids):
         twice = sorted({route for route in route_ids if list(route_ids).count(route) > 1})
         raise ValueError(f"these routes come twice: {', '.join(twice)}. Expected every route once.")
@@ -233,15 +205,9 @@ def _by_route(requests: Sequence[EpisodeRequest]) -> dict[str, tuple[EpisodeRequ
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}
 """Digests of routes by the place of the object: a plan asks for the same few routes thousands of times."""
-_MOST_CONTENTS = 10_000
 
 
 def _content_of(route: Route) -> str:
-    known = _CONTENTS.get(id(route))
-    if known is not None and known[0] is route:
-        return known[1]
-    if len(_CONTENTS) >= _MOST_CONTENTS:
-        _CONTENTS.clear()
-    digest = digest_of(route)
-    _CONTENTS[id(route)] = route, digest
-    return digest
+    if id(route) not in _CONTENTS:
+        _CONTENTS[id(route)] = route, digest_of(route)  # the object is kept: no other gets its place
+    return _CONTENTS[id(route)][1]

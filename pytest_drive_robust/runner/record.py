@@ -3,53 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope
 from pytest_drive_robust.store.events import Asked, Awaited, Judged, Read, Searched
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.runner.plan import EpisodeRequest, Need, Reading, Scope
-    from pytest_drive_robust.verdict.evaluate import Verdict
-    from pytest_drive_robust.verdict.largest_severity import Bracket
-    from pytest_drive_robust.verdict.requirement import Requirement
+from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.largest_severity import Bracket
+from pytest_drive_robust.verdict.requirement import Requirement
 
 __all__ = ["asked", "awaited", "judged", "not_judged", "read", "searched"]
 
 
-def asked(scope: Scope, need: Need) -> tuple[Asked, ...]:
+def asked(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[Asked, ...]:
     """Return what is asked for: the setting, and its clean twins as a setting of their own."""
     clean, own = _keys(need.clean), _keys(need.perturbed)
     twins = () if clean == own else clean
-    perturbed = Asked(scope.agent, scope.routes_spec, str(need.setting), scope.seeds, own, twins)
-    if not twins:
-        return (perturbed,)
-    return (Asked(scope.agent, scope.routes_spec, str(need.setting.baseline), scope.seeds, twins, ()), perturbed)
+    baseline = (Asked(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
+    return (*baseline, Asked(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
 
 
 def awaited(reading: Reading) -> Awaited:
     """Return what a selected test will read."""
-    scope, need = reading.scope, reading.need
-    perturbed = tuple(request for route in reading.routes for request in route.perturbed)
-    clean = tuple(request for route in reading.routes for request in route.clean)
+    setting, ordered = reading.requirement.setting, RouteRequests.joined(reading.routes)
     return Awaited(
+        **reading.scope.named,
         requirement=str(reading.requirement),
-        agent=scope.agent,
-        routes_spec=scope.routes_spec,
-        seeds=scope.seeds,
-        setting=str(need.setting),
+        setting=str(setting),
         rule=reading.kind,
         likely=reading.likely_routes,
-        keys=_keys(perturbed),
-        route_ids=tuple(request.route.id for request in perturbed),
-        clean=str(need.setting.baseline) if clean else "",
-        clean_keys=_keys(clean),
+        keys=_keys(ordered.perturbed),
+        route_ids=tuple(request.route.id for request in ordered.perturbed),
+        clean=str(setting.baseline) if ordered.clean else "",
+        clean_keys=_keys(ordered.clean),
     )
 
 
 def read(reading: Reading, routes: int, likely: int) -> Read:
     """Return how far a verdict is."""
-    scope = reading.scope
-    return Read(str(reading.requirement), scope.agent, scope.routes_spec, scope.seeds, routes, likely)
+    return Read(**reading.scope.named, requirement=str(reading.requirement), routes=routes, likely=likely)
 
 
 def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
@@ -71,11 +62,9 @@ def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
 def not_judged(requirement: Requirement, scope: Scope, nodeid: str, why: str) -> Judged:
     """Return the error that takes the place of a verdict."""
     return Judged(
+        **scope.named,
         nodeid=nodeid,
         requirement=str(requirement),
-        agent=scope.agent,
-        routes_spec=scope.routes_spec,
-        seeds=scope.seeds,
         metric=requirement.metric.name,
         setting=str(requirement.setting),
         comparison=requirement.comparison,
@@ -88,11 +77,9 @@ def not_judged(requirement: Requirement, scope: Scope, nodeid: str, why: str) ->
 def searched(bracket: Bracket, scope: Scope, nodeid: str) -> Searched:
     """Return the severities between which a requirement stops to hold."""
     return Searched(
+        **scope.named,
         nodeid=nodeid,
         sentence=str(bracket),
-        agent=scope.agent,
-        routes_spec=scope.routes_spec,
-        seeds=scope.seeds,
         failure=bracket.ladder.word,
         unit=bracket.ladder.unit,
         metric=bracket.metric.name,

@@ -6,16 +6,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import BudgetSpentError
+from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.store.base import Claim, EpisodeStore
 from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.executors import Executor
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.store.base import Claim, EpisodeStore
 
 __all__ = ["Observer", "Scheduler"]
 
@@ -34,6 +32,10 @@ class Observer(Protocol):
         """Note that an episode is still under way. Called often: return at once."""
         ...
 
+    def idle(self) -> None:
+        """Note that nothing is under way any more, be it that all is done or that driving was interrupted."""
+        ...
+
 
 class _Drive(NamedTuple):
     """An episode under way."""
@@ -47,9 +49,8 @@ class Scheduler:
     """Keeps every slot of an executor busy with the episodes that are needed next, none of them twice.
 
     An episode is claimed in the store before it begins and stored before the claim is given back: several processes
-    with one store share the work without knowing of each other.
-
-    `budget_s`: so many seconds after the first question nothing new is begun. All methods belong to one thread.
+    with one store share the work without knowing of each other. `budget_s`: so many seconds after the first episode was
+    missing nothing new is begun. Not for several threads.
     """
 
     def __init__(
@@ -65,6 +66,7 @@ class Scheduler:
         self._executor = executor
         self._observer = observer
         self._work: Callable[[], object] | None = getattr(executor, "work", None)
+        self._drives: Callable[[str], bool] = getattr(executor, "drives", lambda agent: True)
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
@@ -93,12 +95,11 @@ class Scheduler:
     ) -> None:
         """Return when every one of `requests` is in the store.
 
-        Meanwhile free slots begin with `ahead`, in its order, then with the plan, then with `rest`.
+        Free slots begin with `ahead`, the plan, then `rest`, unless kernels are compiled that the plan waits for.
 
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
         one is missing and nothing new may begin.
         """
-        self._begin_budget()
         nearer, farther = iter(ahead), iter(rest)
         missing = [request for request in requests if not self._is_finished(request)]
         while True:
@@ -109,12 +110,13 @@ class Scheduler:
                     raise self._broken.pop(request.key)
             if not missing:
                 return
-            if not self._spent:
+            if not self._is_spent():
                 for request in missing:
                     self._begin(request)
                 nearer = self._begin_all(nearer)
                 self._begin_all(iter(tuple(self._later.values())))
-                farther = self._begin_all(farther)
+                if not self._busy and all(self._drives(request.episode.agent) for request in self._later.values()):
+                    farther = self._begin_all(farther)  # else it keeps the compiler from its work
             elif not any(request.key in self._under_way for request in missing):
                 raise BudgetSpentError(
                     f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(requests)} "
@@ -127,9 +129,8 @@ class Scheduler:
 
         To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
         """
-        self._begin_budget()
         self._collect()
-        for request in () if self._spent else requests:
+        for request in () if self._is_spent() else requests:
             if self._busy:
                 break
             if request.key not in self._under_way and self._store.get(request.key) is None:
@@ -143,7 +144,7 @@ class Scheduler:
     def close(self) -> None:
         """Cut off what is under way, give back what was claimed, free the executor."""
         self._collect()
-        self._executor.close(cancel=True)
+        self._executor.close()
         for drive in self._under_way.values():
             drive.claim.release()
         self._under_way.clear()
@@ -151,16 +152,14 @@ class Scheduler:
     def _note_duration(self, request: EpisodeRequest, wall_s: float) -> None:
         self._longest_s[request.episode.agent, request.route.id] = max(wall_s, self.expected_s(request))
 
-    def _begin_budget(self) -> None:
-        if self._ends_s is None and self._budget_s is not None:
-            self._ends_s = self._clock() + self._budget_s
-
     @property
     def _busy(self) -> bool:
         return len(self._under_way) >= self._executor.slots
 
-    @property
-    def _spent(self) -> bool:
+    def _is_spent(self) -> bool:
+        """Return whether the budget is used up; it begins when this is asked first."""
+        if self._ends_s is None and self._budget_s is not None:
+            self._ends_s = self._clock() + self._budget_s
         return self._ends_s is not None and self._clock() >= self._ends_s
 
     def _is_finished(self, request: EpisodeRequest) -> bool:
@@ -188,10 +187,15 @@ class Scheduler:
         return chain(passed, requests)
 
     def _begin(self, request: EpisodeRequest) -> bool:
-        """Begin this episode where a slot is free and nobody has it; return False when another process drives it."""
+        """Begin this episode where a slot is free and nobody has it.
+
+        Return False when another process drives it, or the executor cannot yet.
+        """
         key = request.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:
             return True
+        if not self._drives(request.episode.agent):
+            return False
         claim = self._store.claim(key)
         if claim is None:
             self._elsewhere.add(key)
@@ -218,17 +222,16 @@ class Scheduler:
                 continue
             del self._under_way[key]
             try:
-                error = None if future.cancelled() else future.exception()
+                error = future.exception()
                 if error is not None:
                     self._broken[key] = error
-                elif not future.cancelled():
-                    self._store.put(key, future.result())
-                    self._seen.add(key)
+                    continue
+                self._store.put(key, future.result())
+                self._seen.add(key)
             finally:
                 claim.release()
-            if key in self._seen:
-                self._note_duration(request, future.result().wall_s)
-                self._observer(Finished(key, future.result().wall_s))
+            self._note_duration(request, future.result().wall_s)
+            self._observer(Finished(key, future.result().wall_s))
 
     def _wait(self) -> None:
         """Wait until something ended, but not long."""

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.executors import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
-from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.simulators.base import Simulator
-    from pytest_drive_robust.store.events import Identified
+from pytest_drive_robust.store.events import Identified
 
 __all__ = ["Scopes"]
 
@@ -46,9 +42,8 @@ class Scopes:
         self._load_routes = load_routes
         self._lockstep = lockstep
         self._is_stored = is_stored
-        self._checked: dict[str, RouteError | None] = {}
+        self._problems: dict[str, list[str]] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
-        self._agents: set[str] = set()
         self._identities: dict[str, str] = {}
 
     def routes(self, spec: str) -> tuple[Route, ...]:
@@ -63,12 +58,12 @@ class Scopes:
         Raises `UsageError` for unknown agents, lost weights, and routes that are unknown or cannot be driven.
         """
         agent = marker.agent or self._settings.agent
-        self._require_agent(agent)
+        identity = self._identity(agent)
         routes_spec = marker.routes or default_spec(
             self._settings.routes, self._simulator, given=self._settings.routes_given
         )
         routes, seeds = self.routes(routes_spec), marker.seeds or self._settings.seeds
-        scope = Scope(agent, routes_spec, routes, seeds, self._identity(agent))
+        scope = Scope(agent, routes_spec, routes, seeds, identity)
         self._check_routes(scope)
         return scope
 
@@ -95,7 +90,7 @@ class Scopes:
     @property
     def agents(self) -> tuple[str, ...]:
         """Return every agent that a scope was made for, sorted."""
-        return tuple(sorted(self._agents))
+        return tuple(sorted(self._identities))
 
     @property
     def dt_s(self) -> float:
@@ -103,7 +98,12 @@ class Scopes:
         return self._simulator.dt_s
 
     def _identity(self, agent: str) -> str:
+        """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
         if agent not in self._identities:
+            self._registry.require("agents", agent)
+            check = getattr(self._registry.entry("agents", agent).load(), "check", None)
+            if callable(check):
+                check()
             together = self._lockstep and factory_offers_lockstep(agent, self._registry)
             self._identities[agent] = identity_of(
                 agent,
@@ -117,40 +117,26 @@ class Scopes:
 
     def _check_routes(self, scope: Scope) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""
-        if scope.routes_spec not in self._checked:
-            self._checked[scope.routes_spec] = self._problem_of(scope)
-        problem = self._checked[scope.routes_spec]
-        if problem is not None:
-            raise problem
-
-    def _problem_of(self, scope: Scope) -> RouteError | None:
         check = getattr(self._simulator, "check_route", None)
-        if check is None:
-            return None
+        if check is not None and scope.routes_spec not in self._problems:
+            self._problems[scope.routes_spec] = list(self._problems_of(scope, check))
+        problems = self._problems.get(scope.routes_spec)
+        if problems:
+            told = f"{len(problems)} of {len(scope.routes)} routes cannot be driven:"
+            raise RouteError("\n  ".join([told, *problems]))
+
+    def _problems_of(self, scope: Scope, check: Callable[[Route], object]) -> Iterator[str]:
         requests = scope.need(Setting.CLEAN, clean=False).perturbed
         driven = {request.route.id for request in requests if self._is_stored(request.key)}
-        problems: list[str] = []
         for route in scope.routes:
             if route.id not in driven:
                 try:
                     check(route)
                 except UsageError as error:
-                    problems.append(str(error))
-        if not problems:
-            return None
-        return RouteError("\n  ".join([f"{len(problems)} of {len(scope.routes)} routes cannot be driven:", *problems]))
+                    yield str(error)
 
     @cached_property
     def _simulator(self) -> Simulator:
         """Return a world that is asked and never driven."""
         self._registry.require("simulators", self._settings.simulator)
         return self._registry.simulator(self._settings.simulator)
-
-    def _require_agent(self, name: str) -> None:
-        """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
-        if name not in self._agents:
-            self._registry.require("agents", name)
-            check = getattr(self._registry.entry("agents", name).load(), "check", None)
-            if callable(check):
-                check()
-            self._agents.add(name)

@@ -73,10 +73,7 @@ class Simulator(Protocol):
         ...
 
     def observe(self) -> Observation:
-        """Return the clean sensors of this moment, `truth` left out.
-
-        Pixels may be reused by the simulator in a later tick.
-        """
+        """Return the clean sensors of this moment, `truth` left out; a later tick may reuse the pixels."""
         ...
 
     def truth(self) -> GroundTruth:

@@ -24,10 +24,7 @@ def own_routes(simulator: Simulator) -> OwnRoutes | None:
 
 
 def default_spec(spec: str, simulator: Simulator, *, given: bool) -> str:
-    """Return what `--drive-routes` means: `spec`, or all of the simulator's own routes, by its name.
-
-    That is where nobody gave `spec` and the simulator cannot drive ours.
-    """
+    """Return `spec`, or all routes of a simulator that cannot drive ours, by its name, where nobody gave `spec`."""
     return spec if given or own_routes(simulator) is None else simulator.name
 
 
@@ -89,7 +86,7 @@ def _split(text: str) -> tuple[str, str | None]:
     source, colon, ids = text.rpartition(":")
     if colon and "/" not in ids and not ids.endswith(".xml"):
         return source.strip(), ids
-    if _looks_like_ids(text):
+    if all(part.strip().isdigit() for part in text.split(",") if part.strip()):
         return ALL_ROUTES, text
     return text, None
 
@@ -124,7 +121,3 @@ def _is_file(text: str) -> bool:
         return Path(text).is_file()
     except (OSError, ValueError):  # too long for a file name, as a list of 200 ids is; a NUL
         return False
-
-
-def _looks_like_ids(text: str) -> bool:
-    return all(part.strip().isdigit() for part in text.split(",") if part.strip())

@@ -28,7 +28,6 @@ __all__ = [
     "EARLY_SHARE",
     "FEWEST_FOR_T",
     "Decision",
-    "Evidence",
     "LinearForms",
     "Wealth",
     "degradation_forms",
@@ -79,82 +78,6 @@ class Wealth:
         self._owned = low, middle, high
         self.value = (low + middle + high) / 3.0
         return self.value
-
-
-class Evidence:
-    """Collects routes in planned order until they decide.
-
-    `most` is the largest value that `hold` can take, `least` the smallest one of `slack`, as a positive number.
-    Infinity where there is no end: that side then waits for the last look. 0 where the other sign is impossible: one
-    route on the wrong side is then proof. `alpha` bounds the chance of a wrong fail, and that of a wrong pass. With a
-    `fail_alpha` below it a fail takes more; what would be a fail at `alpha` only is then inconclusive.
-    `against` and `within` hold the e-values of the two sides, `needed_for_fail` and `needed` decide.
-
-    Raises `ValueError` for a range that is negative or an alpha outside 0..0.5.
-    """
-
-    def __init__(self, *, most: float, least: float, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
-        if not (most >= 0.0 and least >= 0.0):
-            raise ValueError(f"the ranges are {most!r} and {least!r}, expected two numbers of 0 or more.")
-        if not 0.0 < alpha < 0.5:
-            raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
-        fail_alpha = alpha if fail_alpha is None else fail_alpha
-        if not 0.0 < fail_alpha <= alpha:
-            raise ValueError(f"the alpha of a fail is {fail_alpha!r}, expected a number above 0, {alpha} at most.")
-        self._most, self._least, self._alpha, self._fail_alpha = most, least, alpha, fail_alpha
-        self.needed, self.needed_for_fail = 1.0 / (alpha * EARLY_SHARE), 1.0 / (fail_alpha * EARLY_SHARE)
-        self.against, self.within = Wealth(), Wealth()
-        self._holds: list[float] = []
-        self._slacks: list[float] = []
-        self.decision: Decision | None = None
-
-    @property
-    def routes(self) -> int:
-        """How many routes were read."""
-        return len(self._holds)
-
-    def read(self, hold: float, slack: float) -> Decision | None:
-        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more.
-
-        Raises `ComparisonError` for a value outside the range.
-        """
-        if self.decision is not None:
-            return self.decision
-        against = self.against.bet(share_of(self._most, -hold))
-        within = self.within.bet(share_of(self._least, slack))
-        self._holds.append(hold)
-        self._slacks.append(slack)
-        if against >= self.needed_for_fail:
-            self.decision = "fail"
-        elif within >= self.needed:
-            self.decision = "pass"
-        return self.decision
-
-    def close(self) -> Decision:
-        """Take the last look, once there are no more routes. Raises `ComparisonError` when none was read."""
-        if not self._holds:
-            raise ComparisonError("there is no route to judge. Expected one score per route.")
-        if self.decision is None:
-            self.decision = self._last_look()
-        return self.decision
-
-    def _last_look(self) -> Decision:
-        late = 1.0 - EARLY_SHARE
-        scale = max((bound for bound in (self._most, self._least) if bound < math.inf), default=1.0)
-        if self.routes >= FEWEST_FOR_T:
-            p_value = mean_below_zero_p(self._holds, scale=scale)
-            if p_value <= self._alpha * late:
-                return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
-            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:
-                return "pass"
-        return "inconclusive"
-
-    def _unseen(self) -> float:
-        """Return the pseudo route: the worst that the range allows.
-
-        Without an end it is as far out as the farthest route seen.
-        """
-        return -self._least if self._least < math.inf else -max(abs(slack) for slack in self._slacks)
 
 
 def share_of(bound: float, x: float) -> float:
@@ -210,10 +133,6 @@ class LinearForms:
     def scale(self) -> float:
         """The larger end of what `hold` can be that is finite; 1 when neither is."""
         return max((bound for bound in (self.most, self.floor) if 0.0 < bound < math.inf), default=1.0)
-
-    def evidence(self, alpha: float = 0.05, *, fail_alpha: float | None = None) -> Evidence:
-        """Return a new collector for these forms."""
-        return Evidence(most=self.most, least=self.least, alpha=alpha, fail_alpha=fail_alpha)
 
 
 def degradation_forms(

@@ -14,11 +14,22 @@ point      is the value of this run on the right side of the limit?     never   
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Literal, NamedTuple, Protocol, get_args
+from typing import Literal, NamedTuple, get_args
 
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.stats.evidence import BETS, Decision, LinearForms, Wealth, degradation_forms
+from pytest_drive_robust.stats.evidence import (
+    BETS,
+    EARLY_SHARE,
+    FEWEST_FOR_T,
+    Decision,
+    LinearForms,
+    Wealth,
+    degradation_forms,
+    mean_below_zero_p,
+    share_of,
+)
 
 __all__ = [
     "EvidenceJudge",
@@ -49,182 +60,156 @@ _USUAL_WEIGHT = 4.0
 """How many read routes say as much about the pace of the evidence as the usual distance does."""
 
 
-class Judge(Protocol):
-    """Reads one route after the other; the same reads give the same verdict."""
+class Judge(ABC):
+    """Reads one route after the other; the same reads give the same verdict.
 
-    @property
-    def decision(self) -> Decision | None:
-        """The verdict, or None while there is none."""
-        ...
+    `decision` is None while there is none, `routes` says how many routes it rests on. `against` and `within` hold the
+    e-values of the two sides, `needed_for_fail` and `needed` decide. While every reference is 0 there is nothing to
+    compare with: nothing is decided then, and at the end that is inconclusive.
+    """
 
-    @property
-    def routes(self) -> int:
-        """How many routes the verdict rests on."""
-        ...
-
-    def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more."""
-        ...
-
-    def close(self) -> Decision:
-        """Return the verdict when there are no more routes. Raises `ComparisonError` when none was read."""
-        ...
-
-    def likely_left(self, planned: int) -> int:
-        """Return about how many more of the `planned` routes are read, for schedules and displays."""
-        ...
-
-
-class _Reading:
-    """What all judges keep: the forms, the count, the verdict, and whether any reference moved at all."""
+    needed = needed_for_fail = math.inf
 
     def __init__(self, forms: LinearForms) -> None:
         self.forms = forms
         self.routes = 0
         self.decision: Decision | None = None
+        self.against, self.within = Wealth(), Wealth()
+        self._holds: list[float] = []
         self._compares = not forms.relative
 
-    def _enter(self, score: float, reference: float) -> float:
-        """Count the route and return its hold. Raises `ComparisonError` for a score that the metric cannot have."""
-        hold = self.forms.hold(score, reference)
-        reach = 1.0 + _ROUNDING
-        if not -self.forms.floor * reach - _ROUNDING <= hold <= self.forms.most * reach + _ROUNDING:
-            raise ComparisonError(f"a score is {score!r} (reference {reference!r}), outside what its metric can be.")
-        self.routes += 1
-        self._compares = self._compares or reference > 0.0
-        return hold
+    def read(self, score: float, reference: float = 0.0) -> Decision | None:
+        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more.
+
+        Raises `ComparisonError` for a score that the metric cannot have.
+        """
+        if self.decision is None:
+            hold = self.forms.hold(score, reference)
+            reach = 1.0 + _ROUNDING
+            if not -self.forms.floor * reach - _ROUNDING <= hold <= self.forms.most * reach + _ROUNDING:
+                raise ComparisonError(
+                    f"a score is {score!r} (reference {reference!r}), outside what its metric can be."
+                )
+            self.routes += 1
+            self._holds.append(hold)
+            self._compares = self._compares or reference > 0.0
+            self.decision = self._look(hold, self.forms.slack(score, reference))
+        return self.decision
+
+    def close(self) -> Decision:
+        """Return the verdict when there are no more routes. Raises `ComparisonError` when none was read."""
+        if self.routes == 0:
+            raise ComparisonError("there is no pair to judge. Expected one clean and one perturbed score per route.")
+        if self.decision is None:
+            self.decision = self._at_end() if self._compares else "inconclusive"
+        return self.decision
 
     def likely_left(self, planned: int) -> int:
-        """Return about how many more of the `planned` routes are read if the evidence grows at the pace so far."""
+        """Return about how many more of the `planned` routes are read if the evidence grows at the pace so far.
+
+        For schedules and displays.
+        """
         left = max(0, planned - self.routes)
         if self.decision is not None:
             return 0
-        usual, way = self._usual_routes(), self._way()
+        usual = _usual_routes(self.forms, self.needed) if self.needed < math.inf else math.inf
+        way = max(_share(self.against, self.needed_for_fail), _share(self.within, self.needed))
         pace = (way + _USUAL_WEIGHT / usual) / (self.routes + _USUAL_WEIGHT)
         return left if pace <= 0.0 else min(left, math.ceil((1.0 - way) / pace))
 
-    def _way(self) -> float:
-        """Return how far betting is on its way to a verdict, 0..1."""
-        return 0.0
+    @abstractmethod
+    def _look(self, hold: float, slack: float) -> Decision | None:
+        """Return the verdict after one more route, None while there is none."""
 
-    def _usual_routes(self) -> float:
-        """Return how many routes an early verdict takes as a rule; infinity where there is none."""
-        return math.inf
-
-    def _require_routes(self) -> None:
-        if self.routes == 0:
-            raise ComparisonError("there is no pair to judge. Expected one clean and one perturbed score per route.")
+    @abstractmethod
+    def _at_end(self) -> Decision:
+        """Return the verdict of all routes, where there was something to compare with and no verdict before."""
 
 
-class EvidenceJudge(_Reading):
-    """Routes and seeds are a sample: `Evidence` on the two linear forms of the forms.
+class EvidenceJudge(Judge):
+    """Routes and seeds are a sample: betting on the two linear forms after every route, Hall's t test at the end.
 
-    While every reference is 0 there is nothing to compare with, so nothing is decided; at the end that is
-    inconclusive.
+    `alpha` bounds the chance of a wrong fail, and that of a wrong pass. With a `fail_alpha` below it a fail takes more;
+    what would be a fail at `alpha` only is then inconclusive. A side whose range has no end waits for the last look; on
+    one where the other sign is impossible a single route is proof. Raises `ValueError` for an alpha outside 0..0.5.
     """
 
     def __init__(self, forms: LinearForms, *, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
         super().__init__(forms)
-        self.evidence = forms.evidence(alpha, fail_alpha=fail_alpha)
+        _require_alpha(alpha)
+        fail_alpha = alpha if fail_alpha is None else fail_alpha
+        if not 0.0 < fail_alpha <= alpha:
+            raise ValueError(f"the alpha of a fail is {fail_alpha!r}, expected a number above 0, {alpha} at most.")
+        self._alpha, self._fail_alpha = alpha, fail_alpha
+        self.needed, self.needed_for_fail = 1.0 / (alpha * EARLY_SHARE), 1.0 / (fail_alpha * EARLY_SHARE)
+        self._slacks: list[float] = []
+        self._early: Decision | None = None
 
-    def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """Read one more route; return the verdict as soon as there is one."""
-        if self.decision is None:
-            found = self.evidence.read(self._enter(score, reference), self.forms.slack(score, reference))
-            self.decision = found if self._compares else None
-        return self.decision
+    def _look(self, hold: float, slack: float) -> Decision | None:
+        if self._early is None:
+            against = self.against.bet(share_of(self.forms.most, -hold))
+            within = self.within.bet(share_of(self.forms.least, slack))
+            self._slacks.append(slack)
+            self._early = "fail" if against >= self.needed_for_fail else "pass" if within >= self.needed else None
+        return self._early if self._compares else None
 
-    def close(self) -> Decision:
-        """Take the last look."""
-        self._require_routes()
-        if self.decision is None:
-            self.decision = self.evidence.close() if self._compares else "inconclusive"
-        return self.decision
+    def _at_end(self) -> Decision:
+        if self._early is not None:
+            return self._early
+        late = 1.0 - EARLY_SHARE
+        scale = max((bound for bound in (self.forms.most, self.forms.least) if bound < math.inf), default=1.0)
+        if self.routes >= FEWEST_FOR_T:
+            p_value = mean_below_zero_p(self._holds, scale=scale)
+            if p_value <= self._alpha * late:
+                return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
+            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:
+                return "pass"
+        return "inconclusive"
 
-    def _way(self) -> float:
-        evidence = self.evidence
-        return max(_share(evidence.against, evidence.needed_for_fail), _share(evidence.within, evidence.needed))
+    def _unseen(self) -> float:
+        """Return the pseudo route: the worst that the range allows.
 
-    def _usual_routes(self) -> float:
-        return _usual_routes(self.forms, self.evidence.needed)
+        Without an end it is as far out as the farthest route seen.
+        """
+        least = self.forms.least
+        return -least if least < math.inf else -max(abs(slack) for slack in self._slacks)
 
 
-class PointJudge(_Reading):
+class PointJudge(Judge):
     """The plain comparison of all routes: red half of the time when the agent sits exactly on the limit."""
 
-    def __init__(self, forms: LinearForms) -> None:
-        super().__init__(forms)
-        self._holds: list[float] = []
+    def _look(self, hold: float, slack: float) -> None:
+        return None
 
-    def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """Read one more route; there is never a verdict before the end."""
-        if self.decision is None:
-            self._holds.append(self._enter(score, reference))
-        return self.decision
-
-    def close(self) -> Decision:
+    def _at_end(self) -> Decision:
         """Pass when the mean meets the limit, and when it is equal to it."""
-        self._require_routes()
-        if self.decision is None:
-            self.decision = (
-                _sign_of(math.fsum(self._holds), self.routes, self.forms) if self._compares else "inconclusive"
-            )
-        return self.decision
+        return _sign_of(math.fsum(self._holds), self.routes, self.forms)
 
 
-class ListJudge(_Reading):
+class ListJudge(Judge):
     """The `planned` routes and seeds are all there is: the verdict is that of the full list.
 
     Betting without replacement stops early: if the full list passes, the routes that are left must make up for those
     read, so their mean is known to be `-sum / left` at least, and the gamblers bet against that (Waudby-Smith and
     Ramdas 2020, "Confidence sequences for sampling without replacement"). It disagrees with the full list at most
     `alpha` of the time over the shuffles of the planned order, and never when all were read or when the routes left
-    could not turn it.
+    could not turn it. Until the whole list was read, an end is inconclusive; beyond it, reading raises
+    `ComparisonError`.
     """
 
     def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05) -> None:
         super().__init__(forms)
-        if not 0.0 < alpha < 0.5:
-            raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
+        _require_alpha(alpha)
         self.planned = planned
-        self.needed = 1.0 / alpha
-        self.against, self.within = Wealth(), Wealth()
-        self._holds: list[float] = []
+        self.needed = self.needed_for_fail = 1.0 / alpha
         self._sum = 0.0
 
-    def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """Read one more route; return the verdict as soon as there is one. Raises `ComparisonError` beyond the list."""
-        if self.decision is None:
-            left = self.planned - self.routes
-            if left <= 0:
-                raise ComparisonError(f"the list has {self.planned} routes, but one more was read.")
-            hold = self._enter(score, reference)
-            self._bet(hold, -self._sum / left)
-            self._holds.append(hold)
-            self._sum += hold
-            self.decision = self._look(left - 1)
-        return self.decision
-
-    def close(self) -> Decision:
-        """Return the verdict, inconclusive unless the whole list was read or it was in before."""
-        self._require_routes()
-        if self.decision is None:
-            self.decision = "inconclusive"
-        return self.decision
-
-    def _way(self) -> float:
-        return max(_share(self.against, self.needed), _share(self.within, self.needed))
-
-    def _usual_routes(self) -> float:
-        return _usual_routes(self.forms, self.needed)
-
-    def _bet(self, hold: float, due: float) -> None:
-        """Bet; `due` is what the routes left must average for the list to sit exactly on the limit."""
-        nothing = _ROUNDING * self.forms.scale
-        self.against.bet(_stake(due - hold, self.forms.most - due, nothing))
-        self.within.bet(_stake(hold - due, self.forms.floor + due, nothing))
-
-    def _look(self, left: int) -> Decision | None:
+    def _look(self, hold: float, slack: float) -> Decision | None:
+        left = self.planned - self.routes
+        if left < 0:
+            raise ComparisonError(f"the list has {self.planned} routes, but one more was read.")
+        self._bet(hold, -self._sum / (left + 1))
+        self._sum += hold
         if not self._compares:
             return None if left else "inconclusive"
         if left == 0:
@@ -234,6 +219,15 @@ class ListJudge(_Reading):
         if self.within.value >= self.needed or self._sum - left * self.forms.floor > _slop(self.planned, self.forms):
             return "pass"
         return None
+
+    def _at_end(self) -> Decision:
+        return "inconclusive"
+
+    def _bet(self, hold: float, due: float) -> None:
+        """Bet; `due` is what the routes left must average for the list to sit exactly on the limit."""
+        nothing = _ROUNDING * self.forms.scale
+        self.against.bet(_stake(due - hold, self.forms.most - due, nothing))
+        self.within.bet(_stake(hold - due, self.forms.floor + due, nothing))
 
 
 def judge_by(
@@ -314,6 +308,11 @@ def _pairs(clean: Iterable[float], perturbed: Iterable[float]) -> Iterable[tuple
             yield float(before), float(after)
     except ValueError:
         raise ComparisonError("clean and perturbed scores do not pair. Expected one of each per route.") from None
+
+
+def _require_alpha(alpha: float) -> None:
+    if not 0.0 < alpha < 0.5:
+        raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
 
 
 def _usual_routes(forms: LinearForms, needed: float) -> float:

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult, Injection
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
 from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 

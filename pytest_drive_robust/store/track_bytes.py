@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.tracks import Tracks
+from pytest_drive_robust.domain.result import Tracks
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +29,7 @@ __all__ = ["VERSION", "StoredTracks", "differences", "int_planes", "pack_tracks"
 
 VERSION = 1
 _HEAD = struct.Struct("<8I")
-_LEVEL = 4
+_LEVEL = 3
 _WIDTHS = (6, 4, 0, 4, 2)
 
 
@@ -38,8 +38,9 @@ def pack_tracks(tracks: Tracks) -> bytes:
     if isinstance(tracks, StoredTracks):
         return tracks.packed
     counts = tracks.actors[:, 5]
-    motion = differences(tracks.motion, _starts(counts))
-    motion[:, :2] = second_differences(tracks.motion[:, :2], counts)
+    starts = _starts(counts)
+    motion = differences(tracks.motion, starts)
+    motion[:, :2] = differences(motion[:, :2], starts)
     plans = tracks.plans[:, 1:].sum(axis=1)
     tables = (
         tracks.actors,
@@ -121,7 +122,8 @@ def second_differences(table: Ints, counts: Ints) -> Ints:
 
 def differences(table: Ints, starts: NDArray[np.int64] | list[int]) -> Ints:
     """Return each row less the one before it, but the rows at `starts` as they are."""
-    changed = np.diff(table, axis=0, prepend=np.zeros((1, table.shape[1]), np.int32)).astype(np.int32)
+    changed = table.astype(np.int32)
+    changed[1:] -= table[:-1]
     if len(table):
         changed[starts] = table[starts]
     return changed

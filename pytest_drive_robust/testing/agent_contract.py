@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch
-from pytest_drive_robust.runner.lockstep.batch_check import Recording, check_lockstep
+from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest

@@ -6,12 +6,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from pytest_drive_robust.domain.reception import CONTROL, Reception
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import CONTROL, EpisodeResult, Reception
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.averages import values_by_route
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.episodes import require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score
 
-__all__ = ["Divergence", "WorstRoute", "describe_outcome", "first_divergence", "first_divergence_s", "worst_routes"]
+__all__ = ["Divergence", "WorstRoute", "describe_outcome", "first_divergence", "worst_routes"]
 
 _DISTANCE_M = 0.5
 _SPEED_MPS = 1.0
@@ -108,12 +108,6 @@ def describe_outcome(result: EpisodeResult) -> str:
     if result.end in _BROKEN:
         end += f" ({result.end_detail})"
     return f"{first}, {end}" if first else end
-
-
-def first_divergence_s(clean: EpisodeResult, perturbed: EpisodeResult) -> float | None:
-    """Return the second of `first_divergence`."""
-    found = first_divergence(clean, perturbed)
-    return None if found is None else found.second
 
 
 def first_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> Divergence | None:

@@ -10,8 +10,7 @@ from difflib import SequenceMatcher
 from pytest_drive_robust.errors import nearest
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.sentences import templates_of
-from pytest_drive_robust.perturbations.values import render_value
+from pytest_drive_robust.perturbations.sentences import render_value, templates_of
 from pytest_drive_robust.verdict.requirement import metric_names
 
 __all__ = ["nearest_sentence"]

@@ -9,7 +9,8 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NoReturn
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, NoReturn
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError, nearest
@@ -25,7 +26,16 @@ from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["MarginRequirement", "Requirement", "Unjudged", "by_evidence", "known_metric", "metric_names", "requirement"]
+__all__ = [
+    "MarginRequirement",
+    "Requirement",
+    "Unjudged",
+    "Written",
+    "by_evidence",
+    "known_metric",
+    "metric_names",
+    "requirement",
+]
 
 ANY_TICK_S = 0.05
 """Any will do where a ladder is built for its field and unit, not for its steps."""
@@ -51,6 +61,14 @@ def metric_names() -> list[str]:
     return [*METRICS, *(name for name, _ in default_registry().names("metrics") if name not in METRICS)]
 
 
+class Written(NamedTuple):
+    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text."""
+
+    path: Path | None
+    line: int
+    sentence: str
+
+
 @dataclass(frozen=True, init=False)
 class Requirement:
     """What must hold for an agent; judged by `evaluate.evaluate`.
@@ -67,6 +85,9 @@ class Requirement:
     setting: Setting
     comparison: str
     limit: float
+
+    written: ClassVar[Written | None] = None
+    """Of an object: how `requirements` read it. No part of what it says."""
 
     def __init__(self, metric: Metric | str, setting: Setting, comparison: str, limit: float) -> None:
         metric = known_metric(metric) if isinstance(metric, str) else metric

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from textwrap import indent
 
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
@@ -11,7 +12,7 @@ from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.nearest import nearest_sentence
-from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, known_metric
+from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, Written, known_metric
 
 __all__ = ["DEFAULT_LIMIT", "parse_requirement", "requirements"]
 
@@ -36,8 +37,8 @@ DEFAULT_LIMIT = 0.30
 """The RD that a margin allows when its sentence does not say."""
 
 
-def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
-    """Return the requirements of a text, one a line, in order; blank lines and `#` comments are skipped.
+def requirements(text: str | Path, *, known: Known | None = None) -> list[Requirement]:
+    """Return the requirements of a text or a file, one a line, in order; blank lines and `#` comments are skipped.
 
     `known` are the perturbations that sentences may use, every registered one by default. Raises one
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
@@ -46,6 +47,7 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
+    path, text = (text, _read(text)) if isinstance(text, Path) else (None, text)
     for number, line in enumerate(text.splitlines(), 1):
         sentence = line.partition("#")[0].strip()
         if not sentence:
@@ -55,6 +57,7 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
         except UsageError as error:
             problems.append(f"line {number}: {sentence}\n{indent(str(error), '    ')}")
             continue
+        object.__setattr__(parsed, "written", Written(path, number, sentence))
         first, _ = found.setdefault(str(parsed), (number, parsed))
         if first != number:
             problems.append(f"line {number}: {sentence}\n    says the same as line {first}. Remove one of them.")
@@ -64,6 +67,13 @@ def requirements(text: str, *, known: Known | None = None) -> list[Requirement]:
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise RequirementError(f"the requirements in {str(path)!r} cannot be read: {error}.") from None
 
 
 def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:

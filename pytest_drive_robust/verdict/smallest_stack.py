@@ -30,14 +30,13 @@ _TICK_S = 0.05
 class MinimalFailure:
     """A setting that fails, of which nothing could be shown to be superfluous.
 
-    `given` is what it came from, `asked` every setting that was judged on the way with its answer. `confirmed` is what
-    the last look with fresh episodes said, None when nobody looked. `str()` is a test case to keep.
+    `given` is what it came from, `asked` every setting that was judged on the way with its answer. `str()` is a test
+    case to keep.
     """
 
     setting: Setting
     given: Setting
     asked: tuple[tuple[str, str], ...]
-    confirmed: bool | None = None
     sentence: str = "RD under {setting} <= 0.30"
 
     def __str__(self) -> str:
@@ -46,10 +45,7 @@ class MinimalFailure:
     @property
     def summary(self) -> str:
         """How it came about, in one line."""
-        again = {True: ", confirmed on fresh episodes", False: ", NOT confirmed on fresh episodes", None: ""}
-        return f"smallest setting that fails: {self.setting} (from {self.given}, {len(self.asked)} verdicts" + (
-            f"{again[self.confirmed]})"
-        )
+        return f"smallest setting that fails: {self.setting} (from {self.given}, {len(self.asked)} verdicts)"
 
     @property
     def case(self) -> str:
@@ -86,55 +82,44 @@ def minimal_failing(
     fails: Fails,
     *,
     dt_s: float = _TICK_S,
-    confirm: Fails | None = None,
     sentence: str = "RD under {setting} <= 0.30",
 ) -> MinimalFailure:
     """Leave out failures one at a time, mildest first, then make the rest milder along their ladders.
 
-    `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `confirm` looks at the
-    result once more, on fresh seeds as a rule. `sentence` is the requirement behind `fails`, for the test case.
+    `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `sentence` is the
+    requirement behind `fails`, for the test case.
 
     Raises `ComparisonError` when `setting` itself does not fail.
     """
     given = Setting.of(setting) if isinstance(setting, Perturbation) else setting
-    answers = _Answers(fails)
-    if not answers.finds_failing(given):
-        raise ComparisonError(f"{given} does not fail (it is {answers.asked[-1][1]!r}), so there is nothing to shrink.")
-    smallest = _soften(_drop(given, answers, dt_s), answers, dt_s)
-    confirmed = None if confirm is None else _is_failure(confirm(smallest))
-    return MinimalFailure(smallest, given, tuple(answers.asked), confirmed, sentence)
+    asked: dict[str, str] = {}
+
+    def still_fails(candidate: Setting) -> bool:
+        key = str(candidate)
+        if key not in asked:
+            answer = fails(candidate)
+            asked[key] = answer if isinstance(answer, str) else "fail" if answer else "pass"
+        return asked[key] == "fail"
+
+    if not still_fails(given):
+        raise ComparisonError(f"{given} does not fail (it is {asked[str(given)]!r}), so there is nothing to shrink.")
+    smallest = _soften(_drop(given, still_fails, dt_s), still_fails, dt_s)
+    return MinimalFailure(smallest, given, tuple(asked.items()), sentence)
 
 
-class _Answers:
-    """Judges each setting once and keeps the answers."""
-
-    def __init__(self, fails: Fails) -> None:
-        self._fails = fails
-        self._known: dict[str, bool] = {}
-        self.asked: list[tuple[str, str]] = []
-
-    def finds_failing(self, setting: Setting) -> bool:
-        key = str(setting)
-        if key not in self._known:
-            answer = self._fails(setting)
-            self._known[key] = _is_failure(answer)
-            self.asked.append((key, answer if isinstance(answer, str) else "fail" if answer else "pass"))
-        return self._known[key]
-
-
-def _drop(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+def _drop(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float) -> Setting:
     """Leave out failures until nothing can be: the mildest is the least likely culprit, so it is tried first."""
     while len(setting.perturbations) > 1:
         order = sorted(setting.perturbations, key=lambda item: _height(item, dt_s))
         smaller = (Setting(tuple(other for other in setting.perturbations if other is not item)) for item in order)
-        found = next((candidate for candidate in smaller if answers.finds_failing(candidate)), None)
+        found = next((candidate for candidate in smaller if still_fails(candidate)), None)
         if found is None:
             break
         setting = found
     return setting
 
 
-def _soften(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
+def _soften(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float) -> Setting:
     """Return the setting with the mildest severity of each that still fails, found by bisection."""
     for place, item in enumerate(setting.perturbations):
         ladder = _ladder(item, dt_s)
@@ -146,7 +131,7 @@ def _soften(setting: Setting, answers: _Answers, dt_s: float) -> Setting:
         while above - below > 1:
             middle = (below + above) // 2
             candidate = _with(setting, place, ladder.at(milder[middle]))
-            if answers.finds_failing(candidate):
+            if still_fails(candidate):
                 above = middle
             else:
                 below = middle
@@ -175,10 +160,6 @@ def _ladder(item: Perturbation, dt_s: float) -> Ladder | None:
     except PerturbationError:  # no ladder, or no severity at all: measured latency
         return None
     return ladder
-
-
-def _is_failure(answer: bool | str) -> bool:
-    return answer is True or answer == "fail"
 
 
 def _escaped(text: str) -> str:

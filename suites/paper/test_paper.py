@@ -12,10 +12,7 @@ import pytest
 
 from pytest_drive_robust import Requirement, requirements
 
-PAPER, RELEASED = (
-    requirements(Path(__file__).with_name(name).read_text(encoding="utf-8"))
-    for name in ("limits.txt", "limits_released.txt")
-)
+PAPER, RELEASED = (requirements(Path(__file__).with_name(name)) for name in ("limits.txt", "limits_released.txt"))
 
 
 @pytest.mark.drive_robust(reading="paper")

@@ -10,7 +10,7 @@ from pytest_drive_robust import Requirement, requirements
 
 pytestmark = pytest.mark.drive_robust(agent="expert")
 
-LIMITS = Path(__file__).with_name("limits.txt").read_text(encoding="utf-8")
+LIMITS = Path(__file__).with_name("limits.txt")
 
 
 @pytest.mark.parametrize("requirement", requirements(LIMITS))

@@ -192,6 +192,8 @@ def opened(browser: Any, reports: Path) -> Iterator[Callable[..., Opened]]:
     for item in pages:
         complaints += item.complaints
         strangers += item.strangers()
+        if item.page.url.startswith("file:"):
+            item.page.evaluate("localStorage.clear()")  # the theme that was chosen
         item.page.close()
     assert complaints == []
     assert strangers == []

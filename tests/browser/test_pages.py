@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from report_pages import data_of
+from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
 from result_factory import make_result
 
 from pytest_drive_robust.options.run import RunOptions
@@ -20,11 +20,6 @@ from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import Asked, Used
 
 pytestmark = pytest.mark.slow
-
-AGENT = "follower%3AFollower"
-REQUIREMENT = f"#/requirement/{AGENT}/RD%20under%20GPS%20noise%2015%20m%20%3C%3D%200.01"
-EPISODE = f"#/episode/{AGENT}/GPS%20noise%2015%20m/2301/0?t=4.0"
-VIEWS = ("#/", REQUIREMENT, "#/failures", "#/episodes", EPISODE, "#/compare")
 
 
 def tick(page):

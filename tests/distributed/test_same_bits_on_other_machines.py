@@ -27,7 +27,7 @@ KERNELS = """
 import hashlib, json, sys
 import numpy as np
 from drive_robust_agents._planning.tracks import lane_under
-from pytest_drive_robust.arithmetic.compiled import atan2, cos, exp, log, power, sin
+from pytest_drive_robust.arithmetic.compiled import atan, atan2, cos, exp, sin, tan
 from pytest_drive_robust.jit.kernels import uncached_entry
 
 @uncached_entry
@@ -35,7 +35,7 @@ def digested(values, out):
     for k in range(len(values)):
         x = values[k]
         out[k, 0], out[k, 1], out[k, 2] = sin(x), cos(3.0 * x), atan2(x, 0.3 - x)
-        out[k, 3], out[k, 4], out[k, 5] = exp(-abs(x)), log(abs(x) + 0.1), power(abs(x), 0.7)
+        out[k, 3], out[k, 4], out[k, 5] = exp(-abs(x)), atan(abs(x) + 0.1), tan(0.1 * x)
         out[k, 6] = out[k, 0] * out[k, 1] + out[k, 2] * x - out[k, 3] / (1.0 + x * x)
 
 values = (np.arange(20000) - 10000) * 0.0007

@@ -8,8 +8,8 @@ import pytest
 from guarded_worlds import worker_setup
 
 from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits
 
 LIMITS = Limits(episode_s=300.0, act_s=2.0)
 """A call of these agents takes microseconds, or hangs: on a busy machine nobody waits two seconds for a core."""

@@ -17,8 +17,8 @@ from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Stopped, Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 
 Make = Callable[..., Supervisor]
@@ -213,7 +213,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from guarded_worlds import worker_setup, request
 from pytest_drive_robust.engine.supervisor import Supervisor
-from pytest_drive_robust.engine.limits import Limits
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.engine.fork_server import ForkServer
 import threading, time
 

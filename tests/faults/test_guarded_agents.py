@@ -16,8 +16,8 @@ from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.testing import FakeSimulator, fake_route

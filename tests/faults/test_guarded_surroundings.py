@@ -12,8 +12,8 @@ from guarded_worlds import alive, gone_within, request
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits
 
 
 @pytest.fixture

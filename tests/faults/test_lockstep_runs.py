@@ -12,9 +12,9 @@ from lockstep_suite import LOCKSTEP_CONFTEST
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
 from pytest_drive_robust.engine.supervisor import Stopped
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import fake_route
 
@@ -155,7 +155,7 @@ def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:
     assert slots == 5 or single.done(), "what is driven alone takes the place of a batch"
     assert single.result().outcome is Outcome.COMPLETED
     late = [executor.submit(request(hanging, seed=seed, route=fake_route(str(seed)))) for seed in (1, 2, 3, 4, 5)]
-    executor.close(cancel=True)
+    executor.close()
     executor.close()
     assert isinstance(late[0].exception(timeout=0.0), Stopped)
     assert all(future.done() for future in late)

@@ -21,9 +21,9 @@ from ray_project import MODULE, load_project, setup_of, write_project
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.ray.executor import RayExecutor
 from pytest_drive_robust.engine.supervisor import Stopped
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
@@ -61,8 +61,10 @@ class Project:
             self.registry, simulator=worker_setup.simulator, options=worker_setup.options, ticked=lambda: None
         )
         future = executor.submit(request)
+        assert executor.work is not None
+        executor.work()
         executor.close()
-        return future.result()
+        return future.result(timeout=0.0)
 
     def ray(self, address: str | None) -> RayExecutor:
         limits = Limits(act_s=2.0)
@@ -154,7 +156,7 @@ def test_closing_early_stops_what_is_under_way(cluster, tmp_path):
     futures = [executor.submit(request) for request in project.requests("steady", 3)]
     wait_for(lambda: len(project.begun()) == 2)
     started = time.monotonic()
-    executor.close(cancel=True)
+    executor.close()
     assert time.monotonic() - started < PATIENCE_S  # an episode takes ten minutes
     for future in futures:
         with pytest.raises(Stopped):

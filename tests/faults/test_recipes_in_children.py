@@ -13,8 +13,8 @@ from guarded_worlds import request, worker_setup
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.fork_server import ForkServer
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Perturbation, Setting
 from pytest_drive_robust.registry.plugins import plugin_source

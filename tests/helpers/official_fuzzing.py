@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from official_records import official_totals
 
-from pytest_drive_robust.bench2drive.results.comforts import Comforts
+from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_totals import score_results
 from pytest_drive_robust.bench2drive.results.quirks import notes_on
 from pytest_drive_robust.bench2drive.results.results_file import read_results
@@ -77,7 +77,7 @@ def try_everything(path: Path) -> None:
     except UsageError:
         return
     for route in source.routes:
-        for seed in source.seeds:
+        for seed in sorted({seed for _, seed in source.records}):
             episode = Episode("driver", route.id, "clean", seed)
             try:
                 source.episode(episode, route)

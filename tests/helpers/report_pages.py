@@ -12,6 +12,12 @@ import numpy as np
 
 from pytest_drive_robust.report.pages.motion import VERSION
 
+# views of the report that `tests/browser` drives
+AGENT = "follower%3AFollower"
+REQUIREMENT = f"#/requirement/{AGENT}/RD%20under%20GPS%20noise%2015%20m%20%3C%3D%200.01"
+EPISODE = f"#/episode/{AGENT}/GPS%20noise%2015%20m/2301/0?t=4.0"
+VIEWS = ("#/", REQUIREMENT, "#/failures", "#/episodes", EPISODE, "#/compare")
+
 
 def data_of(folder: Path, name: str = "run") -> Any:
     """Return the plain data of `data/NAME.js`."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult, Given, Injection, Trace
+from pytest_drive_robust.domain.result import EpisodeResult, Given, Injection, Reception, Touch, Trace
 
 DT_S = 0.05
 

@@ -6,11 +6,28 @@ import re
 
 import pytest
 
+MOST_FUNCTIONS = 90
+"""`expert` waits for so many at most, of the 140 that all agents and cameras need together."""
+
+SUITE = """
+import pytest
+from pytest_drive_robust import requirements
+
+@pytest.mark.parametrize("requirement", requirements("DS under clean >= 1"))
+class TestBoth:
+    @pytest.mark.drive_robust(agent="expert")
+    def test_without_cameras(self, drive, requirement):
+        drive.check(requirement)
+
+    def test_with_whatever_it_says_nothing_of(self, drive, requirement):
+        drive.check(requirement)
+"""
+
 
 @pytest.mark.slow
-def test_the_first_run_says_how_many_functions_are_compiled(suite, pytester, monkeypatch):
+def test_the_first_run_says_how_many_functions_are_compiled_and_drives_before_all_are(suite, pytester, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(pytester.path / "compiled"))
-    folder = suite("DS under clean >= 1")
+    folder = suite(test=SUITE)
     options = ("--drive-robust", "--drive-sim", "embedded", "--drive-agent", "steady", "--drive-routes", "dev10")
     said = []
     for number in range(2):
@@ -21,7 +38,7 @@ def test_the_first_run_says_how_many_functions_are_compiled(suite, pytester, mon
         lines = [re.match(r"drive-robust: compiling, (\d+) of (\d+) functions done", line) for line in result.outlines]
         said.append([(int(found[1]), int(found[2])) for found in lines if found])
     first, second = said
-    assert first[0][0] < first[0][1] >= 20
-    assert first == sorted(first)
-    assert len({total for _, total in first}) == 1
+    assert first[0][0] < first[0][1]
+    assert 20 <= first[0][1] <= MOST_FUNCTIONS
+    assert first == sorted(first, key=lambda told: (told[1] != first[0][1], told[0]))
     assert second == []

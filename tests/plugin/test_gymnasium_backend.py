@@ -98,10 +98,9 @@ def test_what_cannot_be_driven_is_refused_before_anything_is(run, arguments, mes
         ("gymnasum:roundabout-v0", "Did you mean 'gymnasium:roundabout-v0'?"),
         ("gymnasium:parking-v0", "gymnasium:parking-v0 cannot be driven: it has no lane"),
         ("gymnasium", "give gymnasium:ID"),
-        ("highway-env:merge-v0", "Give 'gymnasium:merge-v0'"),
         ("gymnasium:merge-v0", "Did you mean 'merge-v0-0'?"),
     ],
-    ids=["unknown-name", "refused", "no-id", "earlier-name", "unknown-route"],
+    ids=["unknown-name", "refused", "no-id", "unknown-route"],
 )
 def test_the_command_line_refuses_the_same(simulator, message, capsys):
     arguments = ["replay", "merge-v1-0", "--agent", f"{__name__}:standing", "--sim", simulator]

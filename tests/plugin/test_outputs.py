@@ -10,9 +10,9 @@ from xml.etree import ElementTree
 
 import jsonschema
 import pytest
+from published_schema import run_schema
 
 from pytest_drive_robust.report.csv_file import COLUMNS
-from pytest_drive_robust.report.schema import run_schema
 
 SENTENCES = (
     "RD under throttle 0.9 <= 0.30",
@@ -143,3 +143,12 @@ def test_an_end_of_an_interval_that_is_not_there_is_no_junit_property(suite):
     assert 'name="drive_value"' in text
     assert 'name="drive_low"' not in text
     assert '"inf"' not in text
+
+
+def test_a_run_that_was_interrupted_says_so(suite, monkeypatch):
+    folder = suite("DS under clean >= 1", test="\n\ndef test_ctrl_c():\n    raise KeyboardInterrupt\n")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(folder.path / "summary.md"))
+    folder.runpytest_subprocess("--drive-robust", "--drive-verdict", "point", "--drive-json", "run.json")
+    (note,) = json.loads((folder.path / "run.json").read_text())["notes"]
+    assert note.startswith("the run was interrupted")
+    assert "- the run was interrupted" in (folder.path / "summary.md").read_text()

@@ -7,8 +7,7 @@ import json
 
 import jsonschema
 import pytest
-
-from pytest_drive_robust.report.schema import run_schema
+from published_schema import run_schema
 
 LATE = "RD under 150 ms latency <= 0.90"
 MARKED = """

@@ -65,7 +65,7 @@ def test_the_replay_line_drives_again_what_a_conftest_registered(suite):
     assert program == "drive-robust"
     replayed = folder.run(sys.executable, "-m", "pytest_drive_robust.cli", *words, "--no-video")
     assert replayed.ret == 0
-    replayed.stdout.fnmatch_lines(["steady on 3 under throttle 0.3, seed 0 (Straight)", "first divergence at * s"])
+    replayed.stdout.fnmatch_lines(["steady on 3 under throttle 0.3, seed 0 (Straight)", "first divergence at * s in *"])
 
 
 def assert_table(lines, *, verdicts):

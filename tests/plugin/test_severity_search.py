@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 
 import jsonschema
-
-from pytest_drive_robust.report.schema import run_schema
+from published_schema import run_schema
 
 SEARCH = """
 from pytest_drive_robust import InferenceLatency

@@ -1,8 +1,7 @@
-"""The README's snippets run as written, from an empty folder, in a process of their own."""
+"""What the README says. Its blocks run with those of the other pages: `tests/docs/test_pages_run.py`."""
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -10,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from pytest_drive_robust.options.table import OPTIONS
+from documented_pages import blocks_of
+from PIL import Image
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -32,60 +31,28 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_it_shows_the_table_of_the_paper_as_it_was_driven() -> None:
-    table = (ROOT / "benchmarks" / "paper" / "table.md").read_text(encoding="utf-8")
-    rows = [line for line in table.partition("\n## RD")[2].partition("\n## ")[0].splitlines() if line.startswith("|")]
-    assert len(rows) == 14
-    assert "\n".join(rows) in README
+def test_it_is_short() -> None:
+    assert len(README.splitlines()) <= 150
 
 
-def test_its_table_of_options_is_what_pytest_is_given() -> None:
-    rows = re.findall(r"^\| `(--drive-[^`]+)` \|([^|]*)\|([^|]*)\|", README, re.MULTILINE)
-    stated = {
-        option.flag + (f"[={option.metavar}]" if option.bare else f" {option.metavar}".rstrip()): (
-            "" if option.is_switch else f"`{option.name}`",
-            f"`{option.default}`" if option.default else "off",
-        )
-        for option in OPTIONS.values()
-    }
-    assert {flag: (ini.strip(), default.strip()) for flag, ini, default in rows} == stated
-    assert len(rows) == len(stated)
+def test_its_film_is_small_and_moves() -> None:
+    name = re.search(r"!\[[^]]+\]\((\S+)\)", README.partition("\n## ")[0])
+    assert name is not None
+    film = ROOT / name[1]
+    assert film.stat().st_size < 2_000_000
+    with Image.open(film) as moving:
+        assert moving.n_frames > 10
 
 
-@pytest.mark.slow
-def test_your_own_agent_runs_from_an_empty_folder(tmp_path: Path) -> None:
-    for name in ("my_agent.py", "test_mine.py"):
-        (tmp_path / name).write_text(block(name), encoding="utf-8")
-    check, drive = block("my_agent commands").splitlines()
-    checked = shell(check, tmp_path)
-    assert checked.returncode == 0, checked.stdout + checked.stderr
-    driven = shell(drive, tmp_path)
-    assert driven.returncode == 0, driven.stdout + driven.stderr
-    assert "my_agent:MyAgent" in driven.stdout
-    assert "2 passed" in driven.stdout
+def test_its_links_lead_somewhere() -> None:
+    inside = [link for link in re.findall(r"\]\(([^)#]+)\)", README) if "://" not in link]
+    assert len(inside) > 10
+    assert [link for link in inside if not (ROOT / link).exists()] == []
 
 
-@pytest.mark.slow
-def test_your_own_perturbation_runs_from_an_empty_folder(tmp_path: Path) -> None:
-    for name in ("conftest.py", "test_dimmed.py"):
-        (tmp_path / name).write_text(block(name), encoding="utf-8")
-    # an agent with a camera, or nothing would be dimmed
-    options = "--drive-agent classical --drive-routes 801,2501 --drive-verdict point --drive-json run.json"
-    driven = shell(f"pytest --drive-robust test_dimmed.py {options}", tmp_path)
-    assert driven.returncode == 0, driven.stdout + driven.stderr
-    episodes = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["episodes"]
-    digests = {(episode["route_id"], episode["setting"]): episode["trace_digest"] for episode in episodes}
-    for route in ("801", "2501"):
-        assert digests[route, "dimmed camera 0.6"] != digests[route, "clean"]
-
-
-def test_the_agent_is_twenty_lines_and_the_perturbation_ten() -> None:
-    def lines(text: str) -> int:
-        body = text.split("class ", 1)[1]
-        return sum(bool(line.strip()) for line in body.splitlines())
-
-    assert lines(block("my_agent.py")) <= 22
-    assert lines(block("conftest.py").split("@pytest.hookimpl")[0]) <= 10
+def test_the_agent_is_twenty_lines() -> None:
+    (agent,) = (block for block in blocks_of(README) if block.comment == "file: my_agent.py")
+    assert sum(bool(line.strip()) for line in agent.text.split("class ", 1)[1].splitlines()) <= 22
 
 
 @pytest.mark.slow

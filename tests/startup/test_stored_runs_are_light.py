@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 
-HEAVY = ("gymnasium", "highway_env", "matplotlib", "numba", "pandas", "torch", "scipy.signal")
+HEAVY = ("cv2", "gymnasium", "highway_env", "matplotlib", "numba", "onnxruntime", "pandas", "scipy", "torch")
+UNUSED = ("engine.supervisor", "engine.fork_server", "plugin.probe_option", "runner.driver", "runner.episode.loop")
+"""Of ours, too: nobody drives."""
 
 CONFTEST = f"""
 import subprocess
@@ -21,8 +23,15 @@ def count(self, *args, **options):
 
 subprocess.Popen.__init__ = count
 
+OPENED = []
+sys.addaudithook(lambda event, given: OPENED.append(str(given[0])) if event == "open" else None)
+
 def pytest_unconfigure():
-    print("LOADED", *sorted(set(sys.modules) & set({HEAVY!r})))
+    unused = {{f"pytest_drive_robust.{{name}}" for name in {UNUSED!r}}}
+    print("LOADED", *sorted(set(sys.modules) & ({{*{HEAVY!r}}} | unused)))
+    records = [path for path in OPENED if path.endswith(".episode")]
+    print("TWICE", *sorted({{path for path in records if records.count(path) > 1}}))
+    print("READ", len(records))
     print("STARTED", len([command for command in STARTED if "pytest_drive_robust" in str(command)]))
 """
 
@@ -56,5 +65,7 @@ def test_the_second_run_loads_no_world_and_starts_no_process(tmp_path, plugin_ar
     second, said_again = run()
     assert second["LOADED"] == []
     assert second["STARTED"] == ["0"]
+    assert second["TWICE"] == []
+    assert second["READ"] == ["2"]
     assert said
     assert said_again[-1] == said[-1]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,6 +129,8 @@ class Signals:
 
 def signals(pixels: Bytes) -> Signals:
     """Look for lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
+    import cv2  # not by a run whose episodes are stored: it takes a tenth of a second
+
     red, green, blue = cv2.split(np.ascontiguousarray(pixels[_HIGHEST_ROW:_HORIZON, CAMERA.width_px // 4 :]))
     red16, green16, blue16 = (plane.astype(np.int16) for plane in (red, green, blue))  # 2.2 times: 5 to 11
     reddish = (5 * red16 > 11 * np.maximum(green16, blue16)) & (red > 90)
@@ -148,6 +149,8 @@ def _largest_facing(mask: NDArray[np.bool_]) -> int:
     """
     if not mask.any():
         return 0
+    import cv2
+
     *_, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     blobs = stats[1:]
     width, height = blobs[:, cv2.CC_STAT_WIDTH], blobs[:, cv2.CC_STAT_HEIGHT]

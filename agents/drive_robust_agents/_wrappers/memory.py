@@ -39,7 +39,7 @@ def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats
     A point (x, y) in the frame of now lies at R(yaw) (x, y) + (forward, right) in the frame of then.
     """
     dx, dy = (now[:, :2] - old[:, :2]).T
-    c, s = arrays.cos_sin(old[:, 2])
+    c, s = arrays.cos(old[:, 2]), arrays.sin(old[:, 2])
     turned = np.remainder(now[:, 2] - old[:, 2] + math.pi, math.tau) - math.pi
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turned]).astype(np.float32)
 

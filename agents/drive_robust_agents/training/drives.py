@@ -16,11 +16,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from drive_robust_agents.training import candidates
 from pytest_drive_robust import Setting
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.pool import ProcessExecutor
-from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.metrics.guards import require_scorable
+from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
@@ -144,6 +143,9 @@ class _ProgressBar:
 
     def ticked(self) -> None:
         """Do nothing: the bar redraws itself."""
+
+    def idle(self) -> None:
+        """Do nothing: the bar stays."""
 
 
 def _scorable(result: EpisodeResult | None) -> EpisodeResult:

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import itertools
+import math
 import os
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pytest_drive_robust.bench2drive.agents.carla_world import SeenWorld, show_world
-from pytest_drive_robust.bench2drive.agents.commands import control_of
+from pytest_drive_robust.bench2drive.agents.carla_world import HeroWorld, show_world
 from pytest_drive_robust.bench2drive.agents.official_rig import OfficialRig, read_rig
 from pytest_drive_robust.bench2drive.agents.payloads import Payloads, frame_number, game_time_s
-from pytest_drive_robust.bench2drive.agents.plans import STRAIGHT_PLAN, gps_plan, world_plan
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
-from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 
-__all__ = ["OfficialAgent"]
+__all__ = ["OfficialAgent", "control_of"]
 
 _HOST, _PORT = "localhost", 2000
 """What the leaderboard's own options are when nobody says otherwise. Nothing listens there."""
 _EPISODES = itertools.count()
+_FIELDS = (("throttle", 0.0), ("steer", -1.0), ("brake", 0.0))
+
+_STRAIGHT_PLAN = GlobalPlan(
+    tuple(PlanPoint(x, 0.0, RoadOption.LANE_FOLLOW) for x in (0.0, 50.0, 100.0)),
+    tuple(PlanPoint(float(x), 0.0, RoadOption.LANE_FOLLOW) for x in range(101)),
+)
+"""Hundred metres straight on: what an agent is set up with before there is a route, to see its sensors."""
 
 
 class OfficialAgent:
@@ -33,26 +40,25 @@ class OfficialAgent:
     `setup`; then `run_step` in every tick, and `destroy` before the next episode or at the end of the process. One
     more object is made and destroyed at the start, on a straight plan, to know the agent's sensors.
 
-    `privileged` agents are those with a sensor that is computed from the ground truth (lidar, radar, map), and those
-    whose file imports `CarlaDataProvider`, through which everything can be read.
+    `privileged` agents are those with a sensor that is computed from the ground truth (lidar, radar).
     """
 
-    def __init__(self, cls: type, config: str, *, name: str, sees_world: bool = False) -> None:
+    def __init__(self, cls: type, config: str, *, name: str) -> None:
         self._class = cls
         self._config = config
         self._name = name
         self._destroy: weakref.finalize[..., Any] | None = None
         self._agent: Any = None
-        self._world = SeenWorld()
+        self._world = HeroWorld()
         try:
-            self._rig = self._wake(STRAIGHT_PLAN, "sensors")
+            self._rig = self._wake(_STRAIGHT_PLAN, "sensors")
         except DriveRobustError:
             raise
         except (Exception, SystemExit) as error:
             raise UsageError(f"{name} cannot be set up: {type(error).__name__}: {error}") from error
         finally:
             self._end()
-        self.privileged = sees_world or self._rig.needs_truth
+        self.privileged = self._rig.needs_truth
         self.consumes = self._rig.consumes
         self._payloads = Payloads(self._rig, seed=0, route="")
 
@@ -64,7 +70,7 @@ class OfficialAgent:
         """Destroy the agent of the last episode, and make and set up that of this one."""
         self._end()
         plan = hashlib.blake2b(repr(route.points).encode(), digest_size=6).hexdigest()
-        self._world = SeenWorld()
+        self._world = HeroWorld()
         self._payloads = Payloads(self._rig, seed=seed, route=plan)
         if self._wake(route, plan) != self._rig:
             raise ValueError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
@@ -73,7 +79,7 @@ class OfficialAgent:
         """Run one `run_step`."""
         tick = observation.tick
         time_s = game_time_s(tick)
-        self._world.update(observation)
+        self._world.hero.see(observation)
         show_world(self._world, frame=frame_number(tick), time_s=time_s)
         if hasattr(self._agent, "get_hero"):
             self._agent.hero_actor = self._world.hero
@@ -85,7 +91,7 @@ class OfficialAgent:
         agent = self._class(_HOST, _PORT, False)
         self._agent = agent
         self._destroy = weakref.finalize(self, _quietly, agent.destroy)
-        agent.set_global_plan(gps_plan(plan), world_plan(plan))
+        agent.set_global_plan(_gps_plan(plan), _world_plan(plan))
         agent.setup(_config(self._config, route))
         return read_rig(agent.sensors(), agent=self._name)
 
@@ -108,3 +114,61 @@ def _quietly(destroy: Callable[[], object]) -> None:
         destroy()
     except (Exception, SystemExit) as error:
         print(f"drive-robust: destroy() of the agent raised {type(error).__name__}: {error}")
+
+
+def control_of(command: object) -> Control:
+    """Return the same command, held within its ranges as CARLA does. Raises `TypeError` and `ValueError`.
+
+    The hand brake brakes with all that there is. Our vehicle has no reverse gear: to ask for it is an error, not a
+    drive forward. Numbers that are none (NaN) stay what they are, for the loop to blame.
+    """
+    values: list[float] = []
+    for field, low in _FIELDS:
+        given = getattr(command, field, None)
+        try:
+            number = float(given)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise TypeError(
+                f"run_step returned {command!r} of type {type(command).__name__} whose {field} is {given!r}, expected "
+                "a carla.VehicleControl or an object with its fields"
+            ) from None
+        values.append(number if math.isnan(number) else min(max(number, low), 1.0))
+    throttle, steer, brake = values
+    if getattr(command, "reverse", False):
+        raise ValueError(f"run_step returned {command!r}, which asks for the reverse gear: the vehicle here has none")
+    if getattr(command, "hand_brake", False):
+        throttle, brake = 0.0, 1.0
+    return Control(throttle, steer, brake)
+
+
+def _gps_plan(plan: GlobalPlan) -> list[tuple[dict[str, float], Any]]:
+    """Return `({"lat": ..., "lon": ..., "z": 0.0}, RoadOption)` for every point of the dense plan, degrees."""
+    options = _options()
+    return [
+        ({"lat": point.latitude_deg, "lon": point.longitude_deg, "z": 0.0}, options(int(point.command)))
+        for point in _points(plan)
+    ]
+
+
+def _world_plan(plan: GlobalPlan) -> list[tuple[Any, Any]]:
+    """Return `(carla.Transform, RoadOption)` for every point of the dense plan, each turned to the next one."""
+    carla: Any = importlib.import_module("carla")
+    options = _options()
+    points = _points(plan)
+    found: list[tuple[Any, Any]] = []
+    for number, point in enumerate(points):
+        here, there = (point, points[number + 1]) if number + 1 < len(points) else (points[max(number - 1, 0)], point)
+        yaw_deg = math.degrees(math.atan2(there.y_m - here.y_m, there.x_m - here.x_m))
+        place = carla.Location(x=point.x_m, y=point.y_m, z=0.0)
+        turned = carla.Rotation(pitch=0.0, yaw=yaw_deg, roll=0.0)
+        found.append((carla.Transform(place, turned), options(int(point.command))))
+    return found
+
+
+def _points(plan: GlobalPlan) -> tuple[PlanPoint, ...]:
+    return plan.dense or plan.points
+
+
+def _options() -> Any:
+    """Return CARLA's own enumeration where its Python API is there, else ours: agents compare with what they import."""
+    return importlib.import_module("agents.navigation.local_planner").RoadOption

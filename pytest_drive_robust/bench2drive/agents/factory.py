@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-import functools
+import hashlib
+import importlib.util
 import os
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pytest_drive_robust.bench2drive import agents as official_agents
 from pytest_drive_robust.bench2drive.agents.adapter import OfficialAgent
-from pytest_drive_robust.bench2drive.agents.loading import load_agent_class
-from pytest_drive_robust.bench2drive.agents.reference import Reference
+from pytest_drive_robust.bench2drive.agents.stand_ins.finder import install_stand_ins
+from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
 __all__ = ["OfficialAgentFactory", "leaderboard_agent"]
 
+_SYNTAX = "expected leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config"
+_LOOKS_LIKE_A_FILE = re.compile(r".*[/\\].*|.+\.[A-Za-z]\w*")
+_METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")
 _ASKS_FOR = re.compile(r"""(?:environ(?:\.get\(|\[)|getenv\()\s*['"](\w+)['"]""")
-_PROVIDER = "CarlaDataProvider"
 
 
 class OfficialAgentFactory:
@@ -29,9 +34,9 @@ class OfficialAgentFactory:
     agent file asks for by name.
     """
 
-    def __init__(self, reference: Reference) -> None:
-        self.reference = reference
-        cls = load_agent_class(reference.file)
+    def __init__(self, file: Path, config: str) -> None:
+        self._file, self._config = file, config
+        cls = _agent_class(file)
         self._class = cls
         self.__wrapped__ = cls
         self.__module__ = cls.__module__
@@ -41,8 +46,8 @@ class OfficialAgentFactory:
 
     def __call__(self) -> OfficialAgent:
         """Return a new agent. Raises `UsageError` when it cannot be set up or has sensors that nobody knows."""
-        name = f"{self._class.__name__} of {self.reference.file.name}"
-        return OfficialAgent(self._class, self.reference.config, name=name, sees_world=self._sees_world())
+        name = f"{self._class.__name__} of {self._file.name}"
+        return OfficialAgent(self._class, self._config, name=name)
 
     def check(self) -> None:
         """Set up an agent and give it back, to say at collection what is wrong with it. Raises `UsageError`."""
@@ -50,28 +55,134 @@ class OfficialAgentFactory:
 
     @property
     def weights(self) -> tuple[Path, ...]:
-        """Every file that the configuration names."""
-        return self.reference.config_files
+        """Every file that the configuration names, those within its folders included."""
+        found: list[Path] = []
+        for part in filter(None, self._config.split("+")):
+            path = Path(part).expanduser()
+            if path.is_file():
+                found.append(path)
+            elif path.is_dir():
+                found += sorted(file for file in path.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
+        return tuple(found)
 
     @property
     def configuration(self) -> Mapping[str, Any]:
         """What decides how the agent drives and is not in its own source."""
-        asked = sorted({*_ASKS_FOR.findall(self._text), "IS_BENCH2DRIVE"})
+        asked = sorted({*_ASKS_FOR.findall(self._file.read_text(errors="replace")), "IS_BENCH2DRIVE"})
         return {
-            "config": self.reference.config,
+            "config": self._config,
             "environment": {name: os.environ.get(name, "") for name in asked},
             "bridge": code_digest([official_agents]),
         }
 
-    def _sees_world(self) -> bool:
-        """Return whether the agent's own file imports what shows the world."""
-        return re.search(rf"^[ \t]*(?:from|import)\b.*\b{_PROVIDER}\b", self._text, re.MULTILINE) is not None
-
-    @functools.cached_property
-    def _text(self) -> str:
-        return self.reference.file.read_text(errors="replace")
-
 
 def leaderboard_agent(argument: str) -> OfficialAgentFactory:
-    """Return what `leaderboard:argument` makes agents with. Raises `UsageError`."""
-    return OfficialAgentFactory(Reference.parse(argument))
+    """Return what makes agents of `FILE+CONFIG`: a file, and the text for `setup`, which may name files joined by `+`.
+
+    Relative paths are from the current folder. Raises `UsageError` for files that are not there.
+
+    >>> leaderboard_agent("")
+    Traceback (most recent call last):
+    pytest_drive_robust.errors.UsageError: leaderboard names no agent file: expected \
+leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config.
+    """
+    name, _, config = argument.partition("+")
+    if not name:
+        raise UsageError(f"leaderboard names no agent file: {_SYNTAX}.")
+    file = Path(name).expanduser()
+    if not file.is_file():
+        raise UsageError(f"there is no agent file {name!r}{_instead(file)}: {_SYNTAX}.")
+    if file.suffix != ".py":
+        raise UsageError(f"the agent file {name!r} is no Python file: {_SYNTAX}.")
+    for part in filter(None, config.split("+")):
+        if _LOOKS_LIKE_A_FILE.fullmatch(part) and not Path(part).expanduser().exists():
+            raise UsageError(
+                f"there is no {part!r}{_instead(Path(part))}, which leaderboard:{argument} names as configuration of "
+                f"the agent: {_SYNTAX}."
+            )
+    return OfficialAgentFactory(file.resolve(), config)
+
+
+def _instead(missing: Path) -> str:
+    """Return `" (did you mean 'agent.py'?)"`, or nothing."""
+    folder = missing.parent
+    if not folder.is_dir():
+        return ""
+    close = nearest(missing.name, [path.name for path in folder.iterdir()])
+    return f" (did you mean {str(folder / close)!r}?)" if close is not None else ""
+
+
+def _agent_class(file: Path) -> type:
+    """Import the file and return the class that its `get_entry_point` names. Raises `UsageError` when it has none.
+
+    The folder of the file and the current one are put on `sys.path`, and stay: agents import their neighbours, some of
+    them while they drive. Where no `carla`, `leaderboard`, `srunner` or `agents` is installed ours take their place.
+    """
+    module = _imported(file)
+    entry_point = getattr(module, "get_entry_point", None)
+    if not callable(entry_point):
+        raise UsageError(
+            f"{_shown(file)} has no get_entry_point: expected a function of that name that returns the name of the "
+            "agent's class, as the leaderboard asks for."
+        )
+    name: object = entry_point()
+    if not isinstance(name, str):
+        raise UsageError(f"get_entry_point of {_shown(file)} returned {name!r}, expected the name of a class.")
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        classes = [known for known, value in vars(module).items() if isinstance(value, type)]
+        raise UnknownNameError.of(f"class in {_shown(file)}", name, classes, hint="get_entry_point names it.")
+    missing = [method for method in _METHODS if not callable(getattr(found, method, None))]
+    if missing:
+        raise UsageError(
+            f"{name} of {_shown(file)} lacks {', '.join(missing)}: expected a subclass of "
+            "leaderboard.autoagents.autonomous_agent.AutonomousAgent."
+        )
+    return found
+
+
+def _imported(file: Path) -> ModuleType:
+    name = _module_name(file)
+    if name in sys.modules:
+        return sys.modules[name]
+    install_stand_ins()
+    for folder in (os.getcwd(), str(file.parent)):
+        if folder not in sys.path:
+            sys.path.insert(0, folder)
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None  # a file that ends in .py has a loader
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, (Exception, SystemExit)):
+            raise UsageError(
+                f"the agent file {_shown(file)} cannot be imported: {type(error).__name__}: {error}. Its folder and "
+                f"the current one, {os.getcwd()}, were on sys.path."
+            ) from error
+        raise
+    return module
+
+
+def _module_name(file: Path) -> str:
+    """Return the stem, as in the leaderboard; made unique where something else has that name already."""
+    name = re.sub(r"\W", "_", file.stem)
+    known = sys.modules.get(name)
+    if known is not None:
+        origin = getattr(known, "__file__", None)
+    else:
+        spec = importlib.util.find_spec(name)
+        origin = None if spec is None else spec.origin or "a package"
+        if spec is None:
+            return name
+    if origin is not None and Path(origin).resolve() == file:
+        return name
+    return f"{name}_{hashlib.blake2b(str(file).encode(), digest_size=4).hexdigest()}"
+
+
+def _shown(file: Path) -> str:
+    here = Path.cwd()
+    return str(file.relative_to(here)) if file.is_relative_to(here) else str(file)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -31,6 +32,8 @@ _SIGNALS: Mapping[str, tuple[str, ...]] = {
 _PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
 _CAMERA_NUMBERS = ("width", "height", "fov")
 _RADAR_NUMBERS = ("horizontal_fov", "vertical_fov")
+_OURS = {"x": "x_m", "y": "y_m", "z": "z_m", "pitch": "pitch_deg", "yaw": "yaw_deg"}
+"""The names of a place in our specifications; nothing is rolled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,38 +83,14 @@ def read_rig(specs: object, *, agent: str) -> OfficialRig:
         name, kind = str(spec["id"]), str(spec["type"])
         if any(sensor.id == name for sensor in sensors):
             raise UsageError(f"sensors() of {agent} returned two sensors with the id {name!r}, expected distinct ids.")
-        sensors.append(_sensor(kind, name, numbers))
+        place: dict[str, Any] = {ours: numbers[theirs] for theirs, ours in _OURS.items()}
+        fields = {f"{field}_deg": numbers[field] for field in _RADAR_NUMBERS if field in numbers}
+        sensors.append(Sensor(kind, name, **place, **fields))
         if kind == CAMERA:
-            cameras.append(_camera(name, numbers))
+            width_px, height_px = int(numbers["width"]), int(numbers["height"])
+            camera = CameraSpec(name, fov_deg=numbers["fov"], width_px=width_px, height_px=height_px)
+            cameras.append(replace(camera, **place))
     return OfficialRig(tuple(sensors), tuple(cameras))
-
-
-def _sensor(kind: str, name: str, numbers: Mapping[str, float]) -> Sensor:
-    return Sensor(
-        kind,
-        name,
-        x_m=numbers["x"],
-        y_m=numbers["y"],
-        z_m=numbers["z"],
-        pitch_deg=numbers["pitch"],
-        yaw_deg=numbers["yaw"],
-        horizontal_fov_deg=numbers.get("horizontal_fov", 30.0),
-        vertical_fov_deg=numbers.get("vertical_fov", 30.0),
-    )
-
-
-def _camera(name: str, numbers: Mapping[str, float]) -> CameraSpec:
-    return CameraSpec(
-        name,
-        x_m=numbers["x"],
-        y_m=numbers["y"],
-        z_m=numbers["z"],
-        yaw_deg=numbers["yaw"],
-        pitch_deg=numbers["pitch"],
-        fov_deg=numbers["fov"],
-        width_px=int(numbers["width"]),
-        height_px=int(numbers["height"]),
-    )
 
 
 def _numbers_of(spec: object, agent: str) -> dict[str, float]:

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pytest_drive_robust.bench2drive.agents.lidar import sweep
 from pytest_drive_robust.bench2drive.agents.official_rig import (
     CAMERA,
     GNSS,
@@ -36,9 +35,9 @@ from pytest_drive_robust.bench2drive.agents.official_rig import (
     Sensor,
 )
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
-from pytest_drive_robust.bench2drive.agents.radar import detections
+from pytest_drive_robust.bench2drive.agents.ray_sensors import detections, sweep
 from pytest_drive_robust.domain.geodesy import to_geodetic
-from pytest_drive_robust.perturbations.draws import Draws
+from pytest_drive_robust.perturbations.context import Draws
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

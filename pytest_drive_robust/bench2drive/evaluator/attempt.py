@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import signal
 import subprocess
 import sys
 import threading
@@ -14,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pytest_drive_robust.bench2drive.evaluator.guard import MARK, kill_marked, marked, read_process
+
 __all__ = ["Attempt", "Patience", "attempt"]
 
-_SUBREAPER = Path(__file__).with_name("subreaper.py")
-_MARK = "PDR_ATTEMPT"
+_GUARD = Path(__file__).with_name("guard.py")
 _SERVER_SIGN = b"-carla-rpc-port="
 _POLL_S = 0.1
 _LOOK_S = 2.0
@@ -63,23 +62,23 @@ def attempt(
     started_s = time.monotonic()
     trouble = ""
     with log.open("ab") as output:
-        subreaper = subprocess.Popen(
-            [sys.executable, "-I", str(_SUBREAPER), *command],
+        guard = subprocess.Popen(
+            [sys.executable, "-I", str(_GUARD), *command],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
             cwd=folder,
-            env={**environment, _MARK: mark},
+            env={**environment, MARK: mark},
             start_new_session=True,
         )
     try:
         watch = _Watch(mark, log, patience, started_s)
-        while subreaper.poll() is None and not trouble:
+        while guard.poll() is None and not trouble:
             trouble = "stopped" if stop is not None and stop.is_set() else watch.trouble()
             time.sleep(_POLL_S)
     finally:
-        _end(subreaper, mark)
-    return Attempt(subreaper.returncode, trouble, time.monotonic() - started_s)
+        _end(guard, mark)
+    return Attempt(guard.returncode, trouble, time.monotonic() - started_s)
 
 
 class _Watch:
@@ -106,40 +105,21 @@ class _Watch:
         look_s = min(_LOOK_S, self._patience.server_s)
         if now_s - self._looked_s >= look_s:
             self._looked_s = now_s
-            if any(_SERVER_SIGN in _read(pid, "cmdline") for pid in _marked(self._mark)):
+            if any(_SERVER_SIGN in read_process(pid, "cmdline") for pid in marked(self._mark)):
                 self._server_s = now_s
         if self._server_s is not None and now_s - self._server_s > self._patience.server_s + look_s:
             return "the CARLA server died"
         return ""
 
 
-def _end(subreaper: subprocess.Popen[bytes], mark: str) -> None:
-    """End the subreaper, which kills what is below it; kill the rest ourselves where somebody killed the subreaper."""
-    assert subreaper.stdin is not None
+def _end(guard: subprocess.Popen[bytes], mark: str) -> None:
+    """End the guard, which kills what it started; kill the rest ourselves where somebody killed the guard."""
+    assert guard.stdin is not None
     with contextlib.suppress(OSError):
-        subreaper.stdin.close()
+        guard.stdin.close()
     try:
-        subreaper.wait(_ENDING_S)
+        guard.wait(_ENDING_S)
     except subprocess.TimeoutExpired:
-        subreaper.kill()
-        subreaper.wait()
-    while left := _marked(mark):
-        for pid in left:
-            with contextlib.suppress(OSError):
-                os.kill(pid, signal.SIGKILL)
-        time.sleep(0.02)
-
-
-def _marked(mark: str) -> list[int]:
-    """Return the processes that inherited the mark, dead ones excepted."""
-    if not os.path.isdir("/proc"):
-        return []
-    sign = f"{_MARK}={mark}".encode()
-    return [int(name) for name in os.listdir("/proc") if name.isdecimal() and sign in _read(int(name), "environ")]
-
-
-def _read(pid: int, name: str) -> bytes:
-    try:
-        return Path(f"/proc/{pid}/{name}").read_bytes()
-    except OSError:
-        return b""
+        guard.kill()
+        guard.wait()
+    kill_marked(mark)

@@ -14,15 +14,14 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
-from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
-from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
+from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
+from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import read_results
-from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.errors import PerturbationError, UsageError
+from pytest_drive_robust.perturbations import BUILTIN, Setting
 
-__all__ = ["DrivenRoute", "EvaluatorSetup", "RunFolder", "drive_route", "read_finished"]
+__all__ = ["DrivenRoute", "EvaluatorSetup", "RunFolder", "drive_route", "setting_as_json"]
 
 _INJECT = Path(__file__).with_name("inject.py")
 _REFUSED = 78
@@ -99,7 +98,6 @@ class DrivenRoute:
     troubles: tuple[str, ...]
     injected: Mapping[str, object]
     wall_s: float
-    resumed: bool = False
 
 
 def drive_route(
@@ -111,7 +109,7 @@ def drive_route(
     """
     if not route.isdecimal():
         raise UsageError(f"the route id {route!r} is no number, and the official evaluator takes no other.")
-    finished = read_finished(run_folder, route)
+    finished = _read_finished(run_folder, route)
     if finished is not None:
         return finished
     troubles: list[str] = []
@@ -135,7 +133,7 @@ def drive_route(
     return DrivenRoute(route, None, tuple(troubles), {}, wall_s)
 
 
-def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
+def _read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
     """Return what an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
@@ -143,7 +141,7 @@ def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
     record, trouble = _reading(path, route, Attempt(0, "", 0.0))
     if record is None:
         raise UsageError(f"{str(path)!r} is no finished result: {trouble}. Remove it to drive the route again.")
-    return DrivenRoute(route, record, (), _injected(run_folder.injected(route)), record.wall_s, resumed=True)
+    return DrivenRoute(route, record, (), _injected(run_folder.injected(route)), record.wall_s)
 
 
 def _digest(path: Path) -> str:
@@ -211,6 +209,24 @@ def _environment(setup: EvaluatorSetup, work: Path, run_folder: RunFolder, route
         "CHECKPOINT_ENDPOINT": str(work / "result.json"),
         "SAVE_PATH": str(run_folder.results),
     }
+
+
+def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
+    """Return the value of `PDR_SETTING`, which `inject.py` reads in another Python.
+
+    `log` is where the injected schedule is written, `""` for nowhere. Raises `PerturbationError` for a perturbation
+    that did not come with this package: its code is not known there.
+    """
+    names = {cls: name for name, cls in BUILTIN.items()}
+    foreign = [item for item in setting.perturbations if type(item) not in names]
+    if foreign:
+        raise PerturbationError(
+            f"{str(foreign[0])!r} ({type(foreign[0]).__name__}) cannot be injected into the official evaluator, which "
+            f"runs in another Python. The perturbations that can: {', '.join(sorted(BUILTIN))}."
+        )
+    stack = [{"name": names[type(item)], "parameters": item.parameters()} for item in setting.perturbations]
+    document = {"seed": seed, "dt_s": TICK_S, "setting": str(setting), "log": log, "stack": stack}
+    return json.dumps(document, allow_nan=False)
 
 
 def _free_port(first: int) -> int:

@@ -13,13 +13,20 @@ from queue import SimpleQueue
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
-from pytest_drive_robust.bench2drive.evaluator.drive import EvaluatorSetup, RunFolder, drive_route
-from pytest_drive_robust.bench2drive.evaluator.episode_result import episode_result
-from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.bench2drive.evaluator.drive import (
+    DrivenRoute,
+    EvaluatorSetup,
+    RunFolder,
+    drive_route,
+    setting_as_json,
+)
+from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.runner.episode.stored_controls import bare_result
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
@@ -91,40 +98,37 @@ class Bench2DriveExecutor:
         """Begin an episode as soon as a slot is free."""
         return self._pool.submit(self._drive, request)
 
-    def close(self, *, cancel: bool = False) -> None:
-        """Kill evaluators and servers at once with `cancel`; without, let them come to their end first."""
-        if cancel:
-            self._stop.set()
-        self._pool.shutdown(wait=True, cancel_futures=cancel)
+    def run_folder(self, request: EpisodeRequest) -> RunFolder:
+        """Return the folder for everything that decides the results alike: what is in it is of the same kind."""
+        setup = self._setup(request)
+        parts = (*setup.identity.values(), request.identity)
+        digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
+        return RunFolder(self._folder / f"{setup.agent.stem}-seed{setup.seed}-{digest}")
+
+    def close(self) -> None:
+        """Kill evaluators and servers at once."""
+        self._stop.set()
+        self._pool.shutdown(cancel_futures=True)
+
+    def _setup(self, request: EpisodeRequest) -> EvaluatorSetup:
+        agent, config = read_agent(request.episode.agent)
+        return EvaluatorSetup(
+            self._checkout, agent, config, request.setting, request.episode.seed, self._routes,
+            **self._options,  # type: ignore[arg-type]
+        )  # fmt: skip
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         self.check((request,))
-        agent, config = read_agent(request.episode.agent)
+        run_folder = self.run_folder(request)
         slot = self._free.get()
         try:
-            setup = EvaluatorSetup(
-                checkout=self._checkout,
-                agent=agent,
-                config=config,
-                setting=request.setting,
-                seed=request.episode.seed,
-                routes=self._routes,
-                gpu=self._gpus[slot % len(self._gpus)],
-            )
-            setup = replace(setup, **self._options)  # type: ignore[arg-type]
-            run_folder = RunFolder(self._folder / _name_of(request, setup))
+            setup = replace(self._setup(request), gpu=self._gpus[slot % len(self._gpus)])
             driven = drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
             raise Stopped
-        return episode_result(
-            driven,
-            request.episode,
-            scenario=request.route.scenario.type,
-            saved=run_folder.results,
-            versions=self._versions,
-        )
+        return replace(_result(driven, request, run_folder), wall_s=driven.wall_s, versions=self._versions)
 
     @cached_property
     def _versions(self) -> Mapping[str, str]:
@@ -148,8 +152,22 @@ class Bench2DriveExecutor:
             )
 
 
-def _name_of(request: EpisodeRequest, setup: EvaluatorSetup) -> str:
-    """Return a folder for everything that decides the results: what is in it is of the same kind."""
-    parts = (*setup.identity.values(), request.identity)
-    digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
-    return f"{setup.agent.stem}-seed{request.episode.seed}-{digest}"
+def _result(driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
+    """Return the episode; `infra_error` when no try gave a score.
+
+    Raises `UsageError` for a record whose score does not follow from its infractions.
+    """
+    episode = request.episode
+    if driven.record is None:
+        detail = "; ".join(driven.troubles) or "stopped"
+        outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
+        return bare_result(request.route, episode, outcome=outcome, end=end, detail=detail)
+    result = episode_of(driven.record, agent=episode.agent, setting=episode.setting, folders=(run_folder.results,))
+    schedule, inference_s = driven.injected.get("schedule"), driven.injected.get("inference_s")
+    return replace(
+        result,
+        episode=episode,
+        scenario=result.scenario or request.route.scenario.type,
+        schedule=tuple(Injection(*line) for line in schedule) if isinstance(schedule, list) else (),
+        inference_s=tuple(map(float, inference_s)) if isinstance(inference_s, list) else (),
+    )

@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pytest_drive_robust.bench2drive.results.efficiencies import ratios_pct
-from pytest_drive_robust.bench2drive.results.messages import place_of
-from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, read_log, trace_from
-from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, OfficialRecord
+from pytest_drive_robust.bench2drive.results.messages import outside_lanes_pct, place_of, ratios_pct
+from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, logged_trace
+from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, STATUSES, OfficialRecord
 from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
-from pytest_drive_robust.bench2drive.results.scoring_rule import lane_shares_pct
-from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.bench2drive.results.writing import record_of
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.metrics.score import PENALTIES
 from pytest_drive_robust.store.record_files import read_episode
 
-__all__ = ["EPISODE_FILE", "episode_of"]
+__all__ = ["EPISODE_FILE", "episode_of", "lane_shares_pct"]
 
 EPISODE_FILE = "drive_robust.episode"
 """Beside the log of a route: the whole episode of our exports, every tick of it."""
+_NO_TICKS = Trace(np.zeros((0, len(Trace.COLUMNS))))
+_LANES = InfractionKind.OUTSIDE_LANES.value
+_SHARE_TOLERANCE_PCT = 0.0051
+"""The sentences give the share with two digits."""
+_SCORE_TOLERANCE = 2e-6
 _VERSIONS = {"bench2drive": "results"}
 """Official records do not say what they were driven with; two sets of them compare."""
 
@@ -53,7 +57,7 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
         ticks=round(min(record.game_s, 1e9) / TICK_S),
         dt_s=TICK_S,
         wall_s=record.wall_s,
-        trace=_logged(record, folders),
+        trace=logged_trace(record, folders),
         versions=_VERSIONS,
     )
 
@@ -85,7 +89,7 @@ def _own(
 ) -> EpisodeResult:
     """Return what the export kept, when the official part still says the same."""
     where = f"{record.where}: what the export kept"
-    told = episode_from_fields(fields, _empty(), where=where)
+    told = episode_from_fields(fields, _NO_TICKS, where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
         if given != wanted:
             raise UsageError(f"{record.where} was driven with the {name} {given!a}, but is given for {wanted!a}.")
@@ -94,13 +98,13 @@ def _own(
     if stored is not None and stored.episode == told.episode and stored.trace.digest == fields.get("trace_digest"):
         _require_same(record, stored)
         return stored
-    return episode_from_fields(fields, _logged(record, folders), where=where)
+    return episode_from_fields(fields, logged_trace(record, folders), where=where)
 
 
 def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
     """Raise `UsageError` when the official part was changed after the export: which of the two is true?"""
     written = record_of(result, index=0, town="", stamp="")
-    scores = record.route_pct, record.penalty, record.score
+    scores = record.route_pct, record.score
     same = (
         written["route_id"] == record.route_id
         and result.scenario == record.scenario
@@ -108,7 +112,7 @@ def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
         and {name: tuple(messages) for name, messages in written["infractions"].items()} == dict(record.infractions)
         and all(
             abs(written["scores"][name] - score) <= 1e-9
-            for name, score in zip(("score_route", "score_penalty", "score_composed"), scores, strict=True)
+            for name, score in zip(("score_route", "score_composed"), scores, strict=True)
         )
     )
     if not same:
@@ -127,12 +131,28 @@ def _stored(record: OfficialRecord, folders: Sequence[Path]) -> EpisodeResult | 
     return None
 
 
-def _logged(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
-    log = next((path for folder in folders if (path := find_log(folder, record.save_name)) is not None), None)
-    if log is None:
-        return _empty()
-    return trace_from(read_log(log))
+def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
+    """Return the share of each sentence about lanes: as it says, but of the last one what makes the score come out.
+
+    None when the score does not follow from the infractions.
+    """
+    told = [outside_lanes_pct(message) for message in record.infractions[_LANES]]
+    if None in told:
+        return None
+    shares = [share for share in told if share is not None]
+    rest = record.route_pct * _fixed_penalty(record.infractions)
+    for share in shares[:-1]:
+        rest *= 1.0 - share / 100.0
+    if not shares or rest <= 0.0:
+        expected = rest * (1.0 - shares[-1] / 100.0) if shares else rest
+        return tuple(shares) if abs(record.score - expected) <= _SCORE_TOLERANCE else None
+    last = 100.0 * (1.0 - record.score / rest)
+    # A small score tells the share only roughly: its sixth digit is what it was rounded to.
+    tolerance = _SHARE_TOLERANCE_PCT * max(len(shares), 1) + 100.0 * _SCORE_TOLERANCE / rest
+    if abs(last - shares[-1]) > tolerance:
+        return None
+    return (*shares[:-1], min(max(last, 0.0), 100.0))
 
 
-def _empty() -> Trace:
-    return Trace(np.zeros((0, len(Trace.COLUMNS))))
+def _fixed_penalty(infractions: Mapping[str, tuple[str, ...]]) -> float:
+    return prod(factor ** len(infractions[kind.value]) for kind, factor in PENALTIES.items())

@@ -6,12 +6,18 @@ import math
 import re
 from decimal import Decimal
 
+from pytest_drive_robust.bench2drive.results.official_record import SPEED_LIST, OfficialRecord
+from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.errors import UsageError
+
 __all__ = [
     "LARGEST_PCT",
     "lanes_message",
+    "official_ratios_pct",
     "official_speed_pct",
     "outside_lanes_pct",
     "place_of",
+    "ratios_pct",
     "speed_message",
     "speed_pct",
 ]
@@ -37,6 +43,25 @@ def speed_pct(message: str) -> float | None:
     found = _SPEED.search(message)
     value = math.nan if found is None else float(found.group(1))
     return value if 0.0 <= value <= LARGEST_PCT else None
+
+
+def official_ratios_pct(record: OfficialRecord) -> list[float]:
+    """Read the ratios as the official tool does. Raises `UsageError` where it stops with an error."""
+    return [_required(official_speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
+
+
+def ratios_pct(record: OfficialRecord) -> list[float]:
+    """Read the ratios as they are meant. Raises `UsageError` for a sentence without a number."""
+    return [_required(speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
+
+
+def _required(ratio: float | None, message: str, record: OfficialRecord) -> float:
+    if ratio is None:
+        raise UsageError(
+            f"{record.where}: {SPEED_LIST} holds {shown(message)}, expected a sentence like "
+            '"Average speed is 62.41% of the surrounding traffic\'s one".'
+        )
+    return ratio
 
 
 def outside_lanes_pct(message: str) -> float | None:

@@ -7,32 +7,39 @@ accelerations in m/s2, angular velocities in degrees per second, rotations as ro
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
 from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.metrics.comfort import Motion
+from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
 
-__all__ = ["FILE_NAME", "TICK_S", "Log", "find_log", "log_text", "motion_from", "read_log", "trace_from"]
+__all__ = ["FILE_NAME", "TICK_S", "Comforts", "log_text", "logged_trace"]
 
 Floats = NDArray[np.float64]
 
 FILE_NAME = "metric_info.json"
 TICK_S = 0.05
-"""The step of the official evaluator."""
+"""Seconds per tick of the official evaluator (Bench2Drive `leaderboard/leaderboard_evaluator.py`, `frame_rate`)."""
 _VECTORS = ("acceleration", "angular_velocity", "forward_vector", "right_vector", "location", "rotation")
 _WIDTH = 3 * len(_VECTORS)
+
+
+def _first_log(folders: Sequence[Path], record: OfficialRecord) -> Path | None:
+    return next((path for folder in folders if (path := find_log(folder, record.save_name)) is not None), None)
 
 
 def find_log(folder: Path, save_name: str) -> Path | None:
     """Return the log of a record, or None without one.
 
-    It is in the folder of its name or in the only one whose name ends with it."""
+    It is in the folder of its name or in the only one whose name ends with it.
+    """
     if not save_name or Path(save_name).name != save_name or "\0" in save_name or save_name in (".", ".."):
         return None
     try:
@@ -50,7 +57,7 @@ def find_log(folder: Path, save_name: str) -> Path | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Log:
+class _Log:
     """(samples, 18) numbers, the six vectors in a row, and the seconds between samples.
 
     `as_written` are the lines as they come, which is how the official tool takes them; `in_order` goes by the steps.
@@ -61,7 +68,7 @@ class Log:
     dt_s: float
 
 
-def read_log(path: Path) -> Log:
+def _read_log(path: Path) -> _Log:
     """Return the log in a file. Raises `UsageError` for a damaged one."""
     document = read_json(path)
     if not isinstance(document, dict):
@@ -72,12 +79,12 @@ def read_log(path: Path) -> Log:
     steps = [_step(step) for step in document]
     known = np.array([step for step in steps if step is not None], dtype=np.int64)
     if len(known) < len(steps) or len(known) < 2:
-        return Log(rows, rows, TICK_S)
+        return _Log(rows, rows, TICK_S)
     order = np.argsort(known, kind="stable")
-    return Log(rows, rows[order], TICK_S * max(float(np.median(np.diff(known[order]))), 1.0))
+    return _Log(rows, rows[order], TICK_S * max(float(np.median(np.diff(known[order]))), 1.0))
 
 
-def motion_from(rows: Floats, dt_s: float) -> Motion:
+def _motion_from(rows: Floats, dt_s: float) -> Motion:
     """Return the planar signals that comfort is made of, by the official projections."""
     acceleration, forward, right, place = rows[:, 0:2], rows[:, 6:8], rows[:, 9:11], rows[:, 12:14]
     moved_m = np.hypot(*np.diff(place, axis=0).T) if len(rows) > 1 else np.zeros(0)
@@ -91,10 +98,14 @@ def motion_from(rows: Floats, dt_s: float) -> Motion:
     )
 
 
-def trace_from(log: Log) -> Trace:
-    """Return as much of a trace as the log tells: controls and progress are 0."""
+def logged_trace(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
+    """Return as much of a trace as the log of a record tells: controls and progress are 0; empty without a log."""
+    path = _first_log(folders, record)
+    if path is None:
+        return Trace(np.zeros((0, len(Trace.COLUMNS))))
+    log = _read_log(path)
     rows = log.in_order
-    motion = motion_from(rows, log.dt_s)
+    motion = _motion_from(rows, log.dt_s)
     columns = np.zeros((len(rows), len(Trace.COLUMNS)))
     columns[:, 0:2] = rows[:, 12:14]
     columns[:, 2] = np.radians(rows[:, 17])
@@ -102,6 +113,37 @@ def trace_from(log: Log) -> Trace:
         (motion.speed_mps, motion.forward_mps2, motion.right_mps2, motion.yaw_rate_radps), axis=1
     )
     return Trace(columns)
+
+
+class Comforts:
+    """The comfort of records whose motion was logged in one of `folders`; each log is read once."""
+
+    def __init__(self, folders: tuple[Path, ...]) -> None:
+        self._folders = folders
+        self._motions: dict[Path, tuple[Motion, Motion]] = {}
+
+    def value(self, record: OfficialRecord, mode: str) -> float | None:
+        """Return percent, None without a log or with too few samples. Raises `UsageError` for a damaged log."""
+        return self.with_quirks(record, COMFORT_QUIRKS if mode == "bench2drive" else ())
+
+    def with_quirks(self, record: OfficialRecord, quirks: tuple[str, ...]) -> float | None:
+        """Compute `value` with some of the quirks. With any of them the samples are taken as they come."""
+        path = self.path(record)
+        if path is None:
+            return None
+        if path not in self._motions:
+            log = _read_log(path)
+            self._motions[path] = _motion_from(log.as_written, log.dt_s), _motion_from(log.in_order, log.dt_s)
+        return comfort_of(self._motions[path][0 if quirks else 1], quirks)
+
+    def path(self, record: OfficialRecord) -> Path | None:
+        """Return the log of a record."""
+        return _first_log(self._folders, record)
+
+    def is_renamed(self, record: OfficialRecord) -> bool:
+        """Return True when the log is in a folder of another name, where the official tool does not look."""
+        path = self.path(record)
+        return path is not None and path.parent.name != record.save_name
 
 
 def log_text(trace: Trace) -> str:

@@ -8,15 +8,36 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.safe_json import finite, shown
-from pytest_drive_robust.bench2drive.results.statuses import STATUSES, SUCCESSES, is_harness_error
-from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["EXTENSION", "LISTS", "OfficialRecord", "read_record"]
+__all__ = ["EXTENSION", "LISTS", "SPEED_LIST", "STATUSES", "OfficialRecord", "read_record"]
 
+STATUSES: Mapping[str, tuple[Outcome, End]] = MappingProxyType(
+    {
+        "Completed": (Outcome.COMPLETED, End.COMPLETED),
+        "Perfect": (Outcome.COMPLETED, End.COMPLETED),
+        "Failed - Agent deviated from the route": (Outcome.FAILED, End.DEVIATED),
+        "Failed - Agent got blocked": (Outcome.FAILED, End.BLOCKED),
+        "Failed - Agent timed out": (Outcome.FAILED, End.TICK_CAP),
+        "Failed - TickRuntime": (Outcome.FAILED, End.TICK_CAP),
+        "Failed - Agent crashed": (Outcome.AGENT_ERROR, End.AGENT_CRASHED),
+        "Failed - Agent couldn't be set up": (Outcome.AGENT_ERROR, End.AGENT_CRASHED),
+        "Failed - Agent's sensors were invalid": (Outcome.AGENT_ERROR, End.AGENT_CRASHED),
+        "Failed - Simulation crashed": (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED),
+        # Ended without a reason, or never ended: the evaluator was interrupted.
+        "Failed": (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED),
+        "Started": (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED),
+        # Two that only our own exports have.
+        End.STUCK.value: (Outcome.FAILED, End.STUCK),
+        End.ENVIRONMENT.value: (Outcome.FAILED, End.ENVIRONMENT),
+    }
+)
+"""Every status that is understood, with whose doing it is."""
 LISTS = tuple(kind.value for kind in InfractionKind)
 """The twelve lists of messages that every record has."""
 EXTENSION = "drive_robust"
@@ -28,7 +49,7 @@ _NUMBERED = re.compile(r"_[0-9]+\Z")
 
 @dataclass(frozen=True, slots=True)
 class OfficialRecord:
-    """`route` and `repetition` are the two parts of `route_id`; `route_pct` and `score` are 0..100, `penalty` 0..1.
+    """`route` and `repetition` are the two parts of `route_id`; `route_pct` and `score` are 0..100.
 
     `scenario` is the type: the record's scenario name without its number. `game_s` and `wall_s` are at least 0.
     `own` is what our export added, None for records of others. `where` says which record of which file, for messages.
@@ -44,7 +65,6 @@ class OfficialRecord:
     status: str
     infractions: Mapping[str, tuple[str, ...]]
     route_pct: float
-    penalty: float
     score: float
     length_m: float
     game_s: float
@@ -55,17 +75,12 @@ class OfficialRecord:
     def is_success(self) -> bool:
         """The official rule: completed, and no message but those about the speed, in whatever list."""
         clear = all(not messages for name, messages in self.infractions.items() if name != SPEED_LIST)
-        return self.status in SUCCESSES and clear
+        return STATUSES[self.status][0] is Outcome.COMPLETED and clear
 
     @property
     def is_harness_error(self) -> bool:
-        """True when the record says nothing about the agent."""
-        return is_harness_error(self.status)
-
-    @property
-    def obeyed_signs(self) -> bool:
-        """No red light and no stop sign was run."""
-        return not any(self.infractions[kind.value] for kind in (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN))
+        """True when the record says nothing about the agent: never a score, except in the official totals."""
+        return STATUSES[self.status][0] is Outcome.INFRA_ERROR
 
 
 def read_record(given: object, where: str) -> OfficialRecord:
@@ -92,7 +107,6 @@ def read_record(given: object, where: str) -> OfficialRecord:
         status=status,
         infractions=_infractions(fields.get("infractions"), where),
         route_pct=_number(scores, "score_route", where, high=100.0),
-        penalty=_number(scores, "score_penalty", where, high=1.0),
         score=_number(scores, "score_composed", where, high=100.0),
         length_m=_number(meta, "route_length", where),
         game_s=_duration_s(meta, "duration_game", where),

@@ -15,26 +15,54 @@ comfort      see `metrics.comfort`                                  see `metrics
 abilities    the first record of a route counts                     its records are averaged
              an ability without a route divides by zero             left out of the mean
 ============ ====================================================== =============================================
+
+Traffic_Signs has a rule of its own: a failed route counts there when the car came 8 waypoints beyond the first
+junction without running a red light or a stop sign. Where the first junction is only the map of the town tells, so
+without our own mark in the record the rate of Traffic_Signs is known to lie between two numbers.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from pytest_drive_robust.bench2drive.results.ability_rates import AbilityRate, ability_rates, mean_rate
-from pytest_drive_robust.bench2drive.results.comforts import Comforts
-from pytest_drive_robust.bench2drive.results.efficiencies import official_efficiency, true_efficiency
+from pytest_drive_robust.bench2drive.results.messages import official_ratios_pct, ratios_pct
+from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
-from pytest_drive_robust.metrics.averages import mean
-from pytest_drive_robust.metrics.guards import require_mode
+from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.metrics.ability import ABILITIES
+from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
+from pytest_drive_robust.metrics.episodes import mean, require_mode
 
-__all__ = ["OFFICIAL_ROUTES", "OfficialTotals", "score_results"]
+__all__ = [
+    "OFFICIAL_ROUTES",
+    "AbilityRate",
+    "OfficialTotals",
+    "official_efficiency",
+    "score_results",
+    "undecided_routes",
+]
 
 OFFICIAL_ROUTES = 220
 """What the official merge tool divides by, whatever was driven."""
+_SIGNS = "Traffic_Signs"
+_OBEYED = (InfractionKind.RED_LIGHT.value, InfractionKind.STOP_SIGN.value)
+
+
+@dataclass(frozen=True, slots=True)
+class AbilityRate:
+    """Between `low` and `high` (0..1), both None where there is no route; `routes` it is the rate of."""
+
+    low: float | None
+    high: float | None
+    routes: int
+
+    @property
+    def value(self) -> float | None:
+        """The rate where it is known exactly."""
+        return self.low if self.low == self.high else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +111,9 @@ def score_results(
     scorable = [record for record in results.records if not record.is_harness_error]
     counted = results.records if official else scorable
     comfort_values = [(record, value) for record in counted if (value := comforts.value(record, mode)) is not None]
-    efficiency_of = official_efficiency if official else true_efficiency
+    efficiency_of = official_efficiency if official else _true_efficiency
     efficiencies = [(record, value) for record in counted if (value := efficiency_of(record)) is not None]
-    rates = ability_rates(counted, scenarios, official=official, junctions=junctions)
+    rates = _ability_rates(counted, scenarios, official=official, junctions=junctions or {})
     ids, count = _missing(results, scenarios, otherwise=OFFICIAL_ROUTES if official else None)
     total = _over_220 if official else _over_routes
     average = _over_records if official else _over_routes
@@ -96,7 +124,7 @@ def score_results(
         efficiency=average(efficiencies),
         comfort=average(comfort_values),
         abilities=rates,
-        mean_ability=mean_rate(rates),
+        mean_ability=_mean_rate(rates),
         records=len(results.records),
         routes=len({record.route for record in results.records}),
         comfort_records=len(comfort_values),
@@ -106,6 +134,18 @@ def score_results(
         missing=ids,
         missing_count=count,
     )
+
+
+def official_efficiency(record: OfficialRecord) -> float | None:
+    """Return the mean of what is at most 1000 %, None where nothing is: the official tool leaves out or stops there."""
+    kept = [ratio for ratio in official_ratios_pct(record) if ratio <= LARGEST_RATIO_PCT]
+    return mean(kept) if kept else None
+
+
+def _true_efficiency(record: OfficialRecord) -> float:
+    """Return the mean of all, 0 for a car that never reached a checkpoint."""
+    ratios = ratios_pct(record)
+    return mean(ratios) if ratios else 0.0
 
 
 Values = Sequence[tuple[OfficialRecord, float]]
@@ -139,3 +179,68 @@ def _missing(
     if planned is None:
         return None, None
     return None, max(planned - len({record.route_id for record in results.records}), 0)
+
+
+def _ability_rates(
+    records: Iterable[OfficialRecord],
+    scenarios: Mapping[str, str] | None,
+    *,
+    official: bool,
+    junctions: Mapping[str, float],
+) -> dict[str, AbilityRate]:
+    """Count the successes of each ability.
+
+    `scenarios`: only these routes, of these types. `official`: of a route the first record counts.
+    `junctions`: the share of each route after which its first junction is passed, where it is known.
+    """
+    by_route: dict[str, list[OfficialRecord]] = {}
+    for record in records:
+        # The official tool cuts at every underscore.
+        found = by_route.setdefault(record.route.partition("_")[0] if official else record.route, [])
+        if not (official and found):
+            found.append(record)
+    kept = {route: found for route, found in by_route.items() if scenarios is None or route in scenarios}
+    types = {route: found[0].scenario if scenarios is None else scenarios[route] for route, found in kept.items()}
+    return {
+        ability: _rate(
+            [found for route, found in kept.items() if types[route] in members], ability == _SIGNS, junctions
+        )
+        for ability, members in ABILITIES.items()
+    }
+
+
+def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, str]) -> frozenset[str]:
+    """Return the routes of Traffic_Signs whose part in it only a map can tell."""
+    return frozenset(
+        record.route
+        for record in records
+        if scenarios.get(record.route) in ABILITIES[_SIGNS] and _bounds(record, True, {}) == (0.0, 1.0)
+    )
+
+
+def _mean_rate(rates: Mapping[str, AbilityRate]) -> AbilityRate:
+    """Return the plain mean of those that have routes."""
+    known = [rate for rate in rates.values() if rate.routes]
+    lows = [rate.low for rate in known if rate.low is not None]
+    highs = [rate.high for rate in known if rate.high is not None]
+    return AbilityRate(mean(lows) if lows else None, mean(highs) if highs else None, sum(rate.routes for rate in known))
+
+
+def _rate(routes: list[list[OfficialRecord]], signs: bool, junctions: Mapping[str, float]) -> AbilityRate:
+    if not routes:
+        return AbilityRate(None, None, 0)
+    bounds = [[_bounds(record, signs, junctions) for record in records] for records in routes]
+    low = mean([mean([one[0] for one in of_route]) for of_route in bounds])
+    return AbilityRate(low, mean([mean([one[1] for one in of_route]) for of_route in bounds]), len(routes))
+
+
+def _bounds(record: OfficialRecord, signs: bool, junctions: Mapping[str, float]) -> tuple[float, float]:
+    if record.is_success:
+        return 1.0, 1.0
+    if not signs or any(record.infractions[name] for name in _OBEYED) or record.route_pct <= 0.0:
+        return 0.0, 0.0
+    if record.route in junctions:
+        passed: object = record.route_pct / 100.0 > junctions[record.route]
+    else:
+        passed = None if record.own is None else record.own.get("junction_passed")
+    return (float(passed), float(passed)) if isinstance(passed, bool) else (0.0, 1.0)

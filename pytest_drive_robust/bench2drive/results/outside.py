@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
+from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
@@ -12,39 +13,29 @@ from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Identified
 
 if TYPE_CHECKING:
+    from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
+    from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.options.marker import MarkerOptions
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["OutsideScopes", "Supply"]
-
-_TICK_S = 0.05
-
-
-class Supply(Protocol):
-    """An executor that has routes of its own, and knows which requests it cannot answer."""
-
-    @property
-    def routes(self) -> tuple[Route, ...]:
-        """All its routes."""
-        ...
-
-    def check(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Raise one `UsageError` that names everything that cannot be answered."""
-        ...
+__all__ = ["OutsideScopes"]
 
 
 class OutsideScopes(Scopes):
-    """As `Scopes`, over the routes of a `Supply`. Agents are only names here; none is loaded and no world is built."""
+    """As `Scopes`, over the routes of an executor that has routes of its own (`supply`).
+
+    Agents are only names here; none is loaded and no world is built.
+    """
 
     def __init__(
         self,
         settings: RunOptions,
         registry: Registry,
         load_routes: Callable[[str], tuple[Route, ...]],
-        supply: Supply,
+        supply: ResultsExecutor | Bench2DriveExecutor,
     ) -> None:
         super().__init__(settings, registry, load_routes)
         self._supply = supply
@@ -52,7 +43,7 @@ class OutsideScopes(Scopes):
     @property
     def dt_s(self) -> float:
         """Bench2Drive's tick in seconds."""
-        return _TICK_S
+        return TICK_S
 
     def of(self, marker: MarkerOptions) -> Scope:
         """Return the scope of a test with this marker. Raises `UsageError` for unknown routes."""
@@ -82,7 +73,7 @@ class OutsideScopes(Scopes):
 
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""
-        setting.start(route_id="", seed=0, dt_s=_TICK_S, cameras=())
+        setting.start(route_id="", seed=0, dt_s=TICK_S, cameras=())
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that the supply cannot answer."""

@@ -9,8 +9,7 @@ from typing import Any
 from pytest_drive_robust.bench2drive.results.safe_json import finite, shown
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch, Trace
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["episode_from_fields", "fields_of"]

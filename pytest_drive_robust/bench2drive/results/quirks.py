@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from pytest_drive_robust.bench2drive.results.comforts import Comforts
-from pytest_drive_robust.bench2drive.results.efficiencies import official_efficiency, official_ratios_pct
-from pytest_drive_robust.bench2drive.results.messages import LARGEST_PCT, official_speed_pct, speed_pct
+from pytest_drive_robust.bench2drive.results.episode_from_record import lane_shares_pct
+from pytest_drive_robust.bench2drive.results.messages import (
+    LARGEST_PCT,
+    official_ratios_pct,
+    official_speed_pct,
+    speed_pct,
+)
+from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import SPEED_LIST
-from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals
+from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals, official_efficiency
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
-from pytest_drive_robust.bench2drive.results.scoring_rule import follows_from_infractions
-from pytest_drive_robust.metrics.averages import mean
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
+from pytest_drive_robust.metrics.episodes import mean
 
 __all__ = ["notes_on"]
 
@@ -48,19 +52,10 @@ def notes_on(
 def _files(results: ResultSet) -> Iterator[str]:
     for path in results.skipped:
         yield f"files: {path.name!a} holds no records and was left out"
-    stated, records = results.stated, results.records
-    totals = {
-        "driving score": (stated.driving_score, sum(record.score for record in records) / OFFICIAL_ROUTES),
-        "success rate": (stated.success_rate, sum(record.is_success for record in records) / OFFICIAL_ROUTES),
-        "eval num": (stated.evaluated, float(len(records))),
-    }
-    for name, (said, computed) in totals.items():
-        if said is not None and abs(said - computed) > 1e-6:
-            yield f"files: the file says {name} {said:g}, its records say {computed:g}"
 
 
 def _rules(results: ResultSet) -> Iterator[str]:
-    odd = [record for record in results.records if not follows_from_infractions(record)]
+    odd = [record for record in results.records if lane_shares_pct(record) is None]
     if odd:
         yield (
             f"DS: the scores of {len(odd)} records do not follow from their infractions (first: {odd[0].where}); "

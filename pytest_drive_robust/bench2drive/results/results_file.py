@@ -10,19 +10,10 @@ from pytest_drive_robust.bench2drive.results.official_record import OfficialReco
 from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ResultSet", "StatedTotals", "read_results"]
+__all__ = ["ResultSet", "read_results"]
 
 _MERGED = "merged.json"
 _RECORDS = "records"
-
-
-@dataclass(frozen=True, slots=True)
-class StatedTotals:
-    """What a merged file says about itself; None where it does not. `success_rate` is 0..1."""
-
-    driving_score: float | None = None
-    success_rate: float | None = None
-    evaluated: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +26,7 @@ class ResultSet:
 
     records: tuple[OfficialRecord, ...]
     folder: Path
-    files: tuple[Path, ...]
     planned: int | None = None
-    stated: StatedTotals = StatedTotals()
     skipped: tuple[Path, ...] = ()
 
     @property
@@ -56,9 +45,7 @@ def read_results(path: Path) -> ResultSet:
     files = [path] if single else _files_of(path)
     records: list[OfficialRecord] = []
     planned: list[int | None] = []
-    read: list[Path] = []
     skipped: list[Path] = []
-    stated = StatedTotals()
     for file in files:
         document = {} if file != path and is_empty(file) else read_json(file)
         lines = _records_of(document)
@@ -69,17 +56,13 @@ def read_results(path: Path) -> ResultSet:
             continue
         records += [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
         planned.append(_planned(document))
-        stated = _stated(document)
-        read.append(file)
     if not records:
         raise UsageError(f"{shown(path)} holds no record of a route. A score of nothing is not 0.")
     totals = [total for total in planned if total is not None]
     return ResultSet(
         records=tuple(records),
         folder=path.parent if single else path,
-        files=tuple(read),
         planned=sum(totals) if len(totals) == len(planned) else None,
-        stated=stated if len(read) == 1 else StatedTotals(),
         skipped=tuple(skipped),
     )
 
@@ -123,8 +106,3 @@ def _planned(document: object) -> int | None:
         return None
     total = finite(progress[1])
     return int(total) if total is not None and total >= 0.0 and total == int(total) else None
-
-
-def _stated(document: object) -> StatedTotals:
-    assert isinstance(document, dict)  # it has records
-    return StatedTotals(*(finite(document.get(name)) for name in ("driving score", "success rate", "eval num")))

@@ -102,11 +102,6 @@ class ResultsSource:
             first.setdefault(records[0].route, records[0])
         return tuple(_route(record) for record in first.values())
 
-    @property
-    def seeds(self) -> tuple[int, ...]:
-        """The repetitions that are there."""
-        return tuple(sorted({repetition for _, repetition in self.records}))
-
     def problem(self, episode: Episode, route: Route) -> str:
         """Return why there is no such episode, in one sentence; empty where there is one."""
         records = self.records.get((episode.route_id, episode.seed))
@@ -157,11 +152,6 @@ class ResultsExecutor:
                 found.setdefault(route.id, route)
         return tuple(found.values())
 
-    @property
-    def settings(self) -> tuple[str, ...]:
-        """The sentences of the settings that there are results of."""
-        return tuple(self._sources)
-
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that `requests` need and the results do not hold."""
         wanted: dict[str, list[EpisodeRequest]] = {}
@@ -196,7 +186,7 @@ class ResultsExecutor:
             future.set_exception(error)
         return future
 
-    def close(self, *, cancel: bool = False) -> None:
+    def close(self) -> None:
         """Do nothing: there is nothing to free."""
 
     def _unknown(self, setting: str) -> UsageError:

@@ -1,8 +1,7 @@
 """The process between pytest and a Ray cluster: the only one of ours that imports Ray next to Ray's own workers.
 
 Ray replaces signal handlers, writes to the terminal and ends the process that uses it when its cluster is lost. None of
-that may happen to pytest, so it happens here. When this process ends, however that came about, every running episode
-is cancelled and a cluster of our own is taken down.
+that may happen to pytest. When this process ends, every running episode is cancelled, a cluster of our own taken down.
 
 It hears through its standard input: the arguments of `ray.init`, then `(number, needs, ClusterRequest)` per episode,
 None as the last. It says `(number, what drive_on_node returned)`, and with None as the number what the nodes have, or
@@ -16,24 +15,20 @@ import os
 import signal
 import socket
 import threading
-import time
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.ray.worker import ClusterRequest, drive_on_node
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
 
 __all__ = ["main"]
 
 _POLL_S = 1.0
 _CONNECT_S = 10.0
-_PATIENCE_S = 60.0
 _LOST_NODES = 2
 _SHUTDOWN_S = 10.0
 _LAST_MESSAGES_S = 1.0
@@ -51,7 +46,6 @@ class _Driver:
         self._drive: Any = None
         self._running: dict[int, tuple[Any, tuple[float, float], ClusterRequest]] = {}
         self._nodes: tuple[tuple[float, float], ...] = ()
-        self._fitted_s: dict[tuple[float, float], float] = {}
 
     def connect(self) -> bool:
         """Connect to the cluster that we are told and tell about it, or why not."""
@@ -97,9 +91,7 @@ class _Driver:
             self._nodes = nodes
             self._say(None, nodes)
         for number, (ref, needs, asked) in tuple(self._running.items()):
-            if self._fits(needs):
-                self._fitted_s[needs] = time.monotonic()
-            elif time.monotonic() - self._fitted_s[needs] > _PATIENCE_S:
+            if not self._fits(needs):
                 self._end(number, asked.lost(f"no node of the cluster has {_in_words(needs)} any more"))
                 self._ray.cancel(ref, force=True)
 
@@ -109,7 +101,6 @@ class _Driver:
             text = f"an episode of this agent takes {_in_words(needs)}, and no node of the cluster has that: {nodes}."
             self._say(number, UsageError(text))
             return
-        self._fitted_s[needs] = time.monotonic()
         cores, gpus = needs
         ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(asked)
         self._running[number] = ref, needs, asked
@@ -120,8 +111,8 @@ class _Driver:
         if error is None:
             self._end(number, future.result())
         elif _is_setup(error):
-            text = f"the nodes of the cluster cannot run our code: {_last_line(error)}. {_INSTALL}"
-            self._end(number, UsageError(text))
+            last_line = str(error).strip().splitlines()[-1].strip()  # after a traceback
+            self._end(number, UsageError(f"the nodes of the cluster cannot run our code: {last_line} {_INSTALL}"))
         else:
             self._end(number, asked.lost(f"{type(error).__name__}: {_brief(error)}"))
         if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
@@ -185,12 +176,6 @@ def _brief(error: BaseException) -> str:
     cause = getattr(error, "cause", None)
     text = str(cause if isinstance(cause, BaseException) else error).strip() or type(error).__name__
     return " ".join(text.split())[:_MOST_TEXT].rstrip(".")
-
-
-def _last_line(error: BaseException) -> str:
-    """Return the line in which a text with tracebacks says what happened."""
-    lines = str(error).strip().splitlines() or [type(error).__name__]
-    return lines[-1].strip()[:_MOST_TEXT].rstrip(".")
 
 
 def _in_words(needs: tuple[float, float]) -> str:

@@ -5,45 +5,40 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
-from collections.abc import Callable
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from multiprocessing import Pipe
+from pathlib import Path
 
-from pytest_drive_robust.engine.contents import contents_of
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.engine.messages import WorkerRequest
-from pytest_drive_robust.engine.ray.connection import LOCAL, ClusterConnection
 from pytest_drive_robust.engine.ray.worker import ClusterRequest
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import available_cores
-from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.cache_key.object_code import SESSION
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.runner.cache_key.canonical_text import SESSION
+from pytest_drive_robust.runner.plan import EpisodeRequest
 
 __all__ = ["RayExecutor", "needs_of"]
 
+_LOCAL = "local"
+"""The address of a cluster of our own on this machine, which ends with the run."""
+_SAID_BYTES = 2_000
+"""Of what the driver printed at its end."""
+_SHUTDOWN_S = 15.0
 _OBJECT_STORE_BYTES = 100 << 20
 _EXCLUDED = (
-    ".git",
-    ".drive-robust",
-    ".venv",
-    "venv",
-    ".tox",
-    ".nox",
-    ".mypy_cache",
-    ".pytest_cache",
-    ".ruff_cache",
-    ".hypothesis",
-    "__pycache__",
-    "*.py[co]",
-    "*.nb[ci]",
-)
+    ".git", ".drive-robust", ".venv", "venv", ".tox", ".nox", ".mypy_cache", ".pytest_cache", ".ruff_cache",
+    ".hypothesis", "__pycache__", "*.py[co]", "*.nb[ci]",
+)  # fmt: skip
 """What is not copied with the folder of the run."""
 
 
@@ -56,11 +51,10 @@ class RayExecutor:
     attributes `num_cpus` (1 when they do not) and `num_gpus` (0).
 
     The folder of the run is copied to the nodes of a cluster. What lies elsewhere must be installed there in the same
-    version; the process that drives checks that (`engine.contents`), because a result must not be stored under the name
-    of code that did not drive it.
-
-    An episode that was lost with its node is driven again, twice at most, and is an `infra_error` after that. Nothing
-    is started, and `worker_setup` not called, before the first episode. Raises `UsageError` when Ray is not installed.
+    version; the process that drives checks that. An episode that was lost with its node is driven again, twice at most,
+    and is an `infra_error` after that. Nothing is started, and `worker_setup` not called, before the first episode. The
+    process that speaks with Ray is another one (`ray.driver`): when it ends unasked, what is under way is lost, and
+    every later episode refused. Raises `UsageError` when Ray is not installed.
     """
 
     def __init__(
@@ -72,71 +66,146 @@ class RayExecutor:
         slots: int | None = None,
         registry: Registry | None = None,
     ) -> None:
-        _require_ray()
+        if importlib.util.find_spec("ray") is None:
+            raise UsageError(
+                "--drive-executor ray needs Ray, which is not installed: pip install 'pytest-drive-robust[ray]'. "
+                "Without a cluster, --drive-executor processes uses all cores of this machine."
+            )
         self._make_setup = worker_setup
-        self._setup: WorkerSetup | None = None
         self._limits = limits
-        self._address = address or os.environ.get("RAY_ADDRESS") or LOCAL
+        self._address = address or os.environ.get("RAY_ADDRESS") or _LOCAL
         self._most = slots
         self._registry = default_registry() if registry is None else registry
-        self._needs: dict[str, tuple[float, float]] = {}
         self._latest: tuple[float, float] = (1.0, 0.0)
-        self._link: ClusterConnection | None = None
-        self._closed = False
+        self._nodes: tuple[tuple[float, float], ...] = ()  # cores and GPUs of each
+        self._pending: dict[int, tuple[ClusterRequest, Future[EpisodeResult]]] = {}
+        self._lock = threading.Lock()
+        self._closing = False
+        self._refused: UsageError | None = None
+        self._setup: WorkerSetup | None = None
 
     @property
     def slots(self) -> int:
         """How many episodes like the last one fit on the cluster at this moment; before it is there, one."""
-        nodes = self._link.nodes if self._link is not None else ()
         cores, gpus = self._latest
-        room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in nodes)
+        room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in self._nodes)
         return max(1, room if self._most is None else min(room, self._most))
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
         agent = request.episode.agent
-        setup = self._setup
-        if setup is None or agent not in self._needs:
-            setup = self._setup = self._setup_for(agent, setup or self._make_setup())
-        self._latest = self._needs[agent]
-        if self._link is not None and self._link.is_lost:
-            self._link.close(cancel=True)
-            self._link = None
-        if self._link is None:
-            self._link = self._connected(setup.folder)
-        asked = ClusterRequest(setup, self._limits, WorkerRequest.of(request), self._address != LOCAL)
-        return self._link.send(asked, self._latest)
+        self._latest = needs_of(self._registry.entry("agents", agent).load(), agent)
+        if self._setup is None:
+            self._setup = self._make_setup()
+            self._start(self._cluster(self._setup.folder))
+        asked = ClusterRequest(self._setup, self._limits, WorkerRequest.of(request), self._address != _LOCAL)
+        future: Future[EpisodeResult] = Future()
+        number = id(future)  # it lives as long as the episode is under way
+        with self._lock:
+            self._pending[number] = asked, future
+        self._write((number, self._latest, asked))
+        if self._refused is not None:
+            self._give_up()
+        return future
 
-    def close(self, *, cancel: bool = False) -> None:
-        """Leave the cluster. With `cancel`, what is under way there is killed; without, it comes to its end first."""
-        if self._closed:
+    def close(self) -> None:
+        """Leave the cluster; what is under way there is killed."""
+        if self._setup is None or self._closing:
             return
-        self._closed = True
-        if self._link is not None:
-            self._link.close(cancel=cancel)
+        self._closing = True
+        self._write(None)
+        try:
+            self._process.wait(_SHUTDOWN_S)
+        except subprocess.TimeoutExpired:
+            with suppress(OSError):  # what Ray started below it ends, too
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        self._reader.join()
+        self._connection.close()
+        self._log.close()
 
-    def _setup_for(self, agent: str, setup: WorkerSetup) -> WorkerSetup:
-        """Note what an episode of a new agent takes; return a setup by which no node drives another version of it."""
-        factory = self._registry.entry("agents", agent).load()
-        needs = needs_of(factory, agent)
-        if self._address != LOCAL:
-            world = self._registry.simulator(setup.simulator, setup.options)
-            try:
-                contents = contents_of(self._registry, agent, worker_setup=setup, world=world)
-            finally:
-                world.close()
-            setup = replace(setup, contents=(*setup.contents, (agent, contents)))
-        self._needs[agent] = needs
-        return setup
-
-    def _connected(self, folder: str) -> ClusterConnection:
-        """Return a new connection. To another cluster the folder of the run is copied, and what it finds is checked."""
-        if self._address == LOCAL:
+    def _cluster(self, folder: str) -> Mapping[str, object]:
+        """Return the arguments of `ray.init`. The folder of the run is copied to another cluster."""
+        if self._address == _LOCAL:
             own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
-            return ClusterConnection({"address": LOCAL, "include_dashboard": False, **own})
-        session = {"PYTEST_XDIST_TESTRUNUID": SESSION}  # stands in the contents of agents for code that cannot be known
+            return {"address": _LOCAL, "include_dashboard": False, **own}
+        session = {"PYTEST_XDIST_TESTRUNUID": SESSION}  # stands in identities for code that cannot be known
         env = {"working_dir": folder, "excludes": list(_EXCLUDED), "env_vars": session}
-        return ClusterConnection({"address": self._address, "runtime_env": env})
+        return {"address": self._address, "runtime_env": env}
+
+    def _start(self, cluster: Mapping[str, object]) -> None:
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process that writes it
+        path = (str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", ""))  # this package is found as it is here
+        path_and_silence = {"PYTHONPATH": os.pathsep.join(filter(None, path)), "RAY_USAGE_STATS_ENABLED": "0"}
+        self._connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", "from pytest_drive_robust.engine.ray import driver; driver.main()"],
+                stdin=theirs.fileno(),
+                stdout=self._log,
+                stderr=self._log,
+                start_new_session=True,  # Ctrl-C is for us: we tell the process to end
+                env={**os.environ, **path_and_silence},
+            )
+        self._write(cluster)
+        self._reader = threading.Thread(target=self._read_all, name="drive-robust-ray", daemon=True)
+        self._reader.start()
+
+    def _write(self, message: object) -> None:
+        with suppress(OSError):  # it ended: the reader says so to everybody who waits
+            self._connection.send(message)
+
+    def _read_all(self) -> None:
+        """Take what the driver says (see `ray.driver`) until it ends, and answer for it then."""
+        with suppress(OSError, EOFError):
+            while True:
+                number, content = self._connection.recv()
+                if number is not None:
+                    with self._lock:
+                        _, future = self._pending.pop(number)
+                    _settle(future, content)
+                elif isinstance(content, str):
+                    self._refused = _no_cluster(self._address, content)
+                else:
+                    self._nodes = content
+        said = f"the connection to the cluster ended. {self._said()}"
+        self._give_up(said)
+        self._refused = self._refused or _no_cluster(self._address, said)
+        self._give_up()
+
+    def _give_up(self, said: str = "") -> None:
+        """Answer for a process that ended."""
+        with self._lock:
+            pending, self._pending = self._pending, {}
+        for asked, future in pending.values():
+            if self._closing:
+                future.set_exception(Stopped())
+            else:
+                _settle(future, self._refused or asked.lost(said))
+
+    def _said(self) -> str:
+        """Return the last words of the process."""
+        self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - _SAID_BYTES))
+        return " ".join(self._log.read().decode(errors="replace").split()[-60:])
+
+
+def _settle(future: Future[EpisodeResult], content: EpisodeResult | UsageError) -> None:
+    if isinstance(content, UsageError):
+        future.set_exception(content)
+    else:
+        future.set_result(content)
+
+
+def _no_cluster(address: str, problem: str) -> UsageError:
+    if address == _LOCAL:
+        return UsageError(
+            f"Ray does not start on this machine: {problem}. Without a cluster, --drive-executor processes uses all "
+            "cores of this machine."
+        )
+    return UsageError(
+        f"no Ray cluster can be used at {address!r}: {problem}. Start one with 'ray start --head' and give its "
+        "host:port as --drive-ray-address, or give 'local' to use this machine alone."
+    )
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:
@@ -147,11 +216,3 @@ def needs_of(factory: object, agent: str) -> tuple[float, float]:
         if not is_number or given < 0 or (given == 0 and least == "> 0"):
             raise UsageError(f"the agent {agent!r} has {name} = {given!r}, expected a number {least}.")
     return float(cores), float(gpus)
-
-
-def _require_ray() -> None:
-    if importlib.util.find_spec("ray") is None:
-        raise UsageError(
-            "--drive-executor ray needs Ray, which is not installed: pip install 'pytest-drive-robust[ray]'. "
-            "Without a cluster, --drive-executor processes uses all cores of this machine."
-        )

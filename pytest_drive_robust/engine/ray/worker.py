@@ -10,31 +10,22 @@ import os
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.messages import WorkerRequest
 from pytest_drive_robust.engine.supervisor import Supervisor
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.rescore import bare_result
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.messages import WorkerRequest
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.runner.episode.stored_controls import bare_result
 
 __all__ = ["ClusterRequest", "drive_on_node", "setup_on_node"]
-
-_DEVICES = "CUDA_VISIBLE_DEVICES"
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterRequest:
-    """One episode for another process, perhaps on another machine.
-
-    `is_copied`: Ray copied the folder of the run to the node.
-    """
+    """One episode, perhaps for another machine. `is_copied`: Ray copied the folder of the run to the node."""
 
     worker_setup: WorkerSetup
     limits: Limits
@@ -55,7 +46,7 @@ _supervisors: dict[tuple[WorkerSetup, Limits, str | None], tuple[ForkServer, Sup
 
 def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
     """Return what came of an episode, or why it cannot be driven. A task of Ray's."""
-    place = asked.worker_setup, asked.limits, os.environ.get(_DEVICES)
+    place = asked.worker_setup, asked.limits, os.environ.get("CUDA_VISIBLE_DEVICES")
     try:
         if place not in _supervisors:
             while _supervisors:  # Ray gave this process other devices: children that saw the old ones are of no use
@@ -64,7 +55,7 @@ def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
                 fork_server.close()
             fork_server = ForkServer(setup_on_node(asked.worker_setup) if asked.is_copied else asked.worker_setup)
             _supervisors[place] = fork_server, Supervisor(fork_server, asked.limits)
-        return _supervisors[place][1].drive_pickled(asked.request)
+        return _supervisors[place][1].drive_request(asked.request)
     except UsageError as error:
         return error
 
@@ -72,7 +63,7 @@ def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
 def setup_on_node(setup: WorkerSetup) -> WorkerSetup:
     """Return the setup with its paths as they are on this node, where a copy of its folder is the current one.
 
-    What lies elsewhere is installed here as there, or else its import says what is missing.
+    What lies elsewhere is installed here as there, or else its import or the check of identities says what is missing.
     """
     home = Path(setup.folder).resolve()
 
@@ -86,4 +77,5 @@ def setup_on_node(setup: WorkerSetup) -> WorkerSetup:
         python_path=(*moved, *(path for path in sys.path if path not in moved)),
         folder=os.getcwd(),
         plugins=tuple((module, on_node(file)) for module, file in setup.plugins),
+        checks_identity=True,
     )

@@ -3,29 +3,27 @@
 from __future__ import annotations
 
 import pickle
+import platform
 from collections.abc import Iterator, Mapping
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.contents import check_contents
-from pytest_drive_robust.engine.messages import CHECK, DRIVE, SALVAGE, WorkerRequest, receive
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.messages import BATCH, SALVAGE, WorkerRequest, receive
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
-from pytest_drive_robust.engine.worker.watched_agent import WatchedAgent
+from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.identity import identity_of
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.episode.rescore import bare_result, drive_again
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-    from pytest_drive_robust.simulators.base import Simulator
+from pytest_drive_robust.runner.episode.stored_controls import bare_result, drive_again
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["Reply", "RequestHandler"]
 
@@ -48,10 +46,9 @@ class RequestHandler:
         self._registry = registry
         self._state = state
         self._connection = connection
-        self._driver = EpisodeDriver(
-            self._make_world, self._make_agent, wrap=self._watched, on_tick=state.ticked, watch=state
-        )
+        self._driver = EpisodeDriver(self._make_world, self._make_agent, watch=state)
         self._process_states: dict[str, Mapping[int, Any]] = {}
+        self._checked: set[tuple[str, str]] = set()
 
     def replies(self, token: bytes, payload: bytes) -> Iterator[Reply]:
         """Do what is asked for. Yield more than one reply where requests that arrive meanwhile are driven, too."""
@@ -60,7 +57,7 @@ class RequestHandler:
         known = self._process_states.get(asked.episode.agent)
         if known is not None:
             restore_process_state(known)  # the process is as it was when the agent was made
-        together = asked.kind == DRIVE and asked.width is not None
+        together = asked.kind == BATCH
         replies = self._drive_together(token, asked) if together else iter([Reply(token, self._result_of(asked))])
         for reply in replies:
             if reply.is_last:
@@ -75,38 +72,43 @@ class RequestHandler:
     def _result_of(self, asked: WorkerRequest) -> EpisodeResult | UsageError:
         try:
             request = asked.read(self._registry)
-            return {DRIVE: self._drive, CHECK: self._check, SALVAGE: self._salvage}[asked.kind](request, asked)
+            if self._setup.checks_identity:
+                self._check_identity(request)
+            return self._salvage(request, asked) if asked.kind == SALVAGE else self._drive(request, asked)
         except UsageError as error:
             return error
         except BaseException as error:
             return self._broken(asked, error)
 
+    def _check_identity(self, request: EpisodeRequest) -> None:
+        """Raise `UsageError` where another version of the agent, or of this package, would drive than was asked for.
+
+        Its result would be stored under the name of code that did not drive it.
+        """
+        agent, setup = request.episode.agent, self._setup
+        if (agent, request.identity) not in self._checked:
+            world = self._driver.world()
+            found = identity_of(agent, self._registry, simulator=setup.simulator, world=world, options=setup.options)
+            if request.identity and found != request.identity:
+                raise UsageError(
+                    f"the node {platform.node()} would drive another version of the agent {agent!r}, its weights, the "
+                    "simulator or a library than there is where the run was started. Install the same versions on "
+                    "every node, and keep weights in the folder of the run or under the same path everywhere."
+                )
+            self._checked.add((agent, request.identity))
+
     def _drive(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
-        result = self._driver.drive_once(request)
+        result = self._driver.drive_once(request, asked.width)
         if result.outcome is Outcome.AGENT_ERROR:  # another one will be made, in the process as it is then
             self._process_states.pop(request.episode.agent, None)
         return result
 
-    def _check(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
-        """May the agent be driven in lockstep? Not driven, and completed when it may.
-
-        An `infra_error` says that there was nothing to ask about, because the episode broke at once. Raises
-        `UsageError` when it must not.
-        """
-        outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
-        assert asked.width is not None
-        self._state.phase("sim", 0)
-        if self._driver.check(request, asked.width):
-            outcome, end = Outcome.COMPLETED, End.COMPLETED
-        return bare_result(request.route, request.episode, outcome=outcome, end=end, detail="")
-
     def _salvage(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
         assert asked.recorded is not None
-        episode, route = request.episode, request.route
         self._state.phase("sim", 0)
         world = self._driver.world()
-        result = drive_again(world, asked.recorded, route=route, setting=request.setting, episode=episode)
-        return with_machine(result, self._registry.entry("agents", episode.agent).load(), world)
+        result = drive_again(world, asked.recorded, request)
+        return with_machine(result, self._registry.entry("agents", request.episode.agent).load(), world)
 
     def _drive_together(self, token: bytes, first: WorkerRequest) -> Iterator[Reply]:
         """Drive the first request and all that arrive before none is under way any more; they are of one agent.
@@ -162,12 +164,8 @@ class RequestHandler:
 
     def _make_agent(self, name: str) -> Agent:
         self._state.phase("make", 0)
-        check_contents(self._registry, name, worker_setup=self._setup, world=self._driver.world)
         agent = make_agent(self._registry, name)
         self._setup.limit_threads()
         self._process_states.setdefault(name, read_process_state())
         self._state.phase("sim", 0)
         return agent
-
-    def _watched(self, agent: Agent) -> Agent:
-        return WatchedAgent(agent, self._state, self._connection.fileno())

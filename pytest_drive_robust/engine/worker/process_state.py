@@ -16,6 +16,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from pytest_drive_robust.engine.worker.system import child_processes, resident_bytes
@@ -26,7 +27,6 @@ _MOST_FILES = 100
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
 _SIGNALS = sorted(signal.valid_signals() - {getattr(signal, name, None) for name in ("SIGKILL", "SIGSTOP")})
-_TIMERS = (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)
 
 
 class _Item(NamedTuple):
@@ -98,38 +98,28 @@ def _open_files() -> int:
         return 0
 
 
-def _attributes(owner: Any, *attributes: str) -> _Item:
-    """Look after attributes of a module."""
-
-    def write(wanted: tuple[Any, ...]) -> None:
-        for attribute, value in zip(attributes, wanted, strict=True):
-            setattr(owner, attribute, value)
-
-    return _Item(lambda: tuple(getattr(owner, attribute) for attribute in attributes), write)
+def _attribute(owner: Any, name: str) -> _Item:
+    """Look after an attribute of a module or an object."""
+    return _Item(lambda: getattr(owner, name), partial(setattr, owner, name))
 
 
-def _settings(module: str, *pairs: tuple[str, str]) -> _Item:
-    """Look after what pairs of functions of a module read and write; a dictionary is written as keywords."""
+def _pair(module: str, getter: str, setter: str) -> _Item:
+    """Look after what two functions of a module read and write; a dictionary is written as keywords."""
 
-    def read() -> tuple[Any, ...]:
-        found = (getattr(sys.modules[module], getter)() for getter, _ in pairs)
-        return tuple(dict(value) if isinstance(value, dict) else value for value in found)
+    def write(wanted: Any) -> None:
+        function = getattr(sys.modules[module], setter)
+        function(**wanted) if isinstance(wanted, dict) else function(wanted)
 
-    def write(wanted: tuple[Any, ...]) -> None:
-        for (_, setter), value in zip(pairs, wanted, strict=True):
-            function = getattr(sys.modules[module], setter)
-            function(**value) if isinstance(value, dict) else function(value)
-
-    return _Item(read, write, module)
+    return _Item(lambda: getattr(sys.modules[module], getter)(), write, module)
 
 
-def _list(owner: Any, attribute: str) -> _Item:
+def _list(owner: Any, name: str) -> _Item:
     """Look after the elements of a list that stays the same object."""
 
     def write(wanted: list[Any]) -> None:
-        getattr(owner, attribute)[:] = wanted
+        getattr(owner, name)[:] = wanted
 
-    return _Item(lambda: list(getattr(owner, attribute)), write)
+    return _Item(lambda: list(getattr(owner, name)), write)
 
 
 def _mapping(owner: MutableMapping[str, Any]) -> _Item:
@@ -143,35 +133,8 @@ def _mapping(owner: MutableMapping[str, Any]) -> _Item:
     return _Item(lambda: dict(owner), write)
 
 
-def _handlers() -> dict[int, Any]:
-    return {number: signal.getsignal(number) for number in _SIGNALS}
-
-
-def _set_handlers(wanted: dict[int, Any]) -> None:
-    for number, handler in wanted.items():
-        if handler is not None and signal.getsignal(number) != handler:
-            signal.signal(number, handler)
-
-
-def _has_timer() -> bool:
-    return any(signal.getitimer(which)[0] > 0 for which in _TIMERS)
-
-
-def _stop_timers(_: bool) -> None:
-    for which in _TIMERS:
-        signal.setitimer(which, 0)
-
-
-def _logging() -> tuple[Any, ...]:
-    root = logging.root
-    return (root.level, tuple(root.handlers), tuple(root.filters), root.disabled, root.manager.disable)
-
-
-def _set_logging(wanted: tuple[Any, ...]) -> None:
-    root = logging.root
-    level, handlers, filters, root.disabled, root.manager.disable = wanted
-    root.setLevel(level)
-    root.handlers[:], root.filters[:] = handlers, filters
+def _timer(which: int) -> _Item:
+    return _Item(lambda: signal.getitimer(which), lambda wanted: signal.setitimer(which, *wanted))
 
 
 def _umask() -> int:
@@ -180,53 +143,38 @@ def _umask() -> int:
     return now
 
 
-def _set_collector(wanted: tuple[bool, tuple[int, int, int]]) -> None:
-    (gc.enable if wanted[0] else gc.disable)()
-    gc.set_threshold(*wanted[1])
-
-
-def _priority() -> tuple[int, frozenset[int]]:
-    affinity: Any = getattr(os, "sched_getaffinity", lambda _: ())
-    return os.getpriority(os.PRIO_PROCESS, 0), frozenset(affinity(0))
-
-
-def _set_priority(wanted: tuple[int, frozenset[int]]) -> None:
-    os.setpriority(os.PRIO_PROCESS, 0, wanted[0])
-    if wanted[1]:
-        os.sched_setaffinity(0, wanted[1])
-
-
 _ITEMS = (
     _Item(os.getcwd, os.chdir),
     _mapping(os.environ),
     _list(sys, "path"),
     _list(warnings, "filters"),
-    _attributes(warnings, "showwarning"),
-    _Item(_has_timer, _stop_timers),
-    _Item(_handlers, _set_handlers),
-    _Item(
-        lambda: signal.pthread_sigmask(signal.SIG_BLOCK, ()),
-        lambda wanted: signal.pthread_sigmask(signal.SIG_SETMASK, wanted),
-    ),
-    _Item(_logging, _set_logging),
-    _attributes(sys, *_STREAMS),
-    _attributes(sys, *_HOOKS),
-    _attributes(threading, "excepthook"),
+    _attribute(warnings, "showwarning"),
+    *map(_timer, (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL, signal.ITIMER_PROF)),
+    *(_Item(partial(signal.getsignal, number), partial(signal.signal, number)) for number in _SIGNALS),
+    _Item(partial(signal.pthread_sigmask, signal.SIG_BLOCK, ()), partial(signal.pthread_sigmask, signal.SIG_SETMASK)),
+    _Item(lambda: logging.root.level, logging.root.setLevel),
+    _Item(lambda: logging.root.manager.disable, logging.disable),
+    _attribute(logging.root, "disabled"),
+    _list(logging.root, "handlers"),
+    _list(logging.root, "filters"),
+    *(_attribute(sys, name) for name in (*_STREAMS, *_HOOKS)),
+    _attribute(threading, "excepthook"),
     _mapping(vars(builtins)),
-    _settings("sys", ("gettrace", "settrace"), ("getprofile", "setprofile")),
-    _settings("sys", ("getrecursionlimit", "setrecursionlimit")),
-    _settings("sys", ("getswitchinterval", "setswitchinterval")),
+    _pair("sys", "gettrace", "settrace"),
+    _pair("sys", "getprofile", "setprofile"),
+    _pair("sys", "getrecursionlimit", "setrecursionlimit"),
+    _pair("sys", "getswitchinterval", "setswitchinterval"),
     _Item(_umask, os.umask),
-    _Item(_priority, _set_priority),
-    _Item(lambda: (gc.isenabled(), gc.get_threshold()), _set_collector),
-    _Item(lambda: locale.setlocale(locale.LC_ALL), lambda value: locale.setlocale(locale.LC_ALL, value)),
-    _settings("numpy", ("geterr", "seterr"), ("get_printoptions", "set_printoptions")),
-    _settings(
-        "torch",
-        ("get_default_dtype", "set_default_dtype"),
-        ("get_num_threads", "set_num_threads"),
-        ("is_grad_enabled", "set_grad_enabled"),
-        ("are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
-    ),
-    _settings("cv2", ("getNumThreads", "setNumThreads")),
+    _Item(lambda: os.getpriority(os.PRIO_PROCESS, 0), partial(os.setpriority, os.PRIO_PROCESS, 0)),
+    *([_Item(lambda: os.sched_getaffinity(0), partial(os.sched_setaffinity, 0))] if sys.platform == "linux" else []),
+    _Item(gc.isenabled, lambda wanted: gc.enable() if wanted else gc.disable()),
+    _Item(gc.get_threshold, lambda wanted: gc.set_threshold(*wanted)),
+    _Item(partial(locale.setlocale, locale.LC_ALL), partial(locale.setlocale, locale.LC_ALL)),
+    _pair("numpy", "geterr", "seterr"),
+    _pair("numpy", "get_printoptions", "set_printoptions"),
+    _pair("torch", "get_default_dtype", "set_default_dtype"),
+    _pair("torch", "get_num_threads", "set_num_threads"),
+    _pair("torch", "is_grad_enabled", "set_grad_enabled"),
+    _pair("torch", "are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
+    _pair("cv2", "getNumThreads", "setNumThreads"),
 )

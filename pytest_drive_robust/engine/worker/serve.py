@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import faulthandler
+import fcntl
 import os
 import signal
 import sys
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.engine.messages import Answer, receive, send
-from pytest_drive_robust.engine.shared_state import SharedState
+from pytest_drive_robust.engine.messages import answer_bytes, receive
+from pytest_drive_robust.engine.shared_state import CUT_OFF, SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
 from pytest_drive_robust.engine.worker.process_state import Leftovers, read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker.system import limit_memory
-from pytest_drive_robust.engine.worker.watched_agent import CUT_OFF
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.episode import contract
 from pytest_drive_robust.runner.episode.machine import machine_facts
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.engine.limits import Limits
-    from pytest_drive_robust.engine.worker_process import Descriptors
-    from pytest_drive_robust.engine.worker_setup import WorkerSetup
-    from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["serve"]
 
@@ -31,12 +28,14 @@ _PRIVATE_FROM = 600
 """Our descriptors get numbers from here on, out of the way of code that closes the low ones."""
 
 
-def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
-    """Drive what is asked for until the other side closes the connection."""
-    connection, faults = Connection(_private(descriptors.messages)), _private(descriptors.faults)
-    _redirect(descriptors.output)
-    state = SharedState(descriptors.state)
-    os.close(descriptors.state)
+def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
+    """Drive what is asked for until the other side closes the connection. `inherited`: see `WorkerProcess`."""
+    messages, output, memory = inherited
+    connection, faults = Connection(_private(messages)), _private(os.dup(output))
+    _redirect(output)
+    state = SharedState(memory, connection=connection.fileno())
+    os.close(memory)
+    contract.BLAMED = (BaseException,)
     limit_memory(limits.memory_bytes)
     handler = RequestHandler(worker_setup, registry, state, connection)
     start = read_process_state()
@@ -59,7 +58,7 @@ def serve(descriptors: Descriptors, worker_setup: WorkerSetup, limits: Limits, r
             is_broken = getattr(reply.result, "outcome", None) is Outcome.INFRA_ERROR
             is_spent = leftovers.found() or is_broken or not is_as_before
             try:
-                send(connection, reply.token, Answer(reply.result, is_spent).to_bytes())
+                connection.send_bytes(reply.token + answer_bytes(reply.result, is_spent=is_spent))
             except OSError:
                 os._exit(CUT_OFF)
 
@@ -74,8 +73,6 @@ def _tell_faults(fd: int) -> None:
 
 def _private(number: int) -> int:
     """Move a descriptor to a high number that is closed on exec; return that."""
-    import fcntl
-
     try:
         moved = fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _PRIVATE_FROM)
     except OSError:  # fewer descriptors are allowed

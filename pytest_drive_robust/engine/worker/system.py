@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import ctypes
 import os
+import resource
 import signal
 import sys
 import time
@@ -46,8 +47,6 @@ def resident_bytes() -> int:
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGE_SIZE")
-    import resource
-
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
@@ -55,8 +54,6 @@ def limit_memory(size_bytes: int | None) -> None:
     """Let this process allocate no more than so much in all. Linux only."""
     if size_bytes is None or sys.platform != "linux":
         return
-    import resource
-
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     size = size_bytes if hard == resource.RLIM_INFINITY else min(size_bytes, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (size, size))
@@ -64,8 +61,6 @@ def limit_memory(size_bytes: int | None) -> None:
 
 def no_core_files() -> None:
     """Let this process crash without leaving a file."""
-    import resource
-
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
 
 

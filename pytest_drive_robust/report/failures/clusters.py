@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.metrics.score import is_success
-from pytest_drive_robust.report.failures.manoeuvre import manoeuvre
-from pytest_drive_robust.report.failures.moment import first_failure
+from pytest_drive_robust.report.failures.moment import first_failure, manoeuvre
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult

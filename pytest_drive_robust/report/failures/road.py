@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from pytest_drive_robust.arithmetic.series import wrap_angle
 from pytest_drive_robust.domain.truth import LaneKind
 
 if TYPE_CHECKING:
@@ -70,14 +71,9 @@ class Road:
     def turn_rad(self, row: int, behind: int, ahead: int) -> float:
         """Return by how much the route turns to the right from so many rows behind to so many ahead."""
         first, last = max(0, row - behind), min(len(self.route) - 1, row + ahead)
-        return float(np.sum(_wrapped(np.diff(self.route[first : last + 1, 2]))))
+        return float(np.sum(wrap_angle(np.diff(self.route[first : last + 1, 2]))))
 
     def in_junction(self, row: int, behind: int, ahead: int) -> bool:
         """Return True when the route passes a junction there."""
         rows = self.route[max(0, row - behind) : row + ahead + 1, :2]
         return bool(self.lanes_at(rows).junction.sum() >= 2)
-
-
-def _wrapped(angles: Floats) -> Floats:
-    wrapped: Floats = (angles + np.pi) % (2.0 * np.pi) - np.pi
-    return wrapped

@@ -23,8 +23,8 @@ from pytest_drive_robust.report.film.canvas import (
     text,
     wrapped,
 )
-from pytest_drive_robust.report.film.top_view import TopView
-from pytest_drive_robust.runner.replay.tape import main_camera
+from pytest_drive_robust.report.film.top_view import draw_from_above
+from pytest_drive_robust.runner.replay.recording import main_camera
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.control import Control
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
     from pytest_drive_robust.report.film.story import StoryEvent
     from pytest_drive_robust.report.film.top_view import GroundPicture
-    from pytest_drive_robust.runner.replay.tape import Tape, TapeTick
+    from pytest_drive_robust.runner.replay.recording import Tape, TapeTick
 
 __all__ = ["EpisodePane"]
 
@@ -62,14 +62,13 @@ class EpisodePane:
         """Where the view from above lies."""
         return Rectangle(self.left + 408, 66, 224, 394)
 
-    def draw(self, picture: Pixels, position: int, *, twin: EgoState | None = None) -> None:
+    def draw(self, picture: Pixels, position: int, *, twin: EgoState | None) -> None:
         """Draw the moment at `position`, or the last one when the episode is over. `twin`: the clean ego, if any."""
         last = len(self.tape.moments) - 1
         at = min(position, last)
         moment = self.tape.moments[at]
         marks = [event.place for event in self.events if event.tick <= position and event.place is not None]
-        view = TopView(self.view_box)
-        view.draw(picture, self.ground, moment, colour=self.colour, twin=twin, marks=marks)
+        draw_from_above(picture, self.view_box, self.ground, moment, colour=self.colour, twin=twin, marks=marks)
         self._head(picture)
         self._camera(picture, at, moment)
         self._numbers(picture, moment)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.truth import EgoState
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.runner.replay.tape import Tape
+    from pytest_drive_robust.runner.replay.recording import Tape
 
 __all__ = ["Film"]
 

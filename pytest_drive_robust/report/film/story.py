@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
-from pytest_drive_robust.verdict.explain import first_divergence_s
+from pytest_drive_robust.verdict.explain import first_divergence
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.replay.tape import Tape
+    from pytest_drive_robust.runner.replay.recording import Tape
 
-__all__ = ["Span", "Story", "StoryEvent", "story_of"]
+__all__ = ["Story", "StoryEvent", "story_of"]
 
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
@@ -34,27 +33,17 @@ class StoryEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
-    """A failure at work in ticks `first..last` on one signal."""
-
-    signal: str
-    first: int
-    last: int
-
-
-@dataclass(frozen=True, slots=True)
 class Story:
     """The plot of a film.
 
     `length` is the last position: position `k` is the world after `k` ticks, and an episode that is over stays at its
-    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events` and
-    `spans` are one entry for each tape. In the `skimmed` positions nobody has moved for long and nothing happens.
+    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events` are one
+    entry for each tape. In the `skimmed` positions nobody has moved for long and nothing happens.
     """
 
     length: int
     divergence: tuple[int, str] | None
     events: tuple[tuple[StoryEvent, ...], ...]
-    spans: tuple[tuple[Span, ...], ...]
     skimmed: frozenset[int] = frozenset()
 
     SKIM: ClassVar[int] = 8
@@ -88,7 +77,6 @@ def story_of(tapes: tuple[Tape, ...]) -> Story:
         length=max(len(tape.moments) for tape in tapes) - 1,
         divergence=_divergence(*results) if len(results) == 2 else None,
         events=events,
-        spans=tuple(_spans(result) for result in results),
         skimmed=_skimmed(tapes, {event.tick for items in events for event in items}),
     )
 
@@ -109,31 +97,8 @@ def _skimmed(tapes: tuple[Tape, ...], busy: set[int]) -> frozenset[int]:
 
 
 def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, str] | None:
-    parted_s = first_divergence_s(clean, perturbed)
-    if parted_s is None:
-        return None
-    position = round(parted_s / clean.dt_s)
-    return position, _apart(clean, perturbed, position - 1)
-
-
-def _apart(clean: EpisodeResult, perturbed: EpisodeResult, row: int) -> str:
-    """Return `"0.5 m behind, 1.2 m/s slower"`: what of it is worth saying."""
-    names = ("yaw_rad", "x_m", "y_m", "speed_mps")
-    yaw, x_m, y_m, speed_mps = (float(clean.trace.column(name)[row]) for name in names)
-    east, south = (float(perturbed.trace.column(n)[row]) - v for n, v in (("x_m", x_m), ("y_m", y_m)))
-    ahead = math.cos(yaw) * east + math.sin(yaw) * south
-    right = math.cos(yaw) * south - math.sin(yaw) * east
-    faster = float(perturbed.trace.column("speed_mps")[row]) - speed_mps
-    parts = [
-        f"{abs(value):.1f} {words[value < 0.0]}"
-        for value, least, words in (
-            (ahead, 0.45, ("m ahead", "m behind")),
-            (right, 0.45, ("m to the right", "m to the left")),
-            (faster, 0.95, ("m/s faster", "m/s slower")),
-        )
-        if abs(value) >= least
-    ]
-    return ", ".join(parts)
+    found = first_divergence(clean, perturbed)
+    return None if found is None else (round(found.second / clean.dt_s), found.signal)
 
 
 def _events(result: EpisodeResult) -> tuple[StoryEvent, ...]:
@@ -144,7 +109,3 @@ def _events(result: EpisodeResult) -> tuple[StoryEvent, ...]:
     if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
         events.append(StoryEvent(result.ticks, result.end_detail, None))
     return tuple(sorted(events, key=lambda event: event.tick))
-
-
-def _spans(result: EpisodeResult) -> tuple[Span, ...]:
-    return tuple(Span(item.signal, item.first_tick, item.last_tick) for item in result.schedule)

@@ -93,7 +93,7 @@ class Strips:
         for result, colour in zip(results, _COLOURS, strict=False):
             for strip, values in zip(self._strips, _curves(result), strict=True):
                 self._curve(whole, strip, values, colour)
-        self._failures(whole)
+        self._failures(whole, results[-1])
         self._marks(whole)
         area: Pixels = whole[AREA.y :].copy()
         return area
@@ -137,12 +137,12 @@ class Strips:
         share = (value - strip.low) / (strip.high - strip.low)
         return strip.box.bottom - 1 - round(share * (strip.box.height - 1))
 
-    def _failures(self, picture: Pixels) -> None:
+    def _failures(self, picture: Pixels, result: EpisodeResult) -> None:
         """Draw when the perturbation was at work."""
         fill(picture, _FAILURE, PANEL)
         text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
-        for span in self._story.spans[-1]:
-            left, right = self._column(span.first), self._column(span.last + 1)
+        for span in result.schedule:
+            left, right = self._column(span.first_tick), self._column(span.last_tick + 1)
             fill(picture, Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.stats.intervals import mean_interval
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip, Numbers
-    from pytest_drive_robust.regression.rises import Rise
+    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip
     from pytest_drive_robust.regression.snapshot import RouteScore
     from pytest_drive_robust.report.pages.records import Ident, RunRecords
 
@@ -28,7 +28,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "regressed": bool(comparison.regressions),
         "refused": refused,
         "notes": [*(item.text for item in comparison.mismatches), *comparison.notes],
-        "means": {} if refused else {agent: _rise(rise) for agent, rise in comparison.mean_rises.items()},
+        "means": {} if refused else {agent: asdict(rise) for agent, rise in comparison.mean_rises.items()},
         "settings": [] if refused else [_setting(comparison, cell) for cell in comparison.cells],
     }
 
@@ -53,10 +53,10 @@ def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
         "routes": cell.routes,
         "missing": cell.missing,
         "changed": cell.changed,
-        "before": _numbers(cell.before),
-        "after": _numbers(cell.after),
+        "before": asdict(cell.before),
+        "after": asdict(cell.after),
         "dsChange": _ds_change(comparison, cell),
-        "rise": None if cell.rise is None else _rise(cell.rise),
+        "rise": None if cell.rise is None else asdict(cell.rise),
         "findings": [[item.verdict, item.allowance.sentence, item.problem] for item in cell.findings],
         "flips": [_flip(flip) for flip in cell.flips],
     }
@@ -74,14 +74,6 @@ def _ds_change(comparison: Comparison, cell: CellComparison) -> list[float] | No
         return None
     low, high = mean_interval(changes, bounds=(-100.0, 100.0))
     return [round(value, 3) for value in (sum(changes) / len(changes), low, high)]
-
-
-def _numbers(numbers: Numbers) -> dict[str, float | None]:
-    return {"ds": numbers.ds, "sr": numbers.sr, "rd": numbers.rd}
-
-
-def _rise(rise: Rise) -> dict[str, float]:
-    return {"before": rise.before, "after": rise.after, "low": rise.low, "high": rise.high, "routes": rise.routes}
 
 
 def _flip(flip: Flip) -> dict[str, Any]:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.regression.document import episode_of
+from pytest_drive_robust.regression.document import episode_of, read_document
+from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
 from pytest_drive_robust.simulators.routes import routes_for
+from pytest_drive_robust.store.record import decode_record
+from pytest_drive_robust.store.record_files import RecordFiles
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -17,7 +22,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Ident", "RunRecords"]
+__all__ = ["Ident", "RunRecords", "stored_episodes"]
 
 Ident = tuple[str, str, str, int]
 """(agent, setting, route id, seed)."""
@@ -40,6 +45,18 @@ class RunRecords:
     routes: Mapping[str, tuple[Route, ...]]
     simulator: Simulator | None
     baselines: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def stored(cls, reference: str, registry: Registry, *, store: Path | None = None) -> RunRecords:
+        """Read a run that people name: a stored run, `"latest"` or a JSON file; its episodes come from the store.
+
+        `store` is the folder of the episodes where they are not in the project's. Raises `UsageError`.
+        """
+        home = home_of(Path.cwd())
+        document = read_document(run_file(StoredRuns(home), reference))
+        stored = document.get("stored")
+        label = str(stored.get("name") or reference) if isinstance(stored, dict) else reference
+        return cls.of(document, stored_episodes(store or home / DEFAULT_STORE), registry, label=label)
 
     @classmethod
     def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
@@ -84,6 +101,20 @@ class RunRecords:
         """Return the episodes of these routes and seeds that the run holds, in this order."""
         idents = ((agent, setting, route_id, seed) for route_id in route_ids for seed in seeds)
         return [self.results[ident] for ident in idents if ident in self.results]
+
+
+def stored_episodes(folder: Path) -> Find:
+    """Return what finds an episode in a store; one that is not there or not whole is None."""
+    files = RecordFiles(folder)
+
+    def find(key: str) -> EpisodeResult | None:
+        try:
+            data = files.read(key)
+            return None if data is None else decode_record(data).result
+        except (OSError, ValueError):
+            return None
+
+    return find
 
 
 def _simulator(registry: Registry, name: str) -> Simulator | None:

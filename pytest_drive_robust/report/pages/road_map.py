@@ -71,13 +71,8 @@ def map_data(truth: GroundTruth) -> dict[str, Any]:
         "lanes": [_lane(lane) for lane in lane_map.lanes if near(lane.centre[:, :2])],
         "stops": [
             [
-                _cm(s.x_m),
-                _cm(s.y_m),
-                _mrad(s.heading_rad),
-                _cm(s.width_m),
-                int(s.is_light),
-                _cm(s.pole_x_m),
-                _cm(s.pole_y_m),
+                *(_cm(s.x_m), _cm(s.y_m), _mrad(s.heading_rad), _cm(s.width_m)),
+                *(int(s.is_light), _cm(s.pole_x_m), _cm(s.pole_y_m)),
             ]
             for s in lane_map.stop_lines
         ],

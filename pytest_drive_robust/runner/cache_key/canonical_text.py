@@ -1,23 +1,37 @@
-"""Values as one text for digests: equal values give equal text in every process, `5` and `5.0` are one number."""
+"""Values and code as one text for digests: equal values give equal text in every process, `5` and `5.0` are one number.
+
+Code is what a factory, a class or a configured object is, with what it was made with.
+"""
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import inspect
 import json
 import math
-from collections.abc import Mapping
+import os
+import secrets
+from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
-from os import PathLike, fspath
+from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
-__all__ = ["canonical_text", "digest_of"]
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
 
-_DIGEST_BYTES = 16
+__all__ = ["SESSION", "canonical_text", "code_of", "digest_of", "perturbation_sources"]
+
+SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
+"""Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
+
+_OWN = __name__.partition(".")[0]
+_ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
 
 
 def digest_of(*values: object) -> str:
     """Return 32 hex digits of these values. Raises `TypeError` as `canonical_text` does."""
-    return hashlib.blake2b(canonical_text(values).encode("ascii"), digest_size=_DIGEST_BYTES).hexdigest()
+    return hashlib.blake2b(canonical_text(values).encode("ascii"), digest_size=16).hexdigest()
 
 
 def canonical_text(value: object) -> str:
@@ -25,38 +39,123 @@ def canonical_text(value: object) -> str:
 
     Raises `TypeError` for anything that has no value of its own to compare, such as an object or a function.
     """
-    return json.dumps(_plain(value), separators=(",", ":"), sort_keys=True)
+    return _ENCODER.encode(_plain(value))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:
+    """Return what JSON can write; of what has no value of its own what `otherwise` makes of it."""
+    if type(value) is str:
+        return value
+    inner = functools.partial(_plain, otherwise=otherwise)
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return value
     if isinstance(value, Enum):
-        return _plain(value.value)
-    if isinstance(value, (int, float)):
-        return _number(value)
+        return inner(value.value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"number": str(value)}
+    if isinstance(value, (int, float)):  # minus zero is zero
+        return int(value) if value == int(value) else value
     if isinstance(value, Mapping):
-        return {"map": sorted((canonical_text(name), _plain(item)) for name, item in value.items())}
+        return {"map": sorted((json.dumps(inner(name)), inner(item)) for name, item in value.items())}
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [inner(item) for item in value]
     if isinstance(value, (set, frozenset)):
-        return {"set": sorted(canonical_text(item) for item in value)}
+        return {"set": sorted(json.dumps(inner(item)) for item in value)}
     if isinstance(value, bytes):
         return {"bytes": value.hex()}
-    if isinstance(value, PathLike):
-        return {"path": _plain(fspath(value))}
+    if isinstance(value, os.PathLike):
+        return {"path": inner(os.fspath(value))}
     fields = getattr(type(value), "__dataclass_fields__", None)
     if fields is not None:
-        return {type(value).__name__: [[name, _plain(getattr(value, name))] for name in fields]}
+        return {type(value).__name__: [[name, inner(getattr(value, name))] for name in fields]}
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a scalar of numpy
-        return _plain(value.item())
+        return inner(value.item())
+    if otherwise is not None:
+        return otherwise(value)
     raise TypeError(f"{type(value).__name__} has no content that could be compared")
 
 
-def _number(value: int | float) -> Any:
-    """Return whole numbers without a fraction, minus zero as zero, what JSON cannot write by name."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return {"number": str(value)}
-        return int(value) if value.is_integer() else value
-    return int(value)
+def perturbation_sources(setting: Setting) -> tuple[str, ...]:
+    """Return the code of a setting's classes that are not ours, in its order. Ours are a part of the identity."""
+    classes: Iterator[Any] = map(type, setting.perturbations)
+    return tuple(_class_code(cls) for cls in classes if cls.__module__.partition(".")[0] != _OWN)
+
+
+@functools.cache  # a plan asks for the same few thousands of times
+def _class_code(cls: type) -> str:
+    return code_of(cls)
+
+
+def code_of(target: object, *, libraries: bool = True) -> str:
+    """Return a text that is equal for equal code with equal parameters.
+
+    That is the source (see `source_files`), and the arguments of a `functools.partial`, the default values and the
+    closure of a function, the state of an object that is called. Where one of them has no comparable content, the text
+    is of this session only. `libraries`: the versions of Python and of installed libraries count, too.
+    """
+    try:
+        return canonical_text(_Description(libraries=libraries)(target))
+    except (UnknownSourceError, TypeError) as error:
+        return f"session {SESSION} {type(target).__qualname__} {error}"
+
+
+class _Description:
+    """Describes objects by their code, what they carry as values; knows those around the one at hand."""
+
+    def __init__(self, *, libraries: bool) -> None:
+        self._libraries = libraries
+        self._around: list[int] = []
+
+    def __call__(self, target: Any) -> object:
+        """Return what JSON can write."""
+        if id(target) in self._around:
+            return "itself"
+        self._around.append(id(target))
+        found = _plain(self._parts(target), otherwise=self)
+        self._around.pop()
+        return found
+
+    def _parts(self, target: Any) -> object:
+        if isinstance(target, functools.partial):
+            return ["partial", self(target.func), target.args, target.keywords]
+        if isinstance(target, MethodType):
+            return ["method", self(target.__func__), target.__self__]
+        target = inspect.unwrap(target) if callable(target) else target
+        if isinstance(target, type):
+            return ["class", target.__qualname__, self._source(target), _made_at_run_time(target)]
+        if isinstance(target, FunctionType):
+            return ["function", target.__qualname__, self._source(target), _bindings(target)]
+        if isinstance(target, ModuleType):
+            return ["module", self._source(target)]
+        configuration = getattr(target, "configuration", None)
+        return ["object", self(type(target)), vars(target) if configuration is None else configuration]
+
+    def _source(self, target: Any) -> str:
+        module = target.__name__ if isinstance(target, ModuleType) else str(getattr(target, "__module__", ""))
+        return module_digest(file_of(target), module, libraries=self._libraries)
+
+
+def _bindings(function: FunctionType) -> object:
+    """Return what a function carries besides its text: defaults and the variables of functions around it."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return [function.__defaults__, function.__kwdefaults__, [[name, _content(cell)] for name, cell in cells]]
+
+
+def _content(cell: Any) -> object:
+    try:
+        return cell.cell_contents
+    except ValueError:  # not filled yet
+        return None
+
+
+def _made_at_run_time(cls: type) -> object:
+    """Return for a class inside a function what its methods and attributes took from there."""
+    if "<locals>" not in cls.__qualname__:
+        return []
+    found = []
+    for name, value in sorted(vars(cls).items()):
+        if isinstance(value, FunctionType):
+            found.append([name, _bindings(value)])
+        elif not name.startswith("__") and not inspect.isdatadescriptor(value):
+            found.append([name, value])
+    return found

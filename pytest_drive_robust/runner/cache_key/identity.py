@@ -22,17 +22,15 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pytest_drive_robust import arithmetic, domain, jit, perturbations, simulators
+from pytest_drive_robust import simulators
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry.entries import Entry
-from pytest_drive_robust.runner import driver
-from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
-from pytest_drive_robust.runner.cache_key.object_code import code_of
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of
 from pytest_drive_robust.runner.cache_key.source_files import (
     code_digest,
     file_of,
@@ -41,26 +39,27 @@ from pytest_drive_robust.runner.cache_key.source_files import (
     source_digest,
     versions_of,
 )
-from pytest_drive_robust.runner.episode import contract, generators, loop, recorder, surroundings, witness
-from pytest_drive_robust.runner.lockstep import batch
-from pytest_drive_robust.simulators import base, embedded
+from pytest_drive_robust.runner.plan import Scope
+from pytest_drive_robust.simulators import embedded
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.runner.plan import Scope
-    from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
-
 __all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
 
-_DECIDING = (
-    *(arithmetic, jit, domain, perturbations, driver),
-    *(loop, contract, recorder, surroundings, witness, generators, base),
+_DECIDING = tuple(
+    f"pytest_drive_robust.{name}"
+    for name in (
+        *("arithmetic", "jit", "domain", "perturbations", "runner.driver", "runner.episode.loop"),
+        *("runner.episode.contract", "runner.episode.surroundings"),
+        *("runner.episode.witness", "runner.episode.generators", "simulators.base"),
+    )
 )
-"""What of ours decides the numbers of every episode; the package of the simulator comes with it."""
-_LOCKSTEP = (batch,)
+"""What of ours decides the numbers of every episode, by name: a run from the store imports none of it to be driven.
+
+The package of the simulator comes with it.
+"""
+_LOCKSTEP = "pytest_drive_robust.runner.lockstep.batch"
 
 _BLOCK_BYTES = 1 << 20
 
@@ -86,7 +85,7 @@ def identity_of(
     `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
     gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
     """
-    driving = code_digest(_LOCKSTEP) if mode == "lockstep" else ""
+    driving = code_digest((_LOCKSTEP,)) if mode == "lockstep" else ""
     world_digest = simulator_identity(simulator, registry, world, options)
     return digest_of(agent_identity(agent, registry), world_digest, mode, driving)
 
@@ -109,7 +108,8 @@ def agent_identity(agent: str, registry: Registry) -> str:
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
     modules = computing_modules(factory)
     code, versions = code_of(factory, libraries=modules is None), versions_of(modules) if modules else {}
-    return digest_of(agent, _distribution(entry), code, weights, configuration, versions)
+    distribution = "" if entry.registered else entry.origin  # the place of a hook is no part of what it registers
+    return digest_of(agent, distribution, code, weights, configuration, versions)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
@@ -122,7 +122,11 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
     others = [module_digest(file_of(module), module.__name__) for module in modules]
     facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
-    return digest_of(facts, {} if has_portable_bits(world) else versions_of(()), _own_code(factory), others)
+    place = f"{getattr(factory, '__module__', '')}."
+    # Every other world may use the sensors and criteria of `embedded`.
+    ours = code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
+    own = "" if place.startswith(f"{simulators.__name__}.") else code_of(factory)
+    return digest_of(facts, {} if has_portable_bits(world) else versions_of(()), ours, own, others)
 
 
 def route_digest(route: Route) -> str:
@@ -135,30 +139,15 @@ def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[st
 
     Raises `UsageError` when a file cannot be read.
     """
-    several: Iterable[str | os.PathLike[str]] = [files] if isinstance(files, (str, os.PathLike)) else files
-    digest, found = hashlib.blake2b(digest_size=6), False
-    for path in map(Path, several):
-        found = True
-        try:
+    paths = [Path(files)] if isinstance(files, (str, os.PathLike)) else [Path(file) for file in files]
+    digest = hashlib.blake2b(digest_size=6)
+    try:
+        for path in paths:
             with path.open("rb") as file:
                 while block := file.read(_BLOCK_BYTES):
                     digest.update(block)
-        except OSError as error:
-            raise UsageError(
-                f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."
-            ) from None
-    return digest.hexdigest() if found else ""
-
-
-def _distribution(entry: Entry) -> str:
-    """Return nothing for what a hook registered: its place is no part of what it does."""
-    return "" if entry.registered else entry.origin
-
-
-def _own_code(factory: object) -> object:
-    """Return the code of our part of the loop with that of the simulator."""
-    module = str(getattr(factory, "__module__", ""))
-    own = module.startswith(f"{simulators.__name__}.")
-    # Every other world may use the sensors and criteria of `embedded`.
-    package = embedded if module.startswith(f"{embedded.__name__}.") else simulators
-    return [code_digest((*_DECIDING, package)), "" if own else code_of(factory)]
+    except OSError as error:
+        raise UsageError(
+            f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."
+        ) from None
+    return digest.hexdigest() if paths else ""

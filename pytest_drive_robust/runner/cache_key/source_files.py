@@ -13,24 +13,24 @@ import functools
 import hashlib
 import importlib.util
 import inspect
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
 
 __all__ = [
-    "UnknownSourceError", "code_digest", "file_of", "hex_of", "imported_versions", "module_digest", "source_digest",
-    "versions_of",
+    "UnknownSourceError", "code_digest", "file_of", "file_of_name", "hex_of", "imported_versions", "module_digest",
+    "source_digest", "versions_of",
 ]  # fmt: skip
 
 _OWN = __name__.partition(".")[0]
-_DIGEST_BYTES = 6
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """What belongs to the code of a package; weights are named by the agent."""
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
-_INSTALLED = frozenset({"site-packages", "dist-packages"})
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
 _IMPORT = re.compile(
     rb"^[ \t]*(?:from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]+(?P<names>[^#\r\n]*)"
@@ -48,19 +48,23 @@ def module_digest(file: Path, module: str, *, libraries: bool = True) -> str:
 
     `libraries`: with the versions of Python and of what is installed, and not with the files alone.
     """
-    walk = _Walk()
-    walk.add_module(file, module)
-    return walk.digest(libraries=libraries)
+    return _Walk(file, module).digest(libraries=libraries)
+
+
+def source_digest(factory: object) -> str:
+    """Return 12 hex digits of the code behind an agent's factory, without libraries; empty when it is not known."""
+    try:
+        return module_digest(file_of(factory), str(getattr(factory, "__module__", "")), libraries=False)[:12]
+    except UnknownSourceError:
+        return ""
 
 
 def imported_versions(target: object) -> dict[str, str]:
-    """Return the versions of Python and of what the code of a class, function or module imports, by module.
+    """Return the versions of Python and of what the code of a class or function imports, by module.
 
     Raises `UnknownSourceError`.
     """
-    walk = _Walk()
-    walk.add_module(file_of(target), str(getattr(target, "__module__", "")))
-    return dict(sorted(walk.versions().items()))
+    return dict(sorted(_Walk(file_of(target), str(getattr(target, "__module__", ""))).versions().items()))
 
 
 def versions_of(modules: Iterable[str]) -> dict[str, str]:
@@ -78,20 +82,6 @@ def _python() -> dict[str, str]:
     return {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
 
 
-def source_digest(factory: object) -> str:
-    """Return 12 hex digits of the code behind an agent's factory; empty when its file is not known.
-
-    That is every Python file of the top-level package that defines it, or the one file where there is no package.
-    """
-    try:
-        file = file_of(factory)
-    except UnknownSourceError:
-        return ""
-    folder = _package_folder(file, str(getattr(factory, "__module__", "")))
-    files = [file] if folder is None else sorted(folder.rglob("*.py"))
-    return _short_digest(files, file.parent if folder is None else folder)
-
-
 def file_of(target: object) -> Path:
     """Return the file of a class, function or module. Raises `UnknownSourceError`."""
     try:
@@ -102,6 +92,14 @@ def file_of(target: object) -> Path:
     if not file.is_file():
         raise UnknownSourceError(f"there is no file {file}")
     return file
+
+
+def file_of_name(module: str) -> Path:
+    """Return the file of the module of this name, without importing it. Raises `UnknownSourceError`."""
+    spec = _find(module)
+    if spec is None or spec.origin is None or not Path(spec.origin).is_file():
+        raise UnknownSourceError(f"there is no file of {module}")
+    return Path(spec.origin).resolve()
 
 
 def _file_of_methods(target: object) -> str:
@@ -122,39 +120,46 @@ def _file_of_methods(target: object) -> str:
     return ""
 
 
-def code_digest(modules: Iterable[ModuleType]) -> str:
+def code_digest(modules: Iterable[ModuleType | str]) -> str:
     """Return 32 hex digits of the files of these modules, by their names within them; a package counts with all below.
 
-    Raises `UnknownSourceError` for a module without a file: nothing to read must never look like unchanged code.
+    One that is given by its name is not imported. Raises `UnknownSourceError` for a module without a file: nothing to
+    read must never look like unchanged code.
     """
     digest = hashlib.blake2b(digest_size=16)
     for module in modules:
-        file = file_of(module)
-        place, files = (file.parent, sorted(file.parent.rglob("*.py"))) if _is_package(module) else (file, [file])
+        file = file_of_name(module) if isinstance(module, str) else file_of(module)
+        is_package = file.name == "__init__.py" if isinstance(module, str) else hasattr(module, "__path__")
+        place, files = (file.parent, sorted(file.parent.rglob("*.py"))) if is_package else (file, [file])
         for path in files:
             name = path.relative_to(place.parent).as_posix()
             digest.update(name.encode() + b"\0" + hashlib.blake2b(path.read_bytes()).digest())
     return digest.hexdigest()
 
 
-def _is_package(module: ModuleType) -> bool:
-    return hasattr(module, "__path__")
-
-
 def hex_of(content: bytes) -> str:
     """Return 12 hex digits of bytes."""
-    return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).hexdigest()
+    return hashlib.blake2b(content, digest_size=6).hexdigest()
 
 
 class _Walk:
-    """Follows imports from a first module. What was found is kept by a name that does not depend on where it lies."""
+    """Follows imports from a first module. What was found is kept by a name that does not depend on where it lies.
 
-    def __init__(self) -> None:
+    The first one counts wherever it is installed; a single file counts the same under any name.
+    """
+
+    def __init__(self, file: Path, module: str) -> None:
         self._found: dict[str, str] = {}
         self._installed: dict[str, str] = {}  # versions
         self._tops: set[str] = set()
         self._files: set[Path] = set()
-        self._specs: dict[str, importlib.machinery.ModuleSpec | None] = {}  # many files import the same few
+        self._find = functools.cache(_find)  # many files import the same few
+        folder = _package_folder(file, module)
+        if folder is None:
+            self._add_file(file, "the file itself")
+        else:
+            self._tops.add(module.partition(".")[0])
+            self._add_folder(folder)
 
     def versions(self) -> dict[str, str]:
         """Return the versions of Python and of the distributions that were found."""
@@ -166,19 +171,13 @@ class _Walk:
         lines = "\n".join(f"{name} {content}" for name, content in sorted({**self._found, **counted}.items()))
         return hashlib.blake2b(lines.encode(errors="surrogatepass"), digest_size=16).hexdigest()
 
-    def add_module(self, file: Path, module: str) -> None:
-        """Add the module that is looked at, wherever it is installed. A single file counts the same under any name."""
-        folder = _package_folder(file, module)
-        if folder is None:
-            self._add_file(file, "the file itself")
-        else:
-            self._tops.add(module.partition(".")[0])
-            self._add_folder(folder)
-
     def _add_folder(self, folder: Path) -> None:
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in _CODE and path.is_file() and not _is_hidden(path.relative_to(folder)):
-                self._add_file(path, path.relative_to(folder.parent).as_posix())
+        for place, folders, names in os.walk(folder):
+            folders[:] = sorted(name for name in folders if not _is_hidden(name))
+            for name in sorted(names):
+                path = Path(place, name)
+                if path.suffix in _CODE and not _is_hidden(name) and path.is_file():
+                    self._add_file(path, path.relative_to(folder.parent).as_posix())
 
     def _add_file(self, path: Path, name: str) -> None:
         if path in self._files:
@@ -197,9 +196,7 @@ class _Walk:
         top = imported.partition(".")[0]
         if top == _OWN or top in sys.stdlib_module_names:
             return
-        if top not in self._specs:
-            self._specs[top] = _find(top)
-        spec = self._specs[top]
+        spec = self._find(top)
         if spec is None or spec.origin in ("built-in", "frozen"):
             return
         if spec.origin is None:
@@ -207,7 +204,7 @@ class _Walk:
         elif top not in self._tops:
             self._tops.add(top)
             origin = Path(spec.origin).resolve()
-            if _INSTALLED & set(origin.parts):
+            if {"site-packages", "dist-packages"} & set(origin.parts):
                 self._installed[top] = _version(top, origin)
             elif spec.submodule_search_locations:
                 self._add_folder(origin.parent)
@@ -249,18 +246,11 @@ def _imports(content: bytes) -> Iterator[str]:
 def _content_digest(path: Path, content: bytes) -> str:
     """Return a file's digest, of a test file without its tests: an agent or perturbation beside them is not theirs."""
     if _TEST_FILE.fullmatch(path.name):
-        try:
+        with suppress(SyntaxError, ValueError):
             tree = ast.parse(content)
-        except (SyntaxError, ValueError):
-            return hashlib.blake2b(content).hexdigest()
-        tree.body = [statement for statement in tree.body if not _is_test(statement)]
-        content = ast.dump(tree).encode(errors="surrogatepass")
+            tree.body = [part for part in tree.body if not str(getattr(part, "name", "")).lower().startswith("test")]
+            content = ast.dump(tree).encode(errors="surrogatepass")
     return hashlib.blake2b(content).hexdigest()
-
-
-def _is_test(statement: ast.stmt) -> bool:
-    named = isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
-    return named and statement.name.lower().startswith("test")  # type: ignore[attr-defined]
 
 
 def _package_folder(file: Path, module: str) -> Path | None:
@@ -270,16 +260,8 @@ def _package_folder(file: Path, module: str) -> Path | None:
     return next((folder for folder in folders if file.is_relative_to(folder)), None)
 
 
-def _short_digest(files: Iterable[Path], folder: Path) -> str:
-    digest = hashlib.blake2b(digest_size=_DIGEST_BYTES)
-    for path in files:
-        if path.is_file():
-            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + hex_of(path.read_bytes()).encode())
-    return digest.hexdigest()
-
-
-def _is_hidden(path: Path) -> bool:
-    return any(part.startswith(".") or part == "__pycache__" for part in path.parts)
+def _is_hidden(name: str) -> bool:
+    return name.startswith(".") or name == "__pycache__"
 
 
 def _find(top: str) -> importlib.machinery.ModuleSpec | None:
@@ -296,4 +278,4 @@ def _version(top: str, origin: Path) -> str:
         return metadata.version(top)
     except (metadata.PackageNotFoundError, ValueError):
         files = [origin.with_name(name) for name in _VERSION_FILES] if origin.name == "__init__.py" else [origin]
-        return _short_digest(files, origin.parent)
+        return hex_of(b"".join(path.read_bytes() for path in files if path.is_file()))

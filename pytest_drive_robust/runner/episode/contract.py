@@ -7,19 +7,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
 
-from pytest_drive_robust.domain.agent import consumed_signals
+from pytest_drive_robust.domain.agent import Agent, PlannedPath, consumed_signals
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import AgentError
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.domain.route import GlobalPlan
+__all__ = [
+    "BLAMED", "agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_plan", "agent_reset", "blame",
+]  # fmt: skip
 
-__all__ = ["agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_reset", "blame"]
+BLAMED: tuple[type[BaseException], ...] = (Exception, SystemExit)
+"""What is the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a timeout is pytest's: both
+derive from BaseException only and go through. A worker process, which neither reaches, blames the agent for all."""
 
 _MOST_CHARACTERS = 20_000
 """An exception may hold megabytes."""
@@ -69,11 +70,17 @@ def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
         agent.reset(plan, seed)
 
 
+def agent_plan(agent: Agent) -> PlannedPath:
+    """Return the agent's plan. Raises `AgentError`, also where it has none."""
+    with _blamed("plan"):
+        return agent.plan()  # type: ignore[attr-defined, no-any-return]
+
+
 def agent_act(agent: Agent, observation: Observation) -> Control:
     """Return one control in plain floats, within its ranges. Raises `AgentError`."""
     try:  # spelled out, not `_blamed`: this is called in every tick
         control: object = agent.act(observation)
-    except (Exception, SystemExit) as error:
+    except BLAMED as error:
         raise AgentError(blame("act", error)) from error
     return _checked(control, "act")
 
@@ -134,11 +141,9 @@ def _cut(text: str) -> str:
 
 @contextmanager
 def _blamed(call: str) -> Iterator[None]:
-    # Exception and sys.exit() are the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a
-    # timeout is pytest's: both derive from BaseException only and go through.
     try:
         yield
-    except (Exception, SystemExit) as error:
+    except BLAMED as error:
         raise AgentError(blame(call, error)) from error
 
 

@@ -1,7 +1,4 @@
-"""The global generators of random numbers, which an agent may draw from: seeded from a name.
-
-Nothing of ours draws from them.
-"""
+"""The global generators of random numbers, which an agent may draw from: seeded from a name. Nothing of ours does."""
 
 from __future__ import annotations
 
@@ -14,19 +11,9 @@ from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.episode import Episode
-
-__all__ = ["borrowed_for", "borrowed_generators", "seed_generators"]
-
-
-@contextmanager
-def borrowed_for(episode: Episode) -> Iterator[None]:
-    """Seed the global generators for an episode: the same, whatever was driven before it. Put them back afterwards."""
-    with borrowed_generators(repr(episode)):
-        yield
+__all__ = ["borrowed_generators", "seed_generators"]
 
 
 @contextmanager
@@ -34,15 +21,21 @@ def borrowed_generators(text: str) -> Iterator[None]:
     """Seed the global generators from a name and put them back afterwards, torch's also when it was imported inside."""
     import numpy.random
 
-    python, numbers, late_seed = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed
-    torch_before = _torch_state()
+    python, numbers, late_seed, torch = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed, _torch()
+    state = None if torch is None else torch.get_rng_state()
     seed_generators(text)
     try:
         yield
     finally:
         random.setstate(python)
         numpy.random.set_state(numbers)
-        _put_torch_back(torch_before, late_seed)
+        torch = _torch()
+        if torch is None:
+            _LATE_TORCH.wait(late_seed)
+        elif state is None and late_seed is not None:  # what is around us waited for it, too
+            torch.manual_seed(late_seed)
+        else:
+            torch.set_rng_state(_LATE_TORCH.first_state if state is None else state)
 
 
 def seed_generators(text: str) -> None:
@@ -52,29 +45,15 @@ def seed_generators(text: str) -> None:
     seed = int.from_bytes(hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=4).digest(), "big")
     random.seed(seed)
     numpy.random.seed(seed)
-    torch: Any = sys.modules.get("torch")
+    torch = _torch()
     if torch is not None:
         torch.manual_seed(seed)
     else:
         _LATE_TORCH.wait(seed)
 
 
-def _torch_state() -> Any:
-    torch: Any = sys.modules.get("torch")
-    return None if torch is None else torch.get_rng_state()
-
-
-def _put_torch_back(state: Any, late_seed: int | None) -> None:
-    """Undo `seed_generators` for torch. `state` is None where it was not loaded: it was to get `late_seed`, if any."""
-    torch: Any = sys.modules.get("torch")
-    if torch is None:
-        _LATE_TORCH.wait(late_seed)
-    elif state is not None:
-        torch.set_rng_state(state)
-    elif late_seed is not None:
-        torch.manual_seed(late_seed)
-    elif _LATE_TORCH.first_state is not None:
-        torch.set_rng_state(_LATE_TORCH.first_state)
+def _torch() -> Any:
+    return sys.modules.get("torch")
 
 
 class _LateTorch(MetaPathFinder):

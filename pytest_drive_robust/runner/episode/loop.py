@@ -1,39 +1,29 @@
-"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`.
-
-`RunningEpisode` is an episode in steps, so that one loop can drive one (`drive_episode`) and another one many at once
-(`runner.driver`).
-"""
+"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`."""
 
 from __future__ import annotations
 
 import time
+from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TypeVar
 
-from pytest_drive_robust.domain.agent import is_privileged
+from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import AgentError, SimulationError
+from pytest_drive_robust.perturbations.base import RunningStack, Setting
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
-from pytest_drive_robust.runner.episode.recorder import Recorder
 from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
 from pytest_drive_robust.runner.episode.witness import Witness
+from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
-    from pytest_drive_robust.domain.result import Injection
-    from pytest_drive_robust.domain.route import GlobalPlan, Route
-    from pytest_drive_robust.domain.truth import GroundTruth, WorldState
-    from pytest_drive_robust.perturbations.base import RunningStack, Setting
-    from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
-
-    OnTick = Callable[[int, WorldState, Observation, Control], object]
-
-__all__ = ["RunningEpisode", "Watch", "drive_episode", "private_truth", "tell_phase"]
+__all__ = ["RunningEpisode", "Watch", "drive_episode"]
 
 _Given = TypeVar("_Given")
 _OUTCOMES = {
@@ -43,16 +33,30 @@ _OUTCOMES = {
 }  # every other end is the agent's failure
 
 
-class Watch(Protocol):
-    """Is told at any moment whose code runs, so that a death or a hang is blamed on the right one.
+class Watch:
+    """Is told whose code runs and what was driven, so that a death or a hang is blamed on the right one.
 
     The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
-    (everything else: the world, the perturbations, the recorder).
+    (everything else: the world, the perturbations, the recorder). Methods are called in every tick: return at once.
+    What they raise counts as a fault of the simulation.
     """
 
     def phase(self, name: str, tick: int) -> None:
-        """Note that from now on the code of `name` runs, in `tick`. Called up to twice per tick: return at once."""
-        ...
+        """Note that from now on the code of `name` runs, in `tick`."""
+
+    def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
+        """Note what the agent of an episode that begins is made for."""
+
+    def ticked(
+        self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
+    ) -> None:
+        """Note the world at the moment of the observation, that as perturbed, the agent's answer, what the vehicle got.
+
+        The agent has a copy of its own of the observation; `asked` is None when it was not asked.
+        """
+
+    def failed(self, error: Exception) -> None:
+        """Note what the episode breaks with."""
 
 
 def drive_episode(
@@ -63,38 +67,28 @@ def drive_episode(
     setting: Setting,
     seed: int,
     agent_name: str,
-    on_tick: OnTick | None = None,
     watch: Watch | None = None,
 ) -> EpisodeResult:
     """Drive one episode to its end. Never raises for what the agent, the simulator or a perturbation does.
 
     What the agent does wrong (exception, `sys.exit`, NaN, wrong type, bad cameras) ends in `agent_error`, with what
     was driven so far scored. What the simulator or a perturbation does wrong ends in `infra_error`, never scored.
-    KeyboardInterrupt, and whatever `on_tick` raises, goes through to the caller.
-
-    While the warm-up of the setting lasts the vehicle gets `Control.NEUTRAL`, whatever the agent says.
-
-    `on_tick(tick, state, observation, control)` is called after every tick with the world at the moment of the
-    observation, the observation as perturbed (not the agent's own copy of it), and the control that the vehicle got.
-    `watch` is told whose code runs; what it raises counts as a fault of the simulation.
+    KeyboardInterrupt goes through to the caller. While the warm-up of the setting lasts the vehicle gets
+    `Control.NEUTRAL`, whatever the agent says.
     """
     running = RunningEpisode(simulator, agent, route, setting, seed, watch=watch)
-    running.attempt(running.start)
-    while not running.over:
-        running.attempt(running.tick)
-        if on_tick is not None and running.last_tick is not None:
-            on_tick(*running.last_tick)
+    running.drive()
     return running.result(Episode(agent_name, route.id, str(setting), seed))
 
 
 class RunningEpisode:
-    """An episode under way: whose fault its end is, and what was recorded until then.
+    """An episode in steps, so that others can be driven beside it: whose fault its end is, and what was recorded.
 
-    `start`, then as long as it is not `over`: `sense`, `ask` when there is something to see, `advance`; `tick` is these
-    three. Each goes through `attempt`, which keeps what they raise. At the end `result`.
+    `start`, then `tick` as long as it is not `over`: `sense`, and where there is something to see, `ask` and `advance`.
+    Each goes through `attempt`, which keeps what they raise; `drive` is all of that. At the end `result`.
 
     `view` is a camera for people, mounted where the agent has none: its images are in `images`, and nowhere else.
-    `asked` is the tick of the agent's newest answer with that answer.
+    `share_s` are its wall seconds in a batch.
     """
 
     def __init__(
@@ -118,18 +112,18 @@ class RunningEpisode:
         self.plan: GlobalPlan | None = None
         self.warmup_ticks = 0
         self.started_s = time.perf_counter()
-        self.recorder = Recorder()
+        self.share_s = 0.0
+        self.ticks = 0
         self.surroundings = Surroundings()
         self.witness = Witness()
         self.crash: AgentError | SimulationError | None = None
-        self.last_tick: tuple[int, WorldState, Observation, Control] | None = None
         self.stack: RunningStack | None = None
         self.state: WorldState | None = None
         self.images: Mapping[str, Image] = {}
-        self.asked: tuple[int, Control] | None = None
-        self._watch = watch
+        self._watch = watch or Watch()
         self._view = () if view is None else (view,)
         self._seen: Observation | None = None
+        self._rows = array("d")  # of a `Trace`, one after the other
         self._done = False
 
     @property
@@ -139,23 +133,33 @@ class RunningEpisode:
 
     def attempt(self, action: Callable[[], _Given]) -> _Given | None:
         """Return what `action` returns; when it raises, keep whose fault it is and return None."""
-        self.last_tick = None
         try:
             return action()
-        except AgentError as error:
-            self.crash = error
-        except SimulationError as error:
-            self.crash = error
+        except (AgentError, SimulationError) as error:
+            self.fail(error)
         except Exception as error:
-            self.crash = SimulationError(blame("the simulation", error))
+            self.fail(SimulationError(blame("the simulation", error)))
         return None
+
+    def fail(self, error: AgentError | SimulationError) -> None:
+        """End the episode with this error."""
+        self.crash = error
+        self._watch.failed(error)
+
+    def drive(self) -> None:
+        """Drive from the start to the end; see `drive_episode`."""
+        self.attempt(self.start)
+        while not self.over:
+            self.attempt(self.tick)
 
     def start(self) -> None:
         """Build the world, then reset the agent and the perturbations."""
         self._enter("reset")
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
-        self.witness = Witness(tuple(camera.name for camera in cameras), agent_consumes(self.agent))
+        consumes = agent_consumes(self.agent)
+        self._watch.equip(cameras, consumes, privileged=self.privileged)
+        self.witness = Witness(tuple(camera.name for camera in cameras), consumes)
         self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
         self.state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
@@ -172,13 +176,11 @@ class RunningEpisode:
     def tick(self) -> None:
         """Observe, ask the agent when its computer is free, step the world."""
         given = self.sense()
-        if given is None:
-            self.advance(None, 0.0)
-            return
-        self.advance(*self.ask(given))
+        if given is not None:
+            self.advance(*self.ask(given))
 
     def sense(self) -> Observation | None:
-        """Return what the agent is to act on in this tick, in memory of its own; None while its computer is busy."""
+        """Return what the agent is to act on, in memory of its own; None while it is busy: then the tick is over."""
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self.simulator.observe()
@@ -186,13 +188,12 @@ class RunningEpisode:
         if self.shows_view:
             captured = replace(captured, cameras={})
         self._seen = observation = stack.observe(captured)
-        if not stack.wants_inference(self.recorder.ticks):
+        if not stack.wants_inference(self.ticks):
+            self.advance(None, 0.0)
             return None
         self.witness.seen(captured, observation)
-        given = observation.private()
-        if self.privileged:
-            return replace(given, truth=private_truth(self.simulator.truth()))
-        return given if given.truth is None else replace(given, truth=None)
+        given, truth = observation.private(), self.simulator.truth().private() if self.privileged else None
+        return given if given.truth is truth else replace(given, truth=truth)
 
     def ask(self, given: Observation) -> tuple[Control, float]:
         """Return the agent's answer to what `sense` gave it, and the seconds that it took."""
@@ -200,18 +201,19 @@ class RunningEpisode:
         asked_s = time.perf_counter()
         control = agent_act(self.agent, given)
         inference_s = time.perf_counter() - asked_s
-        self.asked = self.recorder.ticks, control
         self._enter("sim")
         return control, inference_s
 
-    def advance(self, control: Control | None, inference_s: float) -> None:
+    def advance(self, control: Control | AgentError | None, inference_s: float) -> None:
         """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
-        tick, state, stack, observation = self.recorder.ticks, self.state, self.stack, self._seen
+        if isinstance(control, AgentError):
+            raise control
+        tick, state, stack, observation = self.ticks, self.state, self.stack, self._seen
         assert state is not None  # start() and sense() came before
         assert stack is not None
         assert observation is not None
         if tick % EVERY_TICKS == 0:
-            self.surroundings.see(tick, state)
+            self.surroundings.see(state)
         if control is not None and tick >= self.surroundings.next_plan:
             self._enter("act")
             self.surroundings.see_plan(tick, self.agent)
@@ -224,8 +226,12 @@ class RunningEpisode:
         else:
             self.witness.applied(tick, control, applied)
         self.state = self.simulator.step(applied)
-        self.recorder.add(self.state.ego, applied, self.simulator.progress_m)
-        self.last_tick = (tick, state, observation, applied)
+        ego = self.state.ego
+        self._rows.extend((ego.x_m, ego.y_m, ego.yaw_rad, ego.speed_mps, ego.forward_mps2, ego.right_mps2))
+        self._rows.extend((ego.yaw_rate_radps, applied.throttle, applied.steer, applied.brake))
+        self._rows.append(self.simulator.progress_m)
+        self.ticks += 1
+        self._watch.ticked(tick, state, observation, control, applied)
         self._done = self.simulator.done is not None
 
     def result(self, episode: Episode) -> EpisodeResult:
@@ -252,10 +258,10 @@ class RunningEpisode:
             route_length_m=score.route_length_m if score else 0.0,
             infractions=score.infractions if score else (),
             speed_ratios_pct=score.speed_ratios_pct if score else (),
-            ticks=self.recorder.ticks,
+            ticks=self.ticks,
             dt_s=self.simulator.dt_s,
-            wall_s=time.perf_counter() - self.started_s,
-            trace=self.recorder.trace(),
+            wall_s=self.share_s or time.perf_counter() - self.started_s,
+            trace=self._trace(),
             schedule=schedule,
             inference_s=tuple(self.stack.inference_s) if self.stack is not None else (),
             privileged=self.privileged,
@@ -267,7 +273,14 @@ class RunningEpisode:
         )
 
     def _enter(self, phase: str) -> None:
-        tell_phase(self._watch, phase, self.recorder.ticks)
+        self._watch.phase(phase, self.ticks)
+
+    def _trace(self) -> Trace:
+        """Return what was recorded so far, in memory of its own."""
+        import numpy as np
+
+        width = len(Trace.COLUMNS)
+        return Trace(np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width).copy())
 
     def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
@@ -275,15 +288,3 @@ class RunningEpisode:
         if self.crash is not None or score is None:
             return End.SIMULATION_CRASHED, str(self.crash)
         return score.end, score.end_detail
-
-
-def tell_phase(watch: Watch | None, phase: str, tick: int) -> None:
-    """Tell `watch`, where there is one, whose code runs from now on."""
-    if watch is not None:
-        watch.phase(phase, tick)
-
-
-def private_truth(truth: GroundTruth) -> GroundTruth:
-    """Return the truth of this moment in arrays of its own. The lane map is static and stays shared: read it only."""
-    frame = replace(truth.frame, actors=truth.frame.actors.copy(), lights=truth.frame.lights.copy())
-    return replace(truth, frame=frame, route=truth.route.copy())

@@ -14,15 +14,12 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
-from pytest_drive_robust.domain.result import MACHINE_FACTS
+from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, imported_versions, versions_of
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.simulators.base import Simulator
+from pytest_drive_robust.simulators.base import Simulator
 
 __all__ = ["machine_facts", "with_machine"]
 
@@ -42,12 +39,11 @@ _PROBE = (
 
 
 def with_machine(result: EpisodeResult, agent: object, world: Simulator) -> EpisodeResult:
-    """Return the result with what its bits depend on beside the world's own versions: of libraries, and of the machine.
+    """Return the result with what its bits depend on beside the world's versions: of libraries, and of the machine.
 
     `agent` is who drove, or its factory.
     """
-    versions = {**_library_versions(agent), **result.versions, **machine_facts(agent, world)}
-    return replace(result, versions=versions)
+    return replace(result, versions={**_library_versions(agent), **result.versions, **machine_facts(agent, world)})
 
 
 def machine_facts(agent: object = None, world: object = None) -> Mapping[str, str]:
@@ -55,8 +51,7 @@ def machine_facts(agent: object = None, world: object = None) -> Mapping[str, st
 
     Those are the modules that an agent names (`computed_by`); of one that names none the C library and numpy, and torch
     and ONNX Runtime where it holds any of them. A world without `portable_bits` computes with the C library and numpy.
-    Nothing is imported for it but numpy: an agent that computes with torch has imported it. What other agents imported
-    does not matter, so that an episode gets the same entries in every process and order.
+    What other agents imported does not matter: an episode gets the same entries in every process and order.
     """
     named = computing_modules(agent)
     if named is None:

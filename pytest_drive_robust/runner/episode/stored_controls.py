@@ -1,50 +1,44 @@
-"""An agent that gives the controls of an earlier drive again.
+"""Drives without an agent: the controls of an earlier drive are given again.
 
 What drove may depend on the processor; the world does not. So the trajectory comes back to the last bit on any machine,
-with or without whoever drove.
+and an episode whose process died has a score.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import Simulator
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import GlobalPlan
-
-__all__ = ["AgentRig", "StoredControls"]
-
-
-@dataclass(frozen=True, slots=True)
-class AgentRig:
-    """What is known of an agent that can no longer be asked."""
-
-    cameras: tuple[CameraSpec, ...] = ()
-    consumes: tuple[str, ...] = ()
-    privileged: bool = False
+__all__ = ["RecordedControls", "StoredControls", "bare_result", "drive_again"]
 
 
 class StoredControls:
-    """Gives one control after the other, then raises `IndexError`, as in the call `lost_in` where that came first.
-
-    It has the cameras of `rig`, and no privilege: nobody reads the truth, which would be copied in every tick.
-    """
+    """Gives one control after the other, then raises `IndexError`."""
 
     portable_bits = True
 
     def __init__(
-        self, controls: Iterable[Control], *, rig: AgentRig | None = None, lost_in: str = "act", told: str = ""
+        self,
+        controls: Iterable[Control],
+        *,
+        cameras: Sequence[CameraSpec] = (),
+        consumes: Iterable[str] = (),
+        told: str = "",
     ) -> None:
-        self.consumes = frozenset(() if rig is None else rig.consumes)
-        self._cameras = () if rig is None else rig.cameras
+        self.consumes = frozenset(consumes)
+        self._cameras = cameras
         self._controls = iter(controls)
-        self._lost_in = lost_in
         self._told = told
 
     @classmethod
@@ -54,24 +48,81 @@ class StoredControls:
         Drive it clean: what the setting did to the controls is in them already.
         """
         rows = zip(*(values.tolist() for values in stored.trace.columns("throttle", "steer", "brake")), strict=True)
-        return cls((Control(*row) for row in rows), told=f"{stored.outcome.value}, {stored.end_detail}")
+        return cls((Control(*row) for row in rows), told=f": {stored.outcome.value}, {stored.end_detail}")
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Return the cameras of the rig."""
-        self._raise_in("sensors")
+        """Return the cameras that it was made with."""
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Do nothing: the first control is that of the first tick."""
-        self._raise_in("reset")
 
     def act(self, observation: Observation) -> Control:
         """Return the next control."""
         control = next(self._controls, None)
         if control is None:
-            raise IndexError(f"the stored episode ended here: {self._told}")
+            raise IndexError(f"the stored episode ended here{self._told}")
         return control
 
-    def _raise_in(self, call: str) -> None:
-        if self._lost_in == call:
-            raise IndexError(f"the stored episode ended in {call}")
+
+@dataclass(frozen=True, slots=True)
+class RecordedControls:
+    """What is known of an episode whose process ended: of its agent, and of every tick that was driven.
+
+    `asked` are the agent's answers, None where it was not asked; `applied` is what the vehicle got.
+    """
+
+    cameras: tuple[CameraSpec, ...]
+    consumes: tuple[str, ...]
+    privileged: bool
+    asked: tuple[Control | None, ...]
+    applied: tuple[Control, ...]
+
+
+@dataclass
+class _AsApplied(Perturbation):
+    """Asks the agent when it was asked and gives the vehicle what it got, whatever the rest of the setting does now."""
+
+    asked: Sequence[Control | None]
+    applied: Sequence[Control]
+
+    def wants_inference(self, tick: int) -> bool:
+        return tick >= len(self.asked) or self.asked[tick] is not None
+
+    def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
+        return self.applied[tick]
+
+
+def drive_again(simulator: Simulator, recorded: RecordedControls, request: EpisodeRequest) -> EpisodeResult:
+    """Drive the episode up to where the agent was lost, as if the agent had raised there.
+
+    The setting has the observations and the controls that it had, so its schedule comes out, too. The world goes the
+    way that it went also where the wall clock decided what the setting did.
+    """
+    controls = [control for control in recorded.asked if control is not None]
+    agent = StoredControls(controls, cameras=recorded.cameras, consumes=recorded.consumes)
+    as_applied = Setting((*request.setting.perturbations, _AsApplied(recorded.asked, recorded.applied)))
+    running = RunningEpisode(simulator, agent, request.route, as_applied, request.episode.seed)
+    running.drive()
+    return replace(running.result(request.episode), privileged=recorded.privileged)
+
+
+def bare_result(route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str) -> EpisodeResult:
+    """Return the result of an episode of which nothing but its end is known."""
+    import numpy as np
+
+    return EpisodeResult(
+        episode=episode,
+        scenario=route.scenario.type,
+        outcome=outcome,
+        end=end,
+        end_detail=detail,
+        route_completion_pct=0.0,
+        route_length_m=0.0,
+        infractions=(),
+        speed_ratios_pct=(),
+        ticks=0,
+        dt_s=0.05,
+        wall_s=0.0,
+        trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
+    )

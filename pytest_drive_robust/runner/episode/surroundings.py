@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.domain.tracks import Tracks
+from pytest_drive_robust.domain.agent import Agent, PlannedPath
+from pytest_drive_robust.domain.result import Tracks
 from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.runner.episode.contract import agent_plan
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.agent import Agent, PlannedPath
 
     Ints = NDArray[np.int32]
 
@@ -35,65 +36,90 @@ class Surroundings:
     """
 
     def __init__(self) -> None:
-        self._states: list[tuple[Any, Any, float, float]] = []
+        self._rows: Any = None
+        self._used = 0
+        self._strange = False
+        self._egos: list[tuple[int, float, float]] = []
+        self._lights: list[Any] = []
         self._plans: list[tuple[int, PlannedPath]] = []
         self.next_plan = 0
 
-    def see(self, tick: int, state: WorldState) -> None:
-        """Keep the world at the beginning of `tick`, which is a multiple of `EVERY_TICKS`."""
-        self._states.append((state.actors.copy(), state.lights.copy(), state.ego.x_m, state.ego.y_m))
+    def see(self, state: WorldState) -> None:
+        """Keep the world at the beginning of a tick that is a multiple of `EVERY_TICKS`."""
+        actors, ego = state.actors, state.ego
+        used, ends = self._used, self._used + len(actors)
+        if self._rows is None or ends > len(self._rows):
+            self._grow(actors, ends)
+        try:
+            self._rows[used:ends] = actors
+        except ValueError:  # another width than before
+            self._strange = True
+        self._used = ends
+        self._egos.append((len(actors), ego.x_m, ego.y_m))
+        self._lights.append(state.lights.copy())
+
+    def _grow(self, actors: Any, ends: int) -> None:
+        """Make room for twice what is needed: one table is read faster than many small ones."""
+        import numpy as np
+
+        rows = np.empty((max(1024, 2 * ends), *actors.shape[1:]))
+        rows[: self._used] = self._rows[: self._used] if self._used else 0.0
+        self._rows = rows
 
     def see_plan(self, tick: int, agent: Agent) -> None:
         """Keep the agent's plan, where it has one. One that raises is not asked again in this episode."""
-        plan: Any = getattr(agent, "plan", None)
         self.next_plan = tick + _PLAN_EVERY_TICKS
         try:
-            self._plans.append((tick, plan()))
-        except (Exception, SystemExit):  # no `plan` at all is the usual case
+            self._plans.append((tick, agent_plan(agent)))
+        except AgentError:  # no `plan` at all is the usual case
             self.next_plan = 1 << 60
 
     def tracks(self) -> Tracks | None:
         """Return what was seen; None when nothing was, or when the world's tables are no such tables."""
         import numpy as np
 
-        if not self._states:
+        if not self._egos or self._strange:
             return None
         try:
-            actors, motion = _tracks_of(self._states)
-            lights = np.array([lights for _, lights, _, _ in self._states], np.int32)
+            actors, motion = _tracks_of(self._rows[: self._used], self._egos)
+            lights = np.array(self._lights, np.int32).reshape(len(self._egos), -1)
             plans, points = _plans_of(self._plans)
-            return Tracks(EVERY_TICKS, actors, motion, lights.reshape(len(self._states), -1), plans, points)
+            return Tracks(EVERY_TICKS, actors, motion, lights, plans, points)
         except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError):
             return None
 
 
-def _tracks_of(states: list[tuple[Any, Any, float, float]]) -> tuple[Ints, Ints]:
-    """Return `Tracks.actors` and `Tracks.motion`: an actor that goes away and comes back has two tracks."""
+def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) -> tuple[Ints, Ints]:
+    """Return `Tracks.actors` and `Tracks.motion`: an actor that goes away and comes back has two tracks.
+
+    `egos` has a row for each sample: how many of `rows` it has, and where the ego was.
+
+    Column by column, and without what numpy takes its time for: every episode waits for it.
+    """
     import numpy as np
 
-    counts = [len(actors) for actors, _, _, _ in states]
-    if not sum(counts):
-        return np.zeros((0, 6), np.int32), np.zeros((0, 4), np.int32)
-    rows = np.concatenate([actors for actors, _, _, _ in states if len(actors)])
-    sample = np.repeat(np.arange(len(states)), counts)
-    ego = np.repeat(np.array([(x, y) for _, _, x, y in states]), counts, axis=0)
-    near = np.hypot(*(rows[:, [WorldState.X, WorldState.Y]] - ego).T) <= _RADIUS_M
-    rows, sample = rows[near], sample[near]
-    if not len(rows):
-        return np.zeros((0, 6), np.int32), np.zeros((0, 4), np.int32)
-    order = np.lexsort((sample, rows[:, WorldState.ID]))
-    rows, sample = rows[order], sample[order]
+    table = np.array(egos)
+    of_state = np.repeat(np.arange(len(egos)), table[:, 0].astype(np.int64))
+    ego_x, ego_y = table[of_state, 1], table[of_state, 2]
+    east, south = rows[:, WorldState.X] - ego_x, rows[:, WorldState.Y] - ego_y
+    near = np.flatnonzero(east * east + south * south <= _RADIUS_M * _RADIUS_M)
+    order = near[np.argsort(rows[near, WorldState.ID], kind="stable")]  # the samples of each are in order already
+    rows, sample = rows[order], of_state[order]
+    ids, kinds, yaw = rows[:, WorldState.ID], rows[:, WorldState.KIND], rows[:, WorldState.YAW]
     first = np.ones(len(rows), bool)
-    first[1:] = (np.diff(rows[:, WorldState.ID]) != 0) | (np.diff(sample) != 1)
-    first[1:] |= np.diff(rows[:, WorldState.KIND]) != 0
+    first[1:] = (ids[1:] != ids[:-1]) | (sample[1:] != sample[:-1] + 1) | (kinds[1:] != kinds[:-1])
     starts = np.flatnonzero(first)
-    lengths = np.diff(np.append(starts, len(rows)))
-    heads = rows[starts]
-    sizes = np.round(heads[:, [WorldState.LENGTH, WorldState.WIDTH]] * _PER_M)
-    actors = np.column_stack((heads[:, [WorldState.ID, WorldState.KIND]], sizes, sample[starts], lengths))
-    places = np.round(rows[:, [WorldState.X, WorldState.Y]] * _PER_M)
-    motion = np.column_stack((places, _unwrapped(rows[:, WorldState.YAW], starts, lengths), rows[:, WorldState.STATE]))
-    return actors.astype(np.int32), motion.astype(np.int32)
+    lengths = np.empty_like(starts)
+    lengths[:-1], lengths[-1] = starts[1:] - starts[:-1], len(rows) - starts[-1]
+    actors = np.empty((len(starts), 6), np.int32)
+    actors[:, 0], actors[:, 1] = ids[starts], kinds[starts]
+    actors[:, 2:4] = np.rint(rows[starts, WorldState.LENGTH : WorldState.WIDTH + 1] * _PER_M)
+    actors[:, 4], actors[:, 5] = sample[starts], lengths
+    motion = np.empty((len(rows), 4), np.int32)
+    motion[:, :2] = np.rint(rows[:, WorldState.X : WorldState.Y + 1] * _PER_M)
+    motion[:, 2] = _unwrapped(yaw, starts, lengths)
+    motion[:, 3] = rows[:, WorldState.STATE]
+    return actors, motion
 
 
 def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Any:
@@ -101,9 +127,10 @@ def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDA
     import numpy as np
 
     turned = np.zeros(len(yaw))
-    turned[1:] = (np.diff(yaw) + np.pi) % (2.0 * np.pi) - np.pi
-    summed = np.cumsum(turned)
-    return np.round((summed + np.repeat(yaw[starts] - summed[starts], lengths)) * _PER_RAD)
+    turned[1:] = yaw[1:] - yaw[:-1]
+    turned -= 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))
+    summed = turned.cumsum()
+    return np.rint((summed + np.repeat(yaw[starts] - summed[starts], lengths)) * _PER_RAD)
 
 
 def _plans_of(plans: list[tuple[int, PlannedPath]]) -> tuple[Ints, Ints]:

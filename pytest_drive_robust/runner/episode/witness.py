@@ -10,14 +10,10 @@ from __future__ import annotations
 
 from array import array
 from math import nan
-from typing import TYPE_CHECKING
 
-from pytest_drive_robust.domain.reception import CONTROL, Reception, Touch
-from pytest_drive_robust.domain.result import Given
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.observation import Image, Observation
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import Image, Observation
+from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch
 
 __all__ = ["Witness"]
 

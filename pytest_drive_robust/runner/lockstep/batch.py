@@ -1,61 +1,37 @@
-"""A batch of fixed size: the episodes that ask in this tick, and stand-ins for the rest."""
+"""A batch of fixed size: the episodes that ask in this tick, and stand-ins for the rest; and who may be driven so.
+
+An agent may whose `act_batch` gives the same bits in any company, with its own network on this machine.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from itertools import cycle, islice
 
-from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.domain.agent import Agent, offers_lockstep
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.observation import Observation
+from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, private_truth, tell_phase
+from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.simulators.base import Simulator
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.observation import Observation
-    from pytest_drive_robust.runner.episode.loop import Watch
-    from pytest_drive_robust.runner.plan import EpisodeRequest
-
-__all__ = ["ROWS", "WIDTH", "Batch", "LockstepEpisode", "own_copy"]
+__all__ = ["ROWS", "WIDTH", "Batch", "Recording", "admit", "check_lockstep", "record"]
 
 ROWS = 4
 """Widths are multiples of this: with one thread they agree to the bit where smaller and uneven batches do not."""
 WIDTH = 8
 """Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
-
-
-@dataclass(eq=False, slots=True)
-class LockstepEpisode:
-    """A request under way, and the seconds of wall time that it took so far."""
-
-    request: EpisodeRequest
-    running: RunningEpisode
-    share_s: float
-
-    @property
-    def measures_inference(self) -> bool:
-        """Return whether the setting needs the seconds of one call of `act`, which no row of a batch has."""
-        return any(getattr(item, "measures_inference", False) for item in self.request.setting.perturbations)
-
-    def sense(self) -> Observation | None:
-        """Return what the agent is to act on; None when it is not asked, in which case the tick is over."""
-        running = self.running
-        if running.over:
-            return None
-        given = running.attempt(running.sense)
-        if given is None and not running.over:
-            running.attempt(lambda: running.advance(None, 0.0))
-        return given
-
-    def answer(self, answer: Control | AgentError, inference_s: float) -> None:
-        """Drive the rest of the tick with what the agent answered or did wrong."""
-        running = self.running
-        if isinstance(answer, AgentError):
-            running.crash = answer
-        else:
-            running.attempt(lambda: running.advance(answer, inference_s))
+_ADVICE = (
+    "Usual causes: batch normalisation or dropout in training mode, attention or statistics across rows, state that "
+    "agents share, more than one thread, a layer of few outputs whose number of inputs is no multiple of four (pad it: "
+    "the bits of such a product depend on where in memory a row begins), and a processor on which a product's rows "
+    "depend on each other in the last bits (evaluate the network row by row in act_batch)."
+)
 
 
 class Batch:
@@ -65,7 +41,7 @@ class Batch:
     the same observations. Its answers are thrown away.
     """
 
-    def __init__(self, width: int, take_agent: Callable[[], Agent], watch: Watch | None) -> None:
+    def __init__(self, width: int, take_agent: Callable[[], Agent], watch: Watch) -> None:
         self._width = width
         self._take_agent = take_agent
         self._watch = watch
@@ -73,12 +49,13 @@ class Batch:
 
     def ask(self, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[list[Control | AgentError], float]:
         """Return an answer for each, and each one's share of the seconds. Raises `AgentError` for all of them."""
+        tick = asked[0][0].ticks
         try:
-            self._enter("reset", asked[0][0])
+            self._watch.phase("reset", tick)
             rows = [(episode.agent, given) for episode, given in asked]
             rows += [self._stand_in(number, asked) for number in range(self._width - len(asked))]
             agents, observations = tuple(agent for agent, _ in rows), tuple(given for _, given in rows)
-            self._enter("act", asked[0][0])
+            self._watch.phase("act", tick)
             started_s = time.perf_counter()
             answers = agent_act_batch(agents, observations)
             inference_s = time.perf_counter() - started_s
@@ -86,7 +63,7 @@ class Batch:
             self._stand_ins = []  # in any state: not to be used again
             raise
         finally:
-            self._enter("sim", asked[0][0])
+            self._watch.phase("sim", tick)
         return answers[: len(asked)], inference_s / len(asked)
 
     def give_back(self) -> list[Agent]:
@@ -103,13 +80,122 @@ class Batch:
             assert episode.plan is not None  # it has been started
             agent_reset(agent, episode.plan, episode.seed)
             self._stand_ins[number] = agent, episode
-        return agent, own_copy(given)
-
-    def _enter(self, phase: str, first: RunningEpisode) -> None:
-        tell_phase(self._watch, phase, first.recorder.ticks)
+        return agent, given.private()
 
 
-def own_copy(observation: Observation) -> Observation:
-    """Return the same observation in memory that nobody else writes to."""
-    truth = observation.truth
-    return replace(observation.private(), truth=None if truth is None else private_truth(truth))
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What one agent was given: the arguments of its `reset`, then observations."""
+
+    plan: GlobalPlan
+    seed: int
+    observations: tuple[Observation, ...]
+
+
+def admit(
+    world: Simulator, make_agent: Callable[[], Agent], request: EpisodeRequest, *, width: int, watch: Watch | None
+) -> bool:
+    """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths.
+
+    False when nothing was seen to ask about. Raises `UsageError` for an agent that must not be driven in lockstep.
+    """
+    recording = record(world, make_agent(), request, watch=watch)
+    if recording is None:
+        return False
+    problem = check_lockstep(make_agent, [recording], sorted({ROWS, WIDTH, 2 * WIDTH, width}), watch=watch)
+    if problem is None:
+        return True
+    raise UsageError(
+        f"the agent {request.episode.agent!r} cannot be driven in lockstep: {problem} Leave out --drive-lockstep "
+        "(drive_lockstep) and its episodes are driven one by one."
+    )
+
+
+def record(
+    world: Simulator,
+    agent: Agent,
+    request: EpisodeRequest,
+    *,
+    count: int = 8,
+    every: int = 8,
+    watch: Watch | None = None,
+) -> Recording | None:
+    """Drive the beginning of `request` by the agent's own `act` and keep every so many-th observation, up to `count`.
+
+    None when the world, the agent or a perturbation broke before anything was seen. `watch` is told whose code runs.
+    """
+    running = RunningEpisode(world, agent, request.route, request.setting, request.episode.seed, watch=watch)
+    running.attempt(running.start)
+    kept: list[Observation] = []
+
+    def tick() -> None:
+        given = running.sense()
+        if given is not None:
+            if running.ticks >= every * len(kept):
+                kept.append(given.private())
+            running.advance(running.ask(given)[0], 0.0)
+
+    while len(kept) < count and not running.over:
+        running.attempt(tick)
+    return Recording(running.plan, running.seed, tuple(kept)) if kept and running.plan is not None else None
+
+
+def check_lockstep(
+    make_agent: Callable[[], Agent],
+    recordings: Sequence[Recording],
+    widths: Sequence[int] = (4, 8, 16),
+    *,
+    watch: Watch | None = None,
+) -> str | None:
+    """Return in one sentence why the agent must not be driven in lockstep, or None when nothing speaks against it.
+
+    The same observations are given in batches of all `widths`, at other places and among other neighbours; every
+    control must agree to the last bit. `watch` is told whose code runs. Raises `ValueError` without recordings and for
+    widths that are no multiples of four.
+    """
+    if not recordings or any(width < ROWS or width % ROWS for width in widths):
+        raise ValueError(f"expected recordings and widths that are multiples of {ROWS}, got widths {tuple(widths)}")
+    # The same in the other order is another episode for whoever remembers the last observation.
+    streams = [replace(one, observations=one.observations[::step]) for one in recordings for step in (1, -1)]
+    agents = [make_agent() for _ in range(max(widths))]
+    if not offers_lockstep(agents[0]):
+        return f"{type(agents[0]).__name__} has no act_batch."
+    first: dict[tuple[int, int], tuple[Control, str]] = {}
+    try:
+        for width in widths:
+            for seating in _seatings(width, len(streams)):
+                for place, stream, moment, control in _answers(agents[:width], seating, streams, watch or Watch()):
+                    where = f"at place {place} of {width}"
+                    known, there = first.setdefault((stream, moment), (control, where))
+                    if repr(known) != repr(control):  # repr tells floats apart to the bit, and -0.0 from 0.0
+                        told = f"act_batch gives {known} {there} and {control} {where}"
+                        return f"{told} for the same observation in other company. {_ADVICE}"
+    except AgentError as error:
+        return f"{error}."
+    return None
+
+
+def _seatings(width: int, streams: int) -> Iterator[list[int]]:
+    """Yield who has which place: all mixed; one alone among equals, last; the same one, second, among others."""
+    yield list(islice(cycle(range(streams)), width))
+    yield [1] * (width - 1) + [0]
+    yield [streams - 1, 0] + [streams // 2] * (width - 2)
+
+
+def _answers(
+    agents: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording], watch: Watch
+) -> Iterator[tuple[int, int, int, Control]]:
+    """Yield (place, stream, moment, control) of every row. Raises `AgentError`."""
+    rows = [streams[stream] for stream in seating]
+    for agent, row in zip(agents, rows, strict=True):
+        watch.phase("reset", 0)
+        agent_reset(agent, row.plan, row.seed)
+    for moment in range(min(len(row.observations) for row in streams)):
+        given = tuple(row.observations[moment].private() for row in rows)
+        watch.phase("act", moment)
+        answers = agent_act_batch(agents, given)
+        watch.phase("sim", moment)
+        for place, answer in enumerate(answers):
+            if isinstance(answer, AgentError):
+                raise answer
+            yield place, seating[place], moment, answer

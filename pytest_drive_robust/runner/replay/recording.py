@@ -1,36 +1,119 @@
-"""Drives an episode exactly as the loop does, and keeps what a film of it needs."""
+"""Drives an episode exactly as the loop does, and keeps what a film of it needs: a `Tape`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from pytest_drive_robust.domain.agent import PlannedPath
+from pytest_drive_robust.domain.agent import Agent, PlannedPath
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.domain.observation import CameraSpec
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import EgoState, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.contract import blame
-from pytest_drive_robust.runner.episode.generators import borrowed_for
-from pytest_drive_robust.runner.episode.loop import RunningEpisode
-from pytest_drive_robust.runner.replay.tape import Picture, Tape, TapeTick, main_camera
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
+from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.simulators.base import Simulator
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    import numpy as np
+    from numpy.typing import NDArray
 
-    from pytest_drive_robust.domain.agent import Agent
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.observation import Image, Observation
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.domain.truth import EgoState, WorldState
-    from pytest_drive_robust.perturbations.base import Setting
-    from pytest_drive_robust.simulators.base import Simulator
+    from pytest_drive_robust.domain.observation import Pixels
 
-__all__ = ["difference", "record_episode"]
+__all__ = ["Picture", "Tape", "TapeTick", "difference", "main_camera", "record_episode"]
 
 _VIEW = CameraSpec("front (not given to the agent)", width_px=384, height_px=216)
+_WIDEST_PX = 640
+_JPEG_QUALITY = 92
+
+
+def main_camera(names: Iterable[str]) -> str:
+    """Return the camera to show in large: the one named `front`, else the middle one. There must be one."""
+    listed = list(names)
+    return "front" if "front" in listed else listed[len(listed) // 2]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One image of a moment as a JPEG, no wider than a panel of a film needs it; `tick` is the tick of its capture."""
+
+    camera: str
+    tick: int
+    jpeg: bytes = field(repr=False)
+
+    @classmethod
+    def of(cls, camera: str, image: Image) -> Picture:
+        """Compress an image of that camera."""
+        import cv2
+        import numpy as np
+
+        pixels = image.pixels[:, :, ::-1]
+        height, width = pixels.shape[:2]
+        if width > _WIDEST_PX:
+            size = (_WIDEST_PX, max(1, round(height * _WIDEST_PX / width)))
+            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+        jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
+        return cls(camera, image.tick, jpeg)
+
+    def pixels(self) -> Pixels:
+        """Return (height, width, 3) uint8 RGB."""
+        import cv2
+        import numpy as np
+
+        decoded = np.asarray(cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR), np.uint8)
+        return np.ascontiguousarray(decoded[:, :, ::-1])
+
+
+@dataclass(frozen=True, slots=True)
+class TapeTick:
+    """The world at the beginning of a tick, and what agent and vehicle did in it.
+
+    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is what its main camera
+    would have shown where that is something else. `asked` is the agent's newest control (None before its first),
+    `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of the world. The
+    last moment of a tape is the end: nothing is asked or applied any more.
+    """
+
+    state: WorldState
+    pictures: tuple[Picture, ...] = ()
+    real: Picture | None = None
+    gps: tuple[float, float] | None = None
+    speed_mps: float | None = None
+    asked: Control | None = None
+    applied: Control | None = None
+    plan: PlannedPath | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tape:
+    """One recorded episode: its result and `result.ticks + 1` moments, fewer when the world broke.
+
+    `route` is (n, 4) as in `GroundTruth`. `shown_only` is True when the pictures were made for people, because the
+    agent has no camera. `plan_problem` says why no plan is shown although the agent has one, else it is empty.
+    """
+
+    result: EpisodeResult
+    moments: tuple[TapeTick, ...]
+    lane_map: LaneMap
+    route: NDArray[np.float64]
+    shown_only: bool = False
+    plan_problem: str = ""
+
+    def images(self, position: int) -> dict[str, tuple[Pixels, int]]:
+        """Return the pictures of a moment by camera, (height, width, 3) uint8 RGB, each with its tick of capture."""
+        return {item.camera: (item.pixels(), item.tick) for item in self.moments[position].pictures}
+
+    def real(self, position: int) -> Pixels | None:
+        """Return what the main camera would have shown, where the agent was given something else."""
+        picture = self.moments[position].real
+        return None if picture is None else picture.pixels()
 
 
 def record_episode(
@@ -49,9 +132,10 @@ def record_episode(
     tick. Raises `SimulationError` when not even the world could be built.
     """
     episode = Episode(agent_name, route.id, str(setting), seed)
-    recording = _Recording(RunningEpisode(simulator, agent, route, setting, seed, view=_VIEW))
-    with borrowed_for(episode):
-        return recording.tape(episode, ticked or (lambda tick: None))
+    recording = _Recording(ticked or (lambda tick: None))
+    running = RunningEpisode(simulator, agent, route, setting, seed, watch=recording, view=_VIEW)
+    with borrowed_generators(repr(episode)):
+        return recording.tape(running, episode)
 
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
@@ -67,25 +151,23 @@ def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
     return f"only in length: {driven.game_s:.2f} s now, {stored.game_s:.2f} s stored"
 
 
-class _Recording:
-    """The moments of an episode that it drives."""
+class _Recording(Watch):
+    """The moments of an episode that is driven."""
 
-    def __init__(self, running: RunningEpisode) -> None:
-        self._running = running
+    def __init__(self, told: Callable[[int], object]) -> None:
+        self._told = told
         self._moments: list[TapeTick] = []
+        self._asked: Control | None = None
         self._planned: PlannedPath | None = None
         self._plan_problem = ""
 
-    def tape(self, episode: Episode, ticked: Callable[[int], object]) -> Tape:
+    def tape(self, running: RunningEpisode, episode: Episode) -> Tape:
         """Drive to the end. Raises `SimulationError` when not even the world could be built."""
-        running = self._running
+        self._running = running
         running.attempt(running.start)
         truth = None if running.state is None else running.attempt(running.simulator.truth)
         while not running.over:
             running.attempt(running.tick)
-            if running.last_tick is not None:
-                self._keep(*running.last_tick)
-                ticked(running.last_tick[0])
         result = running.result(episode)
         if running.state is None or truth is None:
             raise SimulationError(f"{result.episode} has nothing to show: {result.end_detail}")
@@ -103,10 +185,12 @@ class _Recording:
             except (Exception, SystemExit) as error:  # a broken overlay is no reason to lose the film, nor the episode
                 self._planned, self._plan_problem = None, blame("plan", error)
 
-    def _keep(self, tick: int, state: WorldState, observation: Observation, applied: Control) -> None:
+    def ticked(
+        self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
+    ) -> None:
         images = observation.cameras or self._running.images
-        asked_tick, asked = self._running.asked or (None, None)
-        if asked_tick == tick:
+        if asked is not None:
+            self._asked = asked
             self._look_at_plan(state.ego)
         self._moments.append(
             TapeTick(
@@ -115,11 +199,12 @@ class _Recording:
                 real=self._unlike(observation.cameras),
                 gps=(observation.gps.x_m, observation.gps.y_m),
                 speed_mps=observation.speed.mps,
-                asked=asked,
+                asked=self._asked,
                 applied=applied,
                 plan=self._planned,
             )
         )
+        self._told(tick)
 
     def _unlike(self, given: Mapping[str, Image]) -> Picture | None:
         """Return what the main camera showed where the perturbations made something else of it."""

@@ -1,9 +1,9 @@
 """The default simulator: our own 20 Hz world in arrays.
 
-Where is what: `towns` draws maps with highway-env's classes, `map` compiles them, `passages` finds the ways through
-their junctions; `dense_route` lays a route on its town (`matching` finds its lanes); `scenarios` puts actors on the
-`stage`; `state` names the arrays, `kernels` moves them, `criteria` judges; `sensors` and `camera` show them to the
-agent; `routes` reads and writes route files, `generate` draws new ones (`weaving`: where they change lanes).
+Where is what: `towns` draws maps, `map` compiles them and finds the ways through their junctions; `dense_route` lays a
+route on its town (`matching` finds its lanes); `scenarios` puts actors on the `stage`; `state` names the arrays,
+`kernels` moves them, `criteria` judges; `sensors` and `camera` show them to the agent; `routes` reads and writes route
+files, `generate` draws new ones.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cast of an episode while it is being put on stage: sizes by kind, and rows for the kernels."""
+"""The cast of an episode while it is being put on stage: sizes by kind, triggers, and rows for the kernels."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing, Trigger
 
-__all__ = ["SIZES_M", "ActorSpec", "Cast", "Script"]
+__all__ = ["SIZES_M", "ActorSpec", "Arrival", "Cast", "Passing", "Script", "Trigger"]
 
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
     ActorKind.CAR: (4.6, 1.9, 1.5),
@@ -151,3 +150,21 @@ class Cast:
             np.array(self.flow_ints, dtype=np.int64).reshape(-1, c.FLOW_INTS),
             np.array(self.flow_gaps, dtype=float) if self.flow_gaps else np.zeros((0, 1)),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """The ego is nearer than `within_m` to the actor's conflict point, or less than `tta_s` away at its speed."""
+
+    tta_s: float
+    within_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """The ego has passed `progress_m` metres of the route."""
+
+    progress_m: float
+
+
+Trigger = Arrival | Passing

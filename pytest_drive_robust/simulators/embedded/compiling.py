@@ -6,23 +6,49 @@ import os
 from collections.abc import Callable
 
 from pytest_drive_robust.jit import compile_all
-from pytest_drive_robust.simulators.embedded import camera, world
+from pytest_drive_robust.jit.compile_all import Compilation
+from pytest_drive_robust.jit.kernels import ENTRIES
+from pytest_drive_robust.simulators.embedded import world
 
-__all__ = ["compile_kernels", "missing_functions"]
+__all__ = ["Compilation", "begin_compiling", "compile_kernels", "missing_functions"]
 
-_WITH_KERNELS = (camera, world)
-"""Importing them makes their kernels known."""
+_WITH_KERNELS = (world,)
+"""Importing it makes its kernels known."""
+Tell = Callable[[int, int], None]
 
 
-def compile_kernels(tell: Callable[[int, int], None]) -> int:
+def compile_kernels(tell: Tell) -> int:
     """Compile what the cache lacks and load everything; return how many kernels were missing.
 
     `tell(done, total)` hears of functions being compiled.
     """
-    processes = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return compile_all.compile_all(processes=processes, tell=tell)
+    _import_cameras()
+    return compile_all.compile_all(processes=_processes(), tell=tell)
+
+
+def begin_compiling(import_others: Callable[[], None], tell: Tell, *, cameras: bool) -> Compilation:
+    """Compile what the agents imported so far need, with or without `cameras`, and load it; then begin with the rest.
+
+    The rest are the cameras and what `import_others` imports.
+    """
+    if cameras:
+        _import_cameras()
+    first = tuple(ENTRIES)
+    _import_cameras()
+    import_others()
+    return Compilation(first, processes=_processes(), tell=tell)
 
 
 def missing_functions() -> int:
     """Return how many functions have to be compiled before everything can be driven."""
+    _import_cameras()
     return compile_all.missing_functions()
+
+
+def _import_cameras() -> None:
+    """Make the kernels of cameras known: an agent without cameras drives before they are compiled."""
+    from pytest_drive_robust.simulators.embedded import camera  # noqa: F401
+
+
+def _processes() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.compiled import cos, cos_sin, hypot, wrap_angle
 from pytest_drive_robust.domain.truth import LightState
-from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.events import note
+from pytest_drive_robust.simulators.embedded.kernels.contacts import note
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["finish", "judge", "nearest_lane"]
@@ -128,7 +128,7 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
         if world.lane_junction[last] == 1:
             ints[c.CI_WRONG_WAY] = 1 if _between(ego[c.EGO_YAW], heading) >= WRONG_WAY_AFTER_JUNCTION_RAD else 0
         else:
-            _, _, before = nearest_lane_heading(world, last, ego[c.EGO_X], ego[c.EGO_Y])
+            before = _heading_of(world, last, ego[c.EGO_X], ego[c.EGO_Y])
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
@@ -138,8 +138,8 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
 
 
 @inner
-def nearest_lane_heading(world: WorldArrays, lane: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return (x, y, heading) of the centre point of one lane that is nearest to (x, y)."""
+def _heading_of(world: WorldArrays, lane: int, x: float, y: float) -> float:
+    """Return the heading of one lane where it is nearest to (x, y)."""
     best, at = 1e18, 0
     for k in range(len(world.lanes)):
         if world.lane_of[k] != lane:
@@ -148,7 +148,7 @@ def nearest_lane_heading(world: WorldArrays, lane: int, x: float, y: float) -> t
         d = dx * dx + dy * dy
         if d < best:
             best, at = d, k
-    return world.lanes[at, 0], world.lanes[at, 1], world.lanes[at, 2]
+    return float(world.lanes[at, 2])
 
 
 @inner
@@ -316,7 +316,7 @@ def judge(world: WorldArrays) -> None:
     world.criteria_ints[c.CI_END] = _end(world)
 
 
-@inner
+@entry
 def finish(world: WorldArrays) -> None:
     """Close what is only known at the end: the last speed checkpoint, the emergency vehicle that never got past."""
     share = world.route_s[world.criteria_ints[c.CI_PROGRESS]] / world.route_s[-1]

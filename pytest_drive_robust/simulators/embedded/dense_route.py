@@ -13,21 +13,25 @@ from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
-from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town, follow, join
+from pytest_drive_robust.simulators.embedded.map import (
+    CompiledTown,
+    Passage,
+    compile_town,
+    follow,
+    join,
+    turn_of,
+)
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
-from pytest_drive_robust.simulators.embedded.passages import Passage
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
 from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
 
 __all__ = ["DenseRoute", "lay_route"]
 
-Floats = NDArray[np.float64]
-_MAX_PLAN_GAP_M = 50.0
 _LONGEST_M = 20_000.0
 _OFF_CENTRE_M = 0.1
 """A lane change begins and ends where the route is nearer than this to the centre of a lane."""
-_TURN_RAD = np.radians(35.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,19 +54,12 @@ class DenseRoute:
         """Length of the route in metres."""
         return float(self.s[-1])
 
-    def chain(self) -> tuple[int, ...]:
-        """Return the lanes of the route in order, prolonged to where the first road begins and the last one ends.
-
-        Where the route changes lanes both stand in it, one after the other.
-        """
-        head, used, tail = self._parts()
-        return (*head, *used, *tail)
-
     def driven_line(self) -> tuple[Floats, float]:
         """Return road before the start + route with its lane changes + road after its end, and the start on it [m]."""
-        head, used, tail = self._parts()
-        before = join(self.lane_map, (*head, used[0]))
-        after = join(self.lane_map, (used[-1], *tail))
+        used = self._used()
+        behind, ahead = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
+        before = join(self.lane_map, behind[: behind.index(used[0]) + 1])
+        after = join(self.lane_map, ahead[ahead.index(used[-1]) :])
         first, last = self.rows[0], self.rows[-1]
         before = before[arc_lengths(before) < project(before, *first[:2])[0] - 0.5]
         after = after[arc_lengths(after) > project(after, *last[:2])[0] + 0.5]
@@ -75,10 +72,7 @@ class DenseRoute:
         return int(np.argmax(flags)) if flags.any() else None
 
     def passages(self) -> tuple[Passage, ...]:
-        """Return the ways through junctions that the route takes, in order.
-
-        A route across the turning lanes takes none.
-        """
+        """Return the ways through junctions that the route takes, in order; one across the turning lanes takes none."""
         found: list[Passage] = []
         for inside in self._junction_lanes():
             ways = (way for way in self.town.passages if _contains(way.inside, inside))
@@ -96,31 +90,17 @@ class DenseRoute:
         return tuple(line.index for line in self.lane_map.stop_lines if line.lane in entries)
 
     def plan(self) -> GlobalPlan:
-        """Return points where the command changes and at least one every 50 m, as the leaderboard downsamples."""
+        """Return the plan; of a lane change, which CARLA's planner makes in one step, only both ends are `dense`."""
         commands = self._commands()
-        points: list[PlanPoint] = []
-        last_s = -np.inf
-        for k, command in enumerate(commands):
-            changed = not points or command is not points[-1].command
-            if changed or self.s[k] - last_s >= _MAX_PLAN_GAP_M or k == len(commands) - 1:
-                points.append(PlanPoint(float(self.rows[k, 0]), float(self.rows[k, 1]), command))
-                last_s = float(self.s[k])
-        return GlobalPlan(tuple(points), self._dense_plan(commands))
-
-    def _dense_plan(self, commands: list[RoadOption]) -> tuple[PlanPoint, ...]:
-        """Return every row; of a lane change, which CARLA's planner makes in one step, the first and the last."""
+        way = [
+            PlanPoint(float(x), float(y), command) for (x, y), command in zip(self.rows[:, :2], commands, strict=True)
+        ]
         within = {k for start, end, _ in self.lane_changes() for k in range(start + 1, end - 1)}
-        return tuple(
-            PlanPoint(float(x), float(y), command)
-            for k, ((x, y), command) in enumerate(zip(self.rows[:, :2], commands, strict=True))
-            if k not in within
-        )
+        return GlobalPlan.of(way, self.s.tolist(), tuple(point for k, point in enumerate(way) if k not in within))
 
-    def _parts(self) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-        """Return the lanes before the route, of the route, after it."""
-        used = tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
-        before, after = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
-        return before[: before.index(used[0])], used, after[after.index(used[-1]) + 1 :]
+    def _used(self) -> tuple[int, ...]:
+        """Return the lanes of the route in order."""
+        return tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
 
     def _junction_lanes(self) -> list[tuple[int, ...]]:
         """Return for each junction on the route the lanes used in it, in order."""
@@ -131,7 +111,7 @@ class DenseRoute:
         """Return the navigation command of each row."""
         commands = [RoadOption.LANE_FOLLOW] * len(self.rows)
         for inside in self._junction_lanes():
-            command = _turn_command(self.lane_map, inside)
+            command = RoadOption.through_junction(turn_of(self.lane_map.lanes, inside))
             for k in np.flatnonzero(np.isin(self.lanes, inside)):
                 commands[k] = command
         for start, end, side in self.lane_changes():
@@ -161,13 +141,6 @@ class DenseRoute:
 def _contains(inside: tuple[int, ...], driven: tuple[int, ...]) -> bool:
     """Return whether the lanes driven are those of a way: all, or its end or beginning where the route is shorter."""
     return driven in (inside[: len(driven)], inside[-len(driven) :])
-
-
-def _turn_command(lane_map: LaneMap, inside: tuple[int, ...]) -> RoadOption:
-    turn = fsum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in inside)
-    if abs(turn) < _TURN_RAD:
-        return RoadOption.STRAIGHT
-    return RoadOption.RIGHT if turn > 0.0 else RoadOption.LEFT
 
 
 def lay_route(route: Route) -> DenseRoute:

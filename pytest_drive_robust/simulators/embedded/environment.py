@@ -92,10 +92,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Start a route.
-
-        Raises `UnknownNameError` when `options["route"]` is none of the environment's route ids, or for other options.
-        """
+        """Start a route. Raises `UnknownNameError` for a route that is not the environment's and for other options."""
         super().reset(seed=seed)
         route = self._chosen(options or {})
         self._route_id = route.id
@@ -120,17 +117,14 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return WorldSnapshot(self._simulator.snapshot(), self._next, self._seen)
 
     def restore(self, snapshot: WorldSnapshot) -> None:
-        """Go back to a moment of this episode; steps from there give the same bits as they would have given then.
-
-        Raises `SimulationError` for a snapshot taken before the last `reset`.
-        """
+        """Go back to a moment of this episode, to the bit. Raises `SimulationError` for one before the last `reset`."""
         self._simulator.restore(snapshot.simulator)
         self._next, self._seen = snapshot.next_point, snapshot.seen
 
     def render(self) -> NDArray[np.uint8]:
         """Return a bird's-eye view, (512, 512, 3) uint8 RGB."""
         world = self._simulator.world
-        return draw_bev(world.lane_map, self._simulator.frame, world.dense.rows)
+        return draw_bev(world.lane_map, self._simulator.frame, world.dense.rows).pixels
 
     def close(self) -> None:
         """Free the world."""

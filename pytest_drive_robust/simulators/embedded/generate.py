@@ -7,31 +7,26 @@ towns of seed s carry the numbers 1 + 1000 s to 1000 + 1000 s, and no others.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import re
-from collections import Counter
-from dataclasses import dataclass
+import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, resample
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town
 from pytest_drive_robust.simulators.embedded.routes import save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType, Site
-from pytest_drive_robust.simulators.embedded.weathers import WEATHERS, weather_name
-from pytest_drive_robust.simulators.embedded.weaving import weave
+from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["ATTEMPTS", "SEEDS", "TOWNS_PER_SEED", "draw_route", "draw_routes", "main", "summary"]
-
-Floats = NDArray[np.float64]
+__all__ = ["ATTEMPTS", "SEEDS", "TOWNS_PER_SEED", "change_length_m", "draw_route", "draw_routes", "main", "weave"]
 
 ATTEMPTS = 20
 """So often a route is drawn anew when it cannot be laid, staged or started."""
@@ -43,21 +38,10 @@ _FAIR = ("clear noon", "cloudy noon", "wet noon")
 _WAYPOINT_STEP_M = 2.0
 _ROAD_LEFT_M = 80.0
 _ELBOW_ROOM_M = 0.3
-
-
-@dataclass(frozen=True, slots=True)
-class _Draw:
-    """What names a draw."""
-
-    kind: ScenarioType
-    number: int
-    seed: int
-    attempt: int
-
-    def generator(self) -> RandomNumbers:
-        text = f"{self.seed}\x1f{self.kind.name}\x1f{self.number}\x1f{self.attempt}".encode()
-        key = hashlib.blake2b(text, digest_size=16).digest()
-        return RandomNumbers(key)
+_CHANGE_S = 2.4
+_LEAST_CHANGE_M = 20.0
+_WIDEST_M = 5.0
+"""Lanes whose centres are farther apart do not lie side by side."""
 
 
 def draw_routes(*, seed: int, per_type: int) -> list[Route]:
@@ -77,14 +61,11 @@ def draw_routes(*, seed: int, per_type: int) -> list[Route]:
 
 
 def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> Route:
-    """Return one route of a scenario type: it can be laid and staged, and nothing stands where the ego starts.
-
-    Raises `RouteError` when `ATTEMPTS` draws found no such route.
-    """
+    """Return a route of a type that can be laid, staged and started. Raises `RouteError` after `ATTEMPTS` draws."""
     reason = "it has no sites"
     for attempt in range(ATTEMPTS if kind.sites else 0):
         try:
-            route = _attempt(_Draw(kind, number, seed, attempt), route_id)
+            route = _attempt(kind, number, seed, RandomNumbers.of(seed, kind.name, number, attempt), route_id)
             world = World(route, seed=0)
         except RouteError as error:
             reason = str(error)
@@ -99,10 +80,9 @@ def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> 
     )
 
 
-def _attempt(draw: _Draw, route_id: str) -> Route:
-    kind, rng = draw.kind, draw.generator()
-    site = kind.sites[draw.number % len(kind.sites)]
-    town_name = f"{site.style}{1 + TOWNS_PER_SEED * draw.seed + rng.below(TOWNS_PER_SEED)}"
+def _attempt(kind: ScenarioType, number: int, seed: int, rng: RandomNumbers, route_id: str) -> Route:
+    site = kind.sites[number % len(kind.sites)]
+    town_name = f"{site.style}{1 + TOWNS_PER_SEED * seed + rng.below(TOWNS_PER_SEED)}"
     line = _line(compile_town(town_name), site, rng)
     length = float(arc_lengths(line)[-1])
     at = np.append(np.arange(0.0, length - 0.1, _WAYPOINT_STEP_M), length)
@@ -110,19 +90,14 @@ def _attempt(draw: _Draw, route_id: str) -> Route:
     x, y, heading = place(line, rng.uniform(*site.trigger_m))
     trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
     # the first route of a type is in fair weather, later ones go through all of them
-    weather = str(rng.choice(_FAIR if draw.number == 0 else tuple(WEATHERS)))
-    spec = ScenarioSpec(f"{kind.name}_{draw.number + 1}", kind.name, trigger, _parameters(kind, rng), dict(site.texts))
+    weather = str(rng.choice(_FAIR if number == 0 else tuple(WEATHERS)))
+    spec = ScenarioSpec(f"{kind.name}_{number + 1}", kind.name, trigger, _parameters(kind, rng), dict(site.texts))
     return Route(route_id, town_name, waypoints, spec, WEATHERS[weather])
 
 
 def _line(town: CompiledTown, site: Site, rng: RandomNumbers) -> Floats:
     """Return the route's line, a point every metre."""
     chains = site.chain.split(">")
-    if len(chains) - 1 != len(site.changes_m):
-        raise RouteError(
-            f"site {site.style} {site.chain!r} changes lanes {len(chains) - 1} time(s), but its changes_m has "
-            f"{len(site.changes_m)} range(s): expected one for each '>'"
-        )
     length = rng.uniform(*site.length_m)
     start = _start(town, site, chains[0], length, rng)
     changes = [rng.uniform(*limits) for limits in site.changes_m]
@@ -168,22 +143,6 @@ def _in_the_way(world: World) -> str | None:
     return None
 
 
-def summary(routes: list[Route]) -> str:
-    """Describe the lengths, towns per style and weathers of a set of routes."""
-    lengths = np.array([arc_lengths(np.array([[p.x_m, p.y_m] for p in r.waypoints]))[-1] for r in routes])
-    styles = Counter(re.sub(r"\d+$", "", route.town) for route in routes)
-    weathers = Counter(weather_name(route.weather) for route in routes)
-    return "\n".join(
-        (
-            f"lengths: {lengths.min():.0f} to {lengths.max():.0f} m, mean {lengths.mean():.1f} m",
-            f"towns: {len({route.town for route in routes})} of {len(styles)} styles",
-            *(f"  {count:4d} {style}" for style, count in sorted(styles.items())),
-            f"weathers: {len(weathers)}",
-            *(f"  {count:4d} {name}" for name, count in sorted(weathers.items())),
-        )
-    )
-
-
 def main(argv: list[str] | None = None) -> int:
     """Draw a route file: the command line."""
     parser = argparse.ArgumentParser(prog="python -m pytest_drive_robust.simulators.embedded.generate")
@@ -198,8 +157,60 @@ def main(argv: list[str] | None = None) -> int:
     given.file.parent.mkdir(parents=True, exist_ok=True)
     save_routes(routes, given.file)
     print(f"{given.file}: {len(routes)} routes of {len(SCENARIOS)} scenario types, seed {given.seed}")
-    print(summary(routes))
     return 0
+
+
+def change_length_m(speed_mps: float) -> float:
+    """Return the metres that a lane change takes at a speed limit: 2.4 s (at most 3 m/s2 sideways), at least 20 m."""
+    return max(_LEAST_CHANGE_M, _CHANGE_S * speed_mps)
+
+
+def weave(town: CompiledTown, chains: list[str], *, start_m: float, changes_m: list[float], length_m: float) -> Floats:
+    """Return a line (n, 2), a point every metre, from `start_m` along the first chain.
+
+    After `changes_m[k]` metres the line begins to move over to chain k + 1, along a cosine. Raises `RouteError` where
+    the two do not lie side by side, or a chain is too short.
+    """
+    lines = [town.chain(chain) for chain in chains]
+    limit = max(town.lane_map.lanes[k].speed_limit_mps for chain in chains for k in town.lanes_of(chain))
+    over = change_length_m(limit)
+    points: list[tuple[float, float]] = []
+    at, driven = start_m, 0.0
+    for k, begins in enumerate(changes_m):
+        if begins < driven:
+            raise RouteError(f"town {town.lane_map.name}: lane change {k + 1} begins before the one before it ends")
+        points += [place(lines[k], at + step)[:2] for step in np.arange(0.0, begins - driven)]
+        points += _move_over(lines[k], lines[k + 1], at + begins - driven, over, chains[k : k + 2])
+        at = _beside(lines[k + 1], place(lines[k], at + begins - driven + over)[:2], chains[k : k + 2])
+        driven = begins + over
+    left = length_m - driven
+    if left < 0.0 or at + left > arc_lengths(lines[-1])[-1]:
+        raise RouteError(f"town {town.lane_map.name}: chain {chains[-1]!r} does not fit a route of {length_m:.0f} m")
+    points += [place(lines[-1], at + step)[:2] for step in (*np.arange(0.0, left), left)]
+    return np.array(points)
+
+
+def _move_over(
+    line: Floats, other: Floats, from_m: float, over_m: float, names: list[str]
+) -> list[tuple[float, float]]:
+    if from_m + over_m > arc_lengths(line)[-1]:
+        raise RouteError(f"lane {names[0]!r} ends before the route has changed to {names[1]!r}")
+    moved = []
+    for step in np.arange(0.0, over_m):
+        here = np.array(place(line, from_m + step)[:2])
+        there = np.array(place(other, _beside(other, here, names))[:2])
+        share = 0.5 - 0.5 * scalars.cos(math.pi * step / over_m)
+        x, y = here + share * (there - here)
+        moved.append((float(x), float(y)))
+    return moved
+
+
+def _beside(line: Floats, point: tuple[float, float] | Floats, names: list[str]) -> float:
+    """Return where on `line` one is level with a point beside it."""
+    s, aside = project(line, float(point[0]), float(point[1]))
+    if not 0.0 <= s <= arc_lengths(line)[-1] or abs(aside) > _WIDEST_M:
+        raise RouteError(f"lanes {names[0]!r} and {names[1]!r} do not lie side by side where the route changes")
+    return s
 
 
 if __name__ == "__main__":

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from math import fsum
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.truth import LaneMap
+from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
-from pytest_drive_robust.simulators.embedded.passages import Passage, find_passages
 from pytest_drive_robust.simulators.embedded.towns import Town, build_town
-from pytest_drive_robust.simulators.embedded.towns.buildings import draw_buildings
-from pytest_drive_robust.simulators.embedded.towns.lanes import draw_lanes, stop_lines
+from pytest_drive_robust.simulators.embedded.towns.lanes import draw_buildings, draw_lanes, stop_lines
 
-__all__ = ["CompiledTown", "compile_town", "follow", "join"]
+__all__ = ["CompiledTown", "Passage", "compile_town", "follow", "join", "lanes_across", "prolonged", "turn_of"]
 
-Floats = NDArray[np.float64]
+_ALMOST_ROUND_RAD = math.radians(300.0)
+"""Who turned so far has driven round a roundabout."""
 
 
 class CompiledTown:
@@ -29,13 +31,12 @@ class CompiledTown:
     """
 
     def __init__(self, town: Town) -> None:
-        index = {key: k for k, key in enumerate(town.kinds)}
         lanes = draw_lanes(town)
         crosswalks = np.array(town.crosswalks).reshape(-1, 4, 2)
         self.lane_map = LaneMap(town.name, lanes, stop_lines(town, lanes), crosswalks, draw_buildings(town, lanes))
-        self.chains = {name: tuple(index[key] for key in chain) for name, chain in town.chains.items()}
-        self.junctions = {index[key]: number for key, number in town.junctions.items()}
-        self.passages: tuple[Passage, ...] = find_passages(lanes, self.junctions)
+        self.chains = {name: tuple(chain) for name, chain in town.chains.items()}
+        self.junctions = {k: lane.junction for k, lane in enumerate(town.lanes) if lane.junction >= 0}
+        self.passages: tuple[Passage, ...] = _passages(lanes, self.junctions)
         self._anchors = dict(town.anchors)
 
     def lanes_of(self, chain: str) -> tuple[int, ...]:
@@ -74,36 +75,78 @@ def follow(lane_map: LaneMap, lane: int) -> tuple[int, ...]:
 
     A road begins where a junction ends. In a roundabout "straight on" is the exit opposite.
     """
-    chain = [lane]
-    while onward := _straightest(lane_map, tuple(chain)):
-        chain.extend(onward)
-    before = {k: other.index for other in lane_map.lanes for k in other.successors if not other.junction}
+    lanes, chain = lane_map.lanes, [lane]
+    while ways := _ways_on(lanes, tuple(chain)):
+        inside = [k for k in chain if lanes[k].junction] if lanes[chain[-1]].junction else []
+        chain.extend(min(ways, key=lambda way: abs(turn_of(lanes, (*inside, *way)))))
+    before = {k: other.index for other in lanes for k in other.successors if not other.junction}
     while (earlier := before.get(chain[0])) is not None and earlier not in chain:
         chain.insert(0, earlier)
     return tuple(chain)
 
 
-def _straightest(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the lanes that follow a chain up to the end of the junction that begins or goes on there.
-
-    () at the end.
-    """
-    ways = _ways_on(lane_map, chain)
-    return min(ways, key=lambda way: abs(_turn(lane_map, chain, way)), default=())
+def prolonged(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
+    """Return a chain with what leads straight to its first lane and what follows its last one, to the road's ends."""
+    before = follow(lane_map, chain[0])
+    after = follow(lane_map, chain[-1]) if len(chain) > 1 else before
+    return (*before[: before.index(chain[0])], *chain, *after[after.index(chain[-1]) + 1 :])
 
 
-def _turn(lane_map: LaneMap, chain: tuple[int, ...], way: tuple[int, ...]) -> float:
-    inside = [k for k in chain if lane_map.lanes[k].junction] if lane_map.lanes[chain[-1]].junction else []
-    return fsum(float(lane_map.lanes[k].centre[-1, 2] - lane_map.lanes[k].centre[0, 2]) for k in (*inside, *way))
+def lanes_across(lanes: tuple[Lane, ...], lane: Lane, side: str) -> Iterator[Lane]:
+    """Yield what lies to the `"left"` or `"right"` of a lane, one after the other, up to the edge of the road."""
+    for _ in lanes:
+        index, same_way = lane.beside(side)
+        if index < 0:
+            return
+        lane = lanes[index]
+        yield lane
+        if not same_way:  # seen from the other way, one goes on to the other side
+            side = "right" if side == "left" else "left"
 
 
-def _ways_on(lane_map: LaneMap, chain: tuple[int, ...], way: tuple[int, ...] = ()) -> list[tuple[int, ...]]:
+def turn_of(lanes: tuple[Lane, ...], way: Iterable[int]) -> float:
+    """Return by how many radians some lanes turn to the right, all together."""
+    return fsum(float(lanes[k].centre[-1, 2] - lanes[k].centre[0, 2]) for k in way)
+
+
+def _ways_on(lanes: tuple[Lane, ...], chain: tuple[int, ...], way: tuple[int, ...] = ()) -> list[tuple[int, ...]]:
+    """Return every way on from a chain, each up to the end of the junction that begins or goes on there."""
     found: list[tuple[int, ...]] = []
-    for after in lane_map.lanes[(*chain, *way)[-1]].successors:
+    for after in lanes[(*chain, *way)[-1]].successors:
         if after in chain or after in way:
             continue
-        if lane_map.lanes[after].junction:
-            found.extend(_ways_on(lane_map, chain, (*way, after)) or [(*way, after)])
+        if lanes[after].junction:
+            found.extend(_ways_on(lanes, chain, (*way, after)) or [(*way, after)])
         else:
             found.append((*way, after))
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """One way through junction number `junction`.
+
+    Lane `enters` comes in with `heading_rad`, `inside` are the junction's lanes in order, lane `leaves` leads out;
+    `turn_rad` is the turn from start to end, positive to the right.
+    """
+
+    junction: int
+    enters: int
+    inside: tuple[int, ...]
+    leaves: int
+    heading_rad: float
+    turn_rad: float
+
+
+def _passages(lanes: tuple[Lane, ...], junctions: Mapping[int, int]) -> tuple[Passage, ...]:
+    """Return every way of cars through every junction; nobody drives round a roundabout."""
+    found: list[Passage] = []
+    for lane in lanes:
+        if lane.junction or lane.kind is not LaneKind.DRIVING:
+            continue
+        for *inside, leaves in _ways_on(lanes, (lane.index,)):
+            turns = [turn_of(lanes, inside[:k]) for k in range(1, len(inside) + 1)]
+            if inside and not lanes[leaves].junction and max(map(abs, turns)) <= _ALMOST_ROUND_RAD:
+                heading = float(lane.centre[-1, 2])
+                found.append(Passage(junctions[inside[0]], lane.index, tuple(inside), leaves, heading, turns[-1]))
+    return tuple(found)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["distance_to_lanes", "lane_change_side", "match_lanes", "nearest_way"]
 
-Floats = NDArray[np.float64]
 _BEYOND_EDGE_M = 0.5
 _SAME_WAY = 0.5
 """Least cosine between the headings of a row and of its lane."""
@@ -90,21 +90,19 @@ def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:
 
 def lane_change_side(lanes: tuple[Lane, ...], before: int, after: int) -> int:
     """Return 1 when lane `after` lies to the right of lane `before` (or of what follows it), -1 to the left, else 0."""
-    for side, neighbour in ((-1, _left), (1, _right)):
-        beside = neighbour(lanes[before])
+    for way, side in ((-1, "left"), (1, "right")):
+        beside = _along(lanes[before], side)
         if beside >= 0 and (beside == after or after in lanes[beside].successors):
-            return side
-        if any(neighbour(lanes[onward]) == after for onward in lanes[before].successors):
-            return side
+            return way
+        if any(_along(lanes[onward], side) == after for onward in lanes[before].successors):
+            return way
     return 0
 
 
-def _left(lane: Lane) -> int:
-    return lane.left if lane.left_same_way else -1
-
-
-def _right(lane: Lane) -> int:
-    return lane.right if lane.right_same_way else -1
+def _along(lane: Lane, side: str) -> int:
+    """Return the neighbour that leads the same way, or -1."""
+    index, same_way = lane.beside(side)
+    return index if same_way else -1
 
 
 def _is_near(lane: Lane, line: Floats) -> bool:
@@ -132,7 +130,7 @@ def _step_costs(driving: list[Lane]) -> Floats:
     number = {lane.index: k for k, lane in enumerate(driving)}
     steps = np.full((len(driving), len(driving)), _JUMP_COST)
     for k, lane in enumerate(driving):
-        for side in (_left(lane), _right(lane)):
+        for side in (_along(lane, "left"), _along(lane, "right")):
             if side in number:
                 steps[k, number[side]] = _CHANGE_COST
                 for onward in driving[number[side]].successors:

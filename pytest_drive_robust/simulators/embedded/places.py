@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.domain.truth import Lane, LaneKind
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
-from pytest_drive_robust.simulators.embedded.map import follow, join
+from pytest_drive_robust.simulators.embedded.map import Passage, join, prolonged
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
-from pytest_drive_robust.simulators.embedded.passages import Passage
 
 __all__ = ["RoutePlaces"]
 
-Floats = NDArray[np.float64]
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
 """Heading of traffic that comes from there, relative to the ego's own way into the junction."""
 _STRAIGHT_RAD = 0.35
@@ -69,26 +67,23 @@ class RoutePlaces:
         return place(self.paths[self.ego_path], self.on_ego_path(ahead_m), right_m)[:2]
 
     def junction_ahead_m(self) -> float:
-        """Return the distance from the trigger to where the route enters its first junction.
-
-        Raises `RouteError` without one.
-        """
+        """Return the metres from the trigger to the route's first junction. Raises `RouteError` without one."""
         return float(self.dense.s[self._junction_rows()[0]]) - self.trigger_m
 
     def exit_ahead_m(self) -> float:
-        """Return the distance from the trigger to where the route leaves its first junction.
-
-        Raises `RouteError` without one.
-        """
+        """Return the metres from the trigger to behind the first junction. Raises `RouteError` without one."""
         return float(self.dense.s[self._junction_rows()[1]]) - self.trigger_m
 
     def _junction_rows(self) -> tuple[int, int]:
         """Return (first row in, first row behind) of the route's first junction."""
         first = self.dense.first_junction_row()
         if first is None:
-            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")
+            raise self._needs("a junction on its route")
         inside = [self.dense.lane_map.lanes[k].junction for k in self.dense.lanes[first:]]
         return first, first + (inside.index(False) if False in inside else len(inside) - 1)
+
+    def _needs(self, what: str) -> RouteError:
+        return RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs {what}")
 
     # --- paths ---
 
@@ -107,33 +102,31 @@ class RoutePlaces:
 
     def own(self, ahead_m: float = 0.0) -> int:
         """Return the path of the lane under the route, followed straight on to both ends of the town."""
-        return self._lane_path(self.lane_at(ahead_m).index)
+        return self._path((self.lane_at(ahead_m).index,))
 
     def beside(self, side: str, ahead_m: float = 0.0) -> int:
         """Return the path of the driving lane `"left"` or `"right"` of the route's lane, in its own direction."""
-        lane = self.lane_at(ahead_m)
-        index = lane.left if side == "left" else lane.right
-        if index < 0 or self.dense.lane_map.lanes[index].kind is not LaneKind.DRIVING:
-            raise RouteError(
-                f"route {self.dense.route.id}: scenario {self.spec.type} needs a driving lane to the {side} of it"
-            )
-        return self._lane_path(index)
+        index, _ = self.lane_at(ahead_m).beside(side)
+        if not self._is_driven(index):
+            raise self._needs(f"a driving lane to the {side} of it")
+        return self._path((index,))
 
     def has_lane_beside(self, side: str, ahead_m: float = 0.0) -> bool:
         """Return whether there is a driving lane to the `"left"` or `"right"` that leads the same way."""
-        lane = self.lane_at(ahead_m)
-        index, same_way = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
-        return index >= 0 and same_way and self.dense.lane_map.lanes[index].kind is LaneKind.DRIVING
+        index, same_way = self.lane_at(ahead_m).beside(side)
+        return same_way and self._is_driven(index)
 
     def oncoming(self, ahead_m: float = 0.0) -> int:
         """Return the path of the nearest lane that leads the other way. Raises `RouteError` where there is none."""
-        lanes = self.dense.lane_map.lanes
         lane = self.lane_at(ahead_m)
         while lane.left >= 0 and lane.left_same_way:
-            lane = lanes[lane.left]
-        if lane.left < 0 or lanes[lane.left].kind is not LaneKind.DRIVING:
-            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs an oncoming lane")
-        return self._lane_path(lane.left)
+            lane = self.dense.lane_map.lanes[lane.left]
+        if not self._is_driven(lane.left):
+            raise self._needs("an oncoming lane")
+        return self._path((lane.left,))
+
+    def _is_driven(self, index: int) -> bool:
+        return index >= 0 and self.dense.lane_map.lanes[index].kind is LaneKind.DRIVING
 
     def from_arm(self, bearing: str, *, into: str = "straight") -> int:
         """Return a path through the route's first junction that comes from the `"left"`, `"right"` or `"opposite"`.
@@ -142,49 +135,26 @@ class RoutePlaces:
         Raises `RouteError` when the junction has no such way.
         """
         own = self.first_passage()
+        heading = own.heading_rad + _BEARINGS_RAD[bearing]
         for way in self.dense.town.passages:
-            if (
-                way.junction != own.junction
-                or scalars.cos(way.heading_rad - own.heading_rad - _BEARINGS_RAD[bearing]) < 0.7
-            ):
-                continue
-            if (into == "straight" and abs(way.turn_rad) < _STRAIGHT_RAD) or (
-                into == "exit" and way.leaves == own.leaves
-            ):
-                return self._way_path(way)
-        raise RouteError(
-            f"route {self.dense.route.id}: no way from the {bearing} to {into!r} for scenario {self.spec.type}"
-        )
+            fits = abs(way.turn_rad) < _STRAIGHT_RAD if into == "straight" else way.leaves == own.leaves
+            if fits and way.junction == own.junction and scalars.cos(way.heading_rad - heading) >= 0.7:
+                return self._path((way.enters, *way.inside, way.leaves))
+        raise self._needs(f"a way from the {bearing} to {into!r}")
 
     def given_flow(self) -> int | None:
-        """Return the path along the lanes from `start_actor_flow` to `end_actor_flow` of the route file.
-
-        None without them.
-
-        Of all ways from lane to lane the one that comes nearest to both points is taken.
-        """
-        ends = [self.spec.parameters.get(f"{end}_actor_flow") for end in ("start", "end")]
-        if any(end is None or "x" not in end or "y" not in end for end in ends):
+        """Return the path that comes nearest to the file's `start_actor_flow` then its `end_actor_flow`, or None."""
+        ends = [self.spec.parameters.get(f"{end}_actor_flow", {}) for end in ("start", "end")]
+        if any("x" not in end or "y" not in end for end in ends):
             return None
-        lane_map = self.dense.lane_map
-        chain = nearest_way(lane_map, *((end["x"], end["y"]) for end in ends if end is not None))
-        before, after = follow(lane_map, chain[0]), follow(lane_map, chain[-1])
-        return self.add_path(
-            join(lane_map, (*before[: before.index(chain[0])], *chain, *after[after.index(chain[-1]) + 1 :]))
-        )
+        return self._path(nearest_way(self.dense.lane_map, *((end["x"], end["y"]) for end in ends)))
 
     def first_passage(self) -> Passage:
         """Return the route's way through its first junction. Raises `RouteError` without one."""
         way = self.dense.first_passage()
         if way is None:
-            raise RouteError(f"route {self.dense.route.id}: scenario {self.spec.type} needs a junction on its route")
+            raise self._needs("a junction on its route")
         return way
 
-    def _way_path(self, way: Passage) -> int:
-        lane_map = self.dense.lane_map
-        before, after = follow(lane_map, way.enters), follow(lane_map, way.leaves)
-        chain = (*before[: before.index(way.enters) + 1], *way.inside, *after[after.index(way.leaves) :])
-        return self.add_path(join(lane_map, chain))
-
-    def _lane_path(self, lane: int) -> int:
-        return self.add_path(join(self.dense.lane_map, follow(self.dense.lane_map, lane)))
+    def _path(self, chain: tuple[int, ...]) -> int:
+        return self.add_path(join(self.dense.lane_map, prolonged(self.dense.lane_map, chain)))

@@ -1,4 +1,4 @@
-"""The moment of a route that tells what it is about, found without a driver."""
+"""What a route is about: the moment that tells it, found without a driver, and what we understood of it in words."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.domain.route import RoadOption, Route, ScenarioSpec
+from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.map import lanes_across
 from pytest_drive_robust.simulators.embedded.world import DT_S, World
 
-__all__ = ["RouteScene", "telling_moment"]
+__all__ = ["RouteScene", "describe_parameters", "describe_road", "telling_moment"]
 
 _SHARE_OF_LIMIT = 0.6
 _SLOWEST_MPS, _FASTEST_MPS = 5.0, 14.0
@@ -22,6 +24,7 @@ _AFTER_START_S = 1.2
 _KEEP_AWAY_M = 9.0
 _LOOK_AHEAD_M = 25.0
 _COAST = Control()
+_TURNS = {RoadOption.STRAIGHT: "straight on", RoadOption.RIGHT: "right turn", RoadOption.LEFT: "left turn"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,3 +97,47 @@ def _walks(world: World) -> np.typing.NDArray[np.float64]:
             end = min(float(actor[c.A_END_S]), 40.0)
             ways.append((path[0, :2], place(path, end)[:2]))
     return np.array(ways, np.float64).reshape(-1, 2, 2)
+
+
+def describe_road(dense: DenseRoute) -> str:
+    """Return `"1 + 1 lanes, parking, left turn at 24 m, lights"`: lanes of the route's way + lanes of the other."""
+    lanes = dense.lane_map.lanes
+    own = lanes[int(dense.lanes[int(np.searchsorted(dense.s, dense.trigger_m).clip(0, len(dense.s) - 1))])]
+    if own.junction:
+        own = lanes[int(dense.lanes[0])]
+    words = [_lanes(dense.lane_map, own)]
+    way = dense.first_passage()
+    if way is not None:
+        row = dense.first_junction_row()
+        assert row is not None
+        words.append(f"{_TURNS[RoadOption.through_junction(way.turn_rad)]} at {dense.s[row]:.0f} m")
+        stops = dense.junction_stops()
+        if stops:
+            words.append("lights" if dense.lane_map.stop_lines[stops[0]].is_light else "stop signs")
+    for start, _, side in dense.lane_changes():
+        words.append(f"{'right' if side > 0 else 'left'} lane at {dense.s[start]:.0f} m")
+    return ", ".join(words)
+
+
+def _lanes(lane_map: LaneMap, own: Lane) -> str:
+    lanes = lane_map.lanes
+    slice_ = [own, *(lane for side in ("left", "right") for lane in lanes_across(lanes, own, side))]
+    driving = [lane for lane in slice_ if lane.kind is LaneKind.DRIVING]
+    along = sum(scalars.cos(lane.centre[0, 2] - own.centre[0, 2]) > 0.0 for lane in driving)
+    others = len(driving) - along
+    words = f"{along} + {others} lanes" if others else f"{along} lane{'s' * (along > 1)}, one way"
+    kinds = {lane.kind for lane in slice_}
+    return words + ", parking" * (LaneKind.PARKING in kinds) + ", bicycles" * (LaneKind.BIKING in kinds)
+
+
+def describe_parameters(spec: ScenarioSpec) -> str:
+    """Return `"distance 40, flow_speed 9, source_dist_interval 15 to 25"`: what the file says, places left out."""
+    words = [f"{name} {text}" for name, text in spec.texts.items()]
+    for name, given in spec.parameters.items():
+        if "value" in given:
+            words.append(f"{name} {given['value']:g}")
+        elif "from" in given and "to" in given:
+            words.append(f"{name} {given['from']:g} to {given['to']:g}")
+        elif "x" in given:
+            words.append(name)
+    return ", ".join(words)

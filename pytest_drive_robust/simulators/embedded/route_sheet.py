@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -13,21 +12,16 @@ import numpy as np
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
-from pytest_drive_robust.simulators.embedded.bev import draw_bev
+from pytest_drive_robust.jit.arrays import Floats, Pixels
+from pytest_drive_robust.simulators.embedded.bev import Sketch, draw_bev
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
-from pytest_drive_robust.simulators.embedded.drawing.paint import Region
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.route_scene import RouteScene
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
-    Pixels = NDArray[np.uint8]
-    Colour = tuple[int, int, int]
-
 __all__ = ["TILES_PER_SHEET", "draw_tile", "lay_sheets"]
+
+Colour = tuple[int, int, int]
 
 TILES_PER_SHEET = 48
 _CAPTION_PX = 46
@@ -39,7 +33,6 @@ _BEFORE_EGO_M = 30.0
 _JUNCTION_M = 28.0
 _RING_M = 1.3
 _ARROW_S = 1.5
-_SUBPIXEL_BITS = 4
 _TRIGGER: Colour = (255, 60, 220)
 _START: Colour = (40, 230, 240)
 _FINISH: Colour = (255, 255, 255)
@@ -90,31 +83,20 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
     """Draw a scene from above, finer and reduced, so that paint and outlines stay smooth."""
     dense, fine = scene.world.dense, size_px * _FINER
     centre, metres = _frame_of_interest(scene)
-    picture = draw_bev(dense.lane_map, scene.frame, dense.rows, size_px=fine, metres=metres, centre=centre, line_px=3)
-    region = Region(centre[0] - metres / 2.0, centre[1] - metres / 2.0, fine, fine, metres / fine)
+    sketch = draw_bev(dense.lane_map, scene.frame, dense.rows, size_px=fine, metres=metres, centre=centre, line_px=3)
     for start, end in scene.walks:
-        _arrow(picture, region, start, end, _WALK)
+        _arrow(sketch, start, end, _WALK)
     for actor in scene.frame.actors:
-        if actor[WorldState.KIND] in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE):
-            _ring(picture, region, actor[[WorldState.X, WorldState.Y]], _RING_M / region.texel_m, _WALK, 2)
-        if actor[WorldState.SPEED] > 0.5 and actor[WorldState.KIND] != ActorKind.PEDESTRIAN:
-            reach = (
-                actor[WorldState.SPEED]
-                * _ARROW_S
-                * np.array((scalars.cos(actor[WorldState.YAW]), scalars.sin(actor[WorldState.YAW])))
-            )
-            _arrow(
-                picture,
-                region,
-                actor[[WorldState.X, WorldState.Y]],
-                actor[[WorldState.X, WorldState.Y]] + reach,
-                _ARROW,
-            )
+        kind, speed, here = actor[WorldState.KIND], actor[WorldState.SPEED], actor[[WorldState.X, WorldState.Y]]
+        if kind in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE):
+            sketch.disc(here, _RING_M * fine / metres, _WALK, 2)
+        if speed > 0.5 and kind != ActorKind.PEDESTRIAN:
+            reach = speed * _ARROW_S * np.array(scalars.cos_sin(actor[WorldState.YAW]))
+            _arrow(sketch, here, here + reach, _ARROW)
     for row, colour in ((0, _START), (-1, _FINISH)):
-        _ring(picture, region, dense.rows[row, :2], 6.0, colour, 3)
-    left, right = (np.array(place(dense.rows[:, :3], dense.trigger_m, side)[:2]) for side in (-3.0, 3.0))
-    _line(picture, region, left, right, _TRIGGER, 4)
-    return np.asarray(cv2.resize(picture, (size_px, size_px), interpolation=cv2.INTER_AREA), np.uint8)
+        sketch.disc(dense.rows[row, :2], 6.0, colour, 3)
+    sketch.line([place(dense.rows[:, :3], dense.trigger_m, side)[:2] for side in (-3.0, 3.0)], _TRIGGER, 4)
+    return np.asarray(cv2.resize(sketch.pixels, (size_px, size_px), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
@@ -131,30 +113,13 @@ def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
     return (float(middle[0]), float(middle[1])), float(np.clip((high - low).max(), _LEAST_M, _MOST_M))
 
 
-def _arrow(picture: Pixels, region: Region, start: Floats, end: Floats, colour: Colour) -> None:
-    _line(picture, region, start, end, colour, 2)
+def _arrow(sketch: Sketch, start: Floats, end: Floats, colour: Colour) -> None:
+    sketch.line((start, end), colour, 2)
     away = end - start
     length = scalars.hypot(*away)
-    if length < 1.0:
-        return
-    along, across = away / length * 1.4, np.array((-away[1], away[0])) / length * 0.9
-    head = region.pixels(np.stack((end, end - along + across, end - along - across)))
-    cv2.fillConvexPoly(picture, head, colour, cv2.LINE_AA, _SUBPIXEL_BITS)
-
-
-def _ring(picture: Pixels, region: Region, middle: Floats, radius_px: float, colour: Colour, thick_px: int) -> None:
-    radius = round(radius_px * (1 << _SUBPIXEL_BITS))
-    cv2.circle(picture, _point(region.pixels(middle[None])[0]), radius, colour, thick_px, cv2.LINE_AA, _SUBPIXEL_BITS)
-
-
-def _line(picture: Pixels, region: Region, start: Floats, end: Floats, colour: Colour, thick_px: int) -> None:
-    first, last = region.pixels(np.stack((start, end)))
-    cv2.line(picture, _point(first), _point(last), colour, thick_px, cv2.LINE_AA, _SUBPIXEL_BITS)
-
-
-def _point(pixel: Iterable[np.int32]) -> tuple[int, int]:
-    x, y = pixel
-    return int(x), int(y)
+    if length >= 1.0:
+        along, across = away / length * 1.4, np.array((-away[1], away[0])) / length * 0.9
+        sketch.fill((end, end - along + across, end - along - across), colour)
 
 
 def _write(picture: Pixels, text: str, baseline_px: int, scale: float, colour: Colour) -> None:

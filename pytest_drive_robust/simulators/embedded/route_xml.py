@@ -24,8 +24,8 @@ _CARLA_DEFAULT = -1.0
 """A percentage of -1 leaves the choice to CARLA; ours is then the default, too."""
 
 
-def load_routes(path: Path) -> tuple[Route, ...]:
-    """Return every route of a file, in its order.
+def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
+    """Return every route of a file, in its order; `is_ours`: who wrote it does not attack us, so it is read faster.
 
     Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Files
     of the leaderboard are checked for what their scenario types need, too; where anything is wrong, also for whether a
@@ -35,7 +35,7 @@ def load_routes(path: Path) -> tuple[Route, ...]:
     from defusedxml.ElementTree import parse
 
     try:
-        root = parse(path, forbid_dtd=True).getroot()
+        root = ElementTree.parse(path).getroot() if is_ours else parse(path, forbid_dtd=True).getroot()
     except FileNotFoundError:
         raise RouteError(f"there is no route file {str(path)!r}") from None
     except OSError as error:
@@ -83,7 +83,7 @@ def _route_or_problem(element: ElementTree.Element) -> Route | str:
 
 def _misfit(route: Route) -> str | None:
     """Return why no road can be built around a route of the leaderboard, or None."""
-    from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route  # loads numba and highway-env
+    from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route  # loads numba
 
     if is_official(route.town):
         try:

@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.state import DT_S
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["ENDS", "score_of"]
+__all__ = ["ENDS", "closing_infractions", "end_detail", "score_of"]
 
 ENDS = {
     c.END_COMPLETED: End.COMPLETED,
@@ -35,21 +35,15 @@ _COLLISIONS = {
 def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
     """Read the criteria of a finished episode."""
     end = ENDS.get(int(world.state.criteria_ints[c.CI_END]), End.SIMULATION_CRASHED)
-    infractions = _infractions(world)
-    if end is End.DEVIATED:
-        infractions.append(_here(world, InfractionKind.DEVIATION, "left the route by more than 30 m"))
-    if end is End.BLOCKED:
-        infractions.append(_here(world, InfractionKind.BLOCKED, "stood still for more than 60 s"))
-    outside = float(world.state.criteria[c.C_OUTSIDE_M])
     passed = float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
-    if outside > 0.0 and passed > 0.0:
-        share = 100.0 * outside / passed
-        detail = f"outside its lanes for {outside:.0f} m, {share:.0f} % of the way"
-        infractions.append(_here(world, InfractionKind.OUTSIDE_LANES, detail, share_pct=share))
+    here = int(world.state.clock[0]), float(world.state.ego[c.EGO_X]), float(world.state.ego[c.EGO_Y])
+    outside = float(world.state.criteria[c.C_OUTSIDE_M])
+    infractions = [*_infractions(world), *closing_infractions(end, outside_m=outside, passed_m=passed, here=here)]
+    still_s = float(world.state.criteria[c.C_STILL_S])
     ratios = [row[c.EV_VALUE] for row in _events(world) if row[c.EV_KIND] == c.EVENT_SPEED]
     return EpisodeScore(
         end=end,
-        end_detail=_end_detail(world, end, options),
+        end_detail=end_detail(end, at_s=here[0] * DT_S, still_s=still_s, options=options, dt_s=DT_S),
         route_completion_pct=100.0 if end is End.COMPLETED else round(100.0 * passed / world.dense.length_m, 2),
         route_length_m=world.dense.length_m,
         infractions=tuple(infractions),
@@ -82,23 +76,41 @@ def _infractions(world: World) -> list[Infraction]:
     return found
 
 
-def _here(world: World, kind: InfractionKind, detail: str, *, share_pct: float = 0.0) -> Infraction:
-    ego = world.state.ego
-    tick = int(world.state.clock[0])
-    return Infraction(kind, tick, detail, float(ego[c.EGO_X]), float(ego[c.EGO_Y]), share_pct)
+def closing_infractions(
+    end: End, *, outside_m: float, passed_m: float, here: tuple[int, float, float]
+) -> list[Infraction]:
+    """Return what is known at the end only, at this tick and place of the ego (x, y in metres).
+
+    `outside_m` of the `passed_m` metres of the route were driven outside its lanes.
+    """
+    tick, x, y = here
+    found = []
+    if end is End.DEVIATED:
+        found.append(Infraction(InfractionKind.DEVIATION, tick, "left the route by more than 30 m", x, y))
+    if end is End.BLOCKED:
+        found.append(Infraction(InfractionKind.BLOCKED, tick, "stood still for more than 60 s", x, y))
+    if outside_m > 0.0 and passed_m > 0.0:
+        share = 100.0 * outside_m / passed_m
+        detail = f"outside its lanes for {outside_m:.0f} m, {share:.0f} % of the way"
+        found.append(Infraction(InfractionKind.OUTSIDE_LANES, tick, detail, x, y, share))
+    return found
 
 
-def _end_detail(world: World, end: End, options: SimulatorOptions) -> str:
-    at_s = float(world.state.clock[0]) * DT_S
-    still_s = float(world.state.criteria[c.C_STILL_S])
+def end_detail(
+    end: End, *, at_s: float, still_s: float, options: SimulatorOptions, dt_s: float, stopped: str = ""
+) -> str:
+    """Return in a sentence why an episode ended: after `at_s` seconds, the last `still_s` of them at rest.
+
+    `stopped` is why an environment ended it.
+    """
     return {
         End.COMPLETED: f"reached the end at {at_s:.1f} s",
         End.DEVIATED: f"left the route at {at_s:.1f} s",
+        End.ENVIRONMENT: f"the environment ended the episode at {at_s:.1f} s: {stopped}",
         End.BLOCKED: f"stood still for {still_s:.0f} s",
-        End.TICK_CAP: f"not finished after {options.tick_cap} ticks ({options.tick_cap * DT_S:.0f} s)",
+        End.TICK_CAP: f"not finished after {options.tick_cap} ticks ({options.tick_cap * dt_s:.0f} s)",
         End.STUCK: f"stood still for {still_s:.0f} s, stopped early (--drive-stuck-stop)",
-        End.SIMULATION_CRASHED: f"stopped at {at_s:.1f} s before any end was reached",
-    }[end]
+    }.get(end, f"stopped at {at_s:.1f} s before any end was reached")
 
 
 def _junction_passed(world: World) -> bool:

@@ -15,7 +15,7 @@ __all__ = ["Sensors"]
 
 
 class Sensors:
-    """The rig of one episode. Without cameras nothing is ever drawn."""
+    """The rig of one episode. Without cameras nothing is ever drawn. Raises `SimulationError` for impossible ones."""
 
     def __init__(
         self,
@@ -26,7 +26,11 @@ class Sensors:
         route: np.typing.NDArray[np.float64],
         dt_s: float,
     ) -> None:
-        self._every = {camera.name: _ticks_per_frame(camera, dt_s) for camera in cameras}
+        for camera in cameras:
+            problem = camera.problem(dt_s)
+            if problem is not None or [other.name for other in cameras].count(camera.name) > 1:
+                raise SimulationError(f"camera {camera.name!r}: {problem or 'two have this name, expected one each'}")
+        self._every = {camera.name: round(1.0 / (camera.rate_hz * dt_s)) for camera in cameras}
         self._images: dict[str, Image] = {}
         self._rig = None
         if cameras:
@@ -35,10 +39,7 @@ class Sensors:
             self._rig = CameraRig(lane_map, weather, cameras, around=route[:, :2])
 
     def observe(self, state: WorldState) -> Observation:
-        """Return what the sensors deliver at this moment.
-
-        Cameras slower than the tick deliver their last image again.
-        """
+        """Return what the sensors deliver now; cameras slower than the tick deliver their last image again."""
         tick, ego = state.tick, state.ego
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]
         if self._rig is not None and due:
@@ -64,13 +65,3 @@ class Sensors:
     def restore(self, images: Mapping[str, Image]) -> None:
         """Go back to a `snapshot` of this rig."""
         self._images = dict(images)
-
-
-def _ticks_per_frame(camera: CameraSpec, dt_s: float) -> int:
-    ticks = 1.0 / (camera.rate_hz * dt_s)
-    if ticks < 1.0 - 1e-9 or abs(ticks - round(ticks)) > 1e-6:
-        raise SimulationError(
-            f"camera {camera.name!r} wants {camera.rate_hz:g} Hz; the world runs at {1.0 / dt_s:g} Hz, "
-            f"so a camera can have {1.0 / dt_s:g} Hz divided by a whole number"
-        )
-    return round(ticks)

@@ -1,7 +1,7 @@
 """The default backend: `World`, its sensors and its criteria behind the `Simulator` protocol.
 
 The world is imported by the first `reset` or `check_route`: a run whose episodes are all stored only asks a simulator
-for its name, its tick and its versions, and need not wait for numba and highway-env.
+for its name, its tick and its versions, and need not wait for numba.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class EpisodeSnapshot(NamedTuple):
 
 
 class EmbeddedSimulator:
-    """A 20 Hz world in arrays whose maps come from highway-env's road network and lanes.
+    """A 20 Hz world in arrays.
 
     >>> simulator = EmbeddedSimulator()
     >>> simulator.name, simulator.dt_s
@@ -51,24 +51,30 @@ class EmbeddedSimulator:
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
-        self._world: World | None = None
-        self._sensors: Sensors | None = None
+        self._now: tuple[World, Sensors] | None = None
         self._frame: WorldState | None = None
 
     @property
     def world(self) -> World:
         """The world of the current episode. Raises `SimulationError` before the first `reset`."""
-        if self._world is None:
+        return self._episode[0]
+
+    @property
+    def sensors(self) -> Sensors:
+        """The rig of the current episode. Raises `SimulationError` before the first `reset`."""
+        return self._episode[1]
+
+    @property
+    def _episode(self) -> tuple[World, Sensors]:
+        if self._now is None:
             raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
-        return self._world
+        return self._now
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
         world = self._build(route, seed)
-        self._sensors = Sensors(
-            cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S
-        )
-        self._world = world
+        rig = Sensors(cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S)
+        self._now = world, rig
         self._frame = world.frame()
         return self._frame
 
@@ -81,7 +87,7 @@ class EmbeddedSimulator:
             self._build(route, 0)
 
     def _build(self, route: Route, seed: int) -> World:
-        from pytest_drive_robust.simulators.embedded.world import World  # loads numba and highway-env
+        from pytest_drive_robust.simulators.embedded.world import World  # loads numba
 
         return World(route, seed=seed, options=self.options)
 
@@ -91,13 +97,7 @@ class EmbeddedSimulator:
 
     def observe(self) -> Observation:
         """Return the clean sensors of this moment."""
-        return self._rig.observe(self.frame)
-
-    @property
-    def _rig(self) -> Sensors:
-        if self._sensors is None:
-            raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
-        return self._sensors
+        return self.sensors.observe(self.frame)
 
     @property
     def frame(self) -> WorldState:
@@ -135,17 +135,14 @@ class EmbeddedSimulator:
     def snapshot(self) -> EpisodeSnapshot:
         """Return a copy of everything that changes; microseconds without slow cameras."""
         world = self.world
-        return EpisodeSnapshot(world, world.snapshot(), self._rig.snapshot())
+        return EpisodeSnapshot(world, world.snapshot(), self.sensors.snapshot())
 
     def restore(self, snapshot: EpisodeSnapshot) -> None:
-        """Go back to a snapshot of the current episode, as often as you like.
-
-        Raises `SimulationError` for one of another episode.
-        """
+        """Go back to a snapshot of this episode, as often as you like. Raises `SimulationError` for another's."""
         if snapshot.world is not self.world:
             raise SimulationError("a snapshot is of another episode, expected one taken since the last reset")
         self.world.restore(snapshot.state)
-        self._rig.restore(snapshot.images)
+        self.sensors.restore(snapshot.images)
         self._frame = None
 
     def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> WorldState:
@@ -165,4 +162,4 @@ class EmbeddedSimulator:
 
     def close(self) -> None:
         """Forget the current world."""
-        self._world = self._sensors = self._frame = None
+        self._now = self._frame = None

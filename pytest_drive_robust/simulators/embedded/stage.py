@@ -2,37 +2,52 @@
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
-from pytest_drive_robust.domain.truth import ActorKind, ActorState
+from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script, Trigger
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.places import RoutePlaces
-from pytest_drive_robust.simulators.embedded.signals import GREEN, RED, Program
-from pytest_drive_robust.simulators.embedded.triggers import Passing, Trigger
 
-__all__ = ["Stage"]
+__all__ = ["GREEN", "RED", "Program", "Stage", "compile_programs", "green_then_red", "red_then_green"]
 
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 _GAPS = 127  # draws of a flow; they repeat after that
 _LEAST_ROOM_M = 2.0
 """Between one car of a flow and the next."""
+MAX_PHASES = 4
+_YELLOW_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """`before` the scenario starts; then phases of (state, seconds after that at its end), the last one for ever."""
+
+    before: LightState
+    phases: tuple[tuple[LightState, float], ...]
+
+
+GREEN = Program(LightState.GREEN, ((LightState.GREEN, np.inf),))
+RED = Program(LightState.RED, ((LightState.RED, np.inf),))
 
 
 class Stage(RoutePlaces):
     """The world of one episode under construction.
 
     `start_right_m` and `start_mps` say how the ego starts: so many metres to the right of the route's first point, and
-    at what speed. `end_m` is the progress at which the scenario is over.
+    at what speed. `end_m` is the progress at which the scenario is over. `ranges` are those of the type's elements.
     """
 
-    def __init__(self, dense: DenseRoute, *, seed: int) -> None:
+    def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, tuple[float, float]]) -> None:
         super().__init__(dense)
+        self.ranges = ranges
         self.cast = Cast()
         self.programs: dict[int, Program] = {}
         self.patches: list[tuple[float, float]] = []
@@ -47,9 +62,7 @@ class Stage(RoutePlaces):
 
     def draws(self, name: str) -> RandomNumbers:
         """Return a generator that depends on (seed, route, name) and on nothing else."""
-        text = f"{self._seed}\x1f{self.dense.route.id}\x1f{self.dense.route.town}\x1f{name}".encode()
-        key = hashlib.blake2b(text, digest_size=16).digest()
-        return RandomNumbers(key)
+        return RandomNumbers.of(self._seed, self.dense.route.id, self.dense.route.town, name)
 
     def draw(self, name: str, low: float, high: float) -> float:
         """Return one number between `low` and `high`."""
@@ -64,22 +77,16 @@ class Stage(RoutePlaces):
         right_m: float = 0.0,
         *,
         yaw_rad: float = 0.0,
-        path: int | None = None,
         state: ActorState = ActorState.NONE,
+        appears: bool = False,
     ) -> int:
-        """Put something that does not move beside or on the ego's way (or `path`), turned by `yaw_rad` against it."""
-        chosen = self.ego_path if path is None else path
-        s = self.on_ego_path(ahead_m) if path is None else self.along(path, ahead_m)
+        """Put something that does not move beside or on the ego's way, turned by `yaw_rad` against it."""
         return self.cast.add(
-            ActorSpec(kind, chosen, s, mode=c.MODE_STATIC, right_m=right_m, yaw_rad=yaw_rad, state=state)
-        )
-
-    def appear(self, kind: ActorKind, ahead_m: float, right_m: float, *, trigger: Trigger, delay_s: float = 0.0) -> int:
-        """Put something that does not move and comes into being when its trigger fires: a door that is opened."""
-        at_m = self.on_ego_path(ahead_m)
-        actor = self.cast.add(ActorSpec(kind, self.ego_path, at_m, mode=c.MODE_STATIC, right_m=right_m, appears=True))
-        self.cast.script(actor, trigger, Script(0.0, right_m=right_m, delay_s=delay_s), at=self.spot(ahead_m))
-        return actor
+            ActorSpec(
+                kind, self.ego_path, self.on_ego_path(ahead_m), mode=c.MODE_STATIC, right_m=right_m, yaw_rad=yaw_rad,
+                state=state, appears=appears,
+            )
+        )  # fmt: skip
 
     def dirt(self, ahead_m: float) -> int:
         """Put a patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
@@ -118,13 +125,12 @@ class Stage(RoutePlaces):
         speed_mps: float,
         gap_m: tuple[float, float],
         background: bool = False,
-        right_m: float = 0.0,
         kinds: tuple[ActorKind, ...] = _CARS,
         obeys_lights: bool = False,
         sees: int = c.SEES_ALL,
         dense_m: float = 0.0,
     ) -> None:
-        """Add cars (or `kinds`) one after the other along a path, `right_m` beside its middle.
+        """Add cars (or `kinds`) one after the other along a path.
 
         Gaps are drawn from `gap_m`, from the middle of one to the middle of the next as Bench2Drive measures them. Our
         flows never end, so every third gap is twice as long: somebody who waits patiently gets through. In the first
@@ -137,18 +143,10 @@ class Stage(RoutePlaces):
         dense = min(int(np.searchsorted(np.cumsum(gaps), dense_m)), _GAPS // 2)
         gaps[dense + 2 :: 3] *= 2.0
         car = ActorSpec(
-            kinds[0], path, 0.0, speed_mps, right_m=right_m, end_m=self.length_m(path), background=background,
+            kinds[0], path, 0.0, speed_mps, end_m=self.length_m(path), background=background,
             obeys_lights=obeys_lights, sees=sees,
         )  # fmt: skip
         self.cast.flow(car, kinds=kinds, gaps_m=gaps)
-
-    def passing(self, ahead_m: float) -> Trigger:
-        """Return the trigger that fires when the ego passes a place of the route."""
-        return Passing(self.trigger_m + ahead_m)
-
-    def ride(self, speed_mps: float, right_m: float) -> Script:
-        """Set off at a speed and keep to the same side."""
-        return Script(speed_mps, right_m=right_m)
 
     # --- lights ---
 
@@ -167,3 +165,36 @@ class Stage(RoutePlaces):
         for index in self.dense.junction_stops(number):
             towards = scalars.cos(self.dense.lane_map.stop_lines[index].heading_rad - own)
             self.programs[index] = ego if towards > 0.7 else opposite if towards < -0.7 else crossing
+
+
+def red_then_green(red_s: float) -> Program:
+    """Return a program: red until `red_s` seconds after the scenario started, green from then on."""
+    return Program(LightState.RED, ((LightState.RED, red_s), (LightState.GREEN, np.inf)))
+
+
+def green_then_red(green_s: float, red_s: float) -> Program:
+    """Return a program: green for `green_s` after the scenario started, yellow for a second, red for `red_s`, green."""
+    return Program(
+        LightState.GREEN,
+        (
+            (LightState.GREEN, green_s),
+            (LightState.YELLOW, green_s + _YELLOW_S),
+            (LightState.RED, green_s + _YELLOW_S + red_s),
+            (LightState.GREEN, np.inf),
+        ),
+    )
+
+
+def compile_programs(
+    programs: list[Program],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
+    before = np.array([int(program.before) for program in programs], dtype=np.int64)
+    states = np.zeros((len(programs), MAX_PHASES), dtype=np.int64)
+    until = np.full((len(programs), MAX_PHASES), np.inf)
+    for k, program in enumerate(programs):
+        for phase in range(MAX_PHASES):
+            state, end_s = program.phases[min(phase, len(program.phases) - 1)]
+            states[k, phase] = int(state)
+            until[k, phase] = end_s
+    return before, states, until

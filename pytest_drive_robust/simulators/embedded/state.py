@@ -1,7 +1,4 @@
-"""The world as arrays: what the kernels read (`Statics`) and what they write (`State`), and the names of the columns.
-
-`snapshot` is a copy of `State`, so branching a world costs microseconds.
-"""
+"""The world as arrays: what kernels read (`Statics`) and what they write (`State`), and the names of the columns."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from typing import NamedTuple
 
 from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
-__all__ = ["DT_S", "EVENT_CAPACITY", "State", "Statics", "copy_state"]
+__all__ = ["DT_S", "EVENT_CAPACITY", "State", "Statics"]
 
 DT_S = 0.05
 EVENT_CAPACITY = 256
@@ -114,8 +111,3 @@ class State(NamedTuple):
     criteria: Floats1  # (9,)
     criteria_ints: Ints1  # (11,)
     events: Floats2  # (EVENT_CAPACITY, 6)
-
-
-def copy_state(state: State) -> State:
-    """Return an independent copy: what `snapshot` and `restore` move around."""
-    return State(*(array.copy() for array in state))

@@ -11,9 +11,8 @@ from dataclasses import replace
 from itertools import product
 
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["WEATHERS", "named_weather", "weather_name"]
+__all__ = ["WEATHERS", "weather_name"]
 
 _SKIES = {
     "clear": Weather(cloudiness=5.0, wind_intensity=10.0, fog_density=2.0),
@@ -53,17 +52,6 @@ WEATHERS: dict[str, Weather] = {
 
 A dust storm is haze in a strong wind over dry ground: the leaderboard's attributes know no dust.
 """
-
-
-def named_weather(name: str) -> Weather:
-    """Return the weather of a name. Raises `UnknownNameError` with the nearest one.
-
-    >>> named_weather("clear night").sun_altitude_angle < 0.0
-    True
-    """
-    if name not in WEATHERS:
-        raise UnknownNameError.of("weather", name, WEATHERS)
-    return WEATHERS[name]
 
 
 def weather_name(weather: Weather) -> str:

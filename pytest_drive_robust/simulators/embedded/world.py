@@ -13,23 +13,22 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays
+from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
 from pytest_drive_robust.simulators.embedded.kernels.ego import GRIP_MPS2, WHEELBASE_M
-from pytest_drive_robust.simulators.embedded.kernels.entry_points import actor_rows, finish, pack_world, settle, tick
+from pytest_drive_robust.simulators.embedded.kernels.entry_points import actor_rows, pack_world, settle, tick
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
-from pytest_drive_robust.simulators.embedded.signals import RED, compile_programs
-from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics, copy_state
+from pytest_drive_robust.simulators.embedded.stage import RED, Stage, compile_programs
+from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
 
 __all__ = ["DT_S", "EGO_LENGTH_M", "EGO_WIDTH_M", "World"]
 
 EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
 """`vehicle.lincoln.mkz_2020`, the leaderboard's ego."""
 
-Floats = NDArray[np.float64]
 _NOISE_TICKS = 199
 _STOPPING_MPS2 = 4.0
 
@@ -45,7 +44,7 @@ class World:
         kind = SCENARIOS.get(route.scenario.type)
         if kind is None:
             raise UnknownNameError.of("scenario type", route.scenario.type, SCENARIOS, hint=f"(route {route.id})")
-        self.stage = Stage(self.dense, seed=seed)
+        self.stage = Stage(self.dense, seed=seed, ranges={**kind.parameters, **kind.intervals})
         kind.build(self.stage)
         actors, actor_ints, flows, flow_ints, gaps = self.stage.cast.freeze()
         self.statics = _statics(self.dense, self.stage, kind, gaps, options or SimulatorOptions())
@@ -107,7 +106,7 @@ class World:
 
     def snapshot(self) -> State:
         """Return a copy of everything that changes; give it to `restore` to branch from here."""
-        return copy_state(self.state)
+        return State(*(array.copy() for array in self.state))
 
     def restore(self, snapshot: State) -> None:
         """Go back to a snapshot of this world."""
@@ -215,11 +214,9 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
 
 
 def _patch_noise(stage: Stage) -> Floats:
-    """Draw (n, 2), what dirt adds to throttle and steer.
+    """Draw (n, 2), what dirt adds to throttle and steer, pulling to one side all episode; without dirt n is 0.
 
     Source: Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`.
-
-    The side to which it pulls is drawn once per episode. Without dirt n is 0.
     """
     if not stage.patches:
         return np.zeros((0, 2))

@@ -1,9 +1,8 @@
 """`gymnasium:ID`: highway-env's environments, and any that is built like them, behind our `Simulator` protocol.
 
-Where is what: `ids` says which environments can be driven and names their routes; `environments` makes one at 20 Hz;
-`destinations` asks it where its ego shall go, `route_line` draws the way there,
-`road_map` the lanes; `vehicles` turns a control into its action; `live_road` reads its vehicles; `criteria` judges;
-`class_attributes` keeps what it writes on classes to itself; `simulator` is what others import.
+Where is what: `environments` says which can be driven and makes one at 20 Hz; `route_line` asks it where its ego
+shall go and draws the way there, `road_map` the lanes; `live_road` gives it controls and reads its vehicles;
+`criteria` judges; `class_attributes` keeps what it writes on classes to itself; `simulator` is what others import.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import criteria as constants
+from pytest_drive_robust.simulators.embedded.scoring import closing_infractions, end_detail
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
@@ -63,17 +64,22 @@ class EpisodeCriteria:
 
     def score(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
         """Return the criteria of a finished episode, closed."""
-        end = self.end or End.SIMULATION_CRASHED
-        infractions = [*self._infractions, *self._at_the_end(state, end)]
-        if self._speeds and self.progress_m > 0.95 * self._line.length_m:
+        end, passed_m, here = self.end or End.SIMULATION_CRASHED, self.progress_m, self._here(state)
+        outside_m = self._outside_m
+        if end is End.ENVIRONMENT and self._off_road:
+            outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
+        at_the_end = closing_infractions(end, outside_m=min(outside_m, passed_m), passed_m=passed_m, here=here)
+        if self._speeds and passed_m > 0.95 * self._line.length_m:
             self._close_checkpoint()
-        completion = 100.0 if end is End.COMPLETED else round(100.0 * self.progress_m / self._line.length_m, 2)
+        stopped = "crashed" if self._crashed else "off the road" if self._off_road else "before the end of the route"
         return EpisodeScore(
             end=end,
-            end_detail=self._end_detail(end, state.tick * dt_s, options, dt_s),
-            route_completion_pct=completion,
+            end_detail=end_detail(
+                end, at_s=state.tick * dt_s, still_s=self._still_s, options=options, dt_s=dt_s, stopped=stopped
+            ),
+            route_completion_pct=100.0 if end is End.COMPLETED else round(100.0 * passed_m / self._line.length_m, 2),
             route_length_m=self._line.length_m,
-            infractions=tuple(infractions),
+            infractions=(*self._infractions, *at_the_end),
             speed_ratios_pct=tuple(self._ratios),
             junction_passed=self._junction_passed(),
         )
@@ -93,7 +99,8 @@ class EpisodeCriteria:
             other = self._road.whom_it_hit()
             kind = ActorKind.BARRIER if other is None else kind_of(other)
             detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
-            self._note(_COLLISIONS[kind.collision_class], state, detail)
+            tick, x, y = self._here(state)
+            self._infractions.append(Infraction(_COLLISIONS[kind.collision_class], tick, detail, x, y))
 
     def _is_outside(self) -> bool:
         """Return whether the ego is more than half a metre outside every lane (`ego.lane` is the nearest one)."""
@@ -146,39 +153,10 @@ class EpisodeCriteria:
             return End.STUCK
         return End.TICK_CAP if state.tick >= options.tick_cap else None
 
-    def _at_the_end(self, state: WorldState, end: End) -> list[Infraction]:
-        found: list[Infraction] = []
-        if end is End.DEVIATED:
-            found.append(self._here(InfractionKind.DEVIATION, state, "left the route by more than 30 m"))
-        if end is End.BLOCKED:
-            found.append(self._here(InfractionKind.BLOCKED, state, "stood still for more than 60 s"))
-        outside_m, passed_m = self._outside_m, self.progress_m
-        if end is End.ENVIRONMENT and self._off_road:
-            outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
-        if outside_m > 0.0 and passed_m > 0.0:
-            share = min(100.0 * outside_m / passed_m, 100.0)
-            detail = f"outside its lanes for {outside_m:.0f} m, {share:.0f} % of the way"
-            found.append(self._here(InfractionKind.OUTSIDE_LANES, state, detail, share_pct=share))
-        return found
-
-    def _end_detail(self, end: End, at_s: float, options: SimulatorOptions, dt_s: float) -> str:
-        stopped = "crashed" if self._crashed else "off the road" if self._off_road else "before the end of the route"
-        return {
-            End.COMPLETED: f"reached the end at {at_s:.1f} s",
-            End.DEVIATED: f"left the route at {at_s:.1f} s",
-            End.ENVIRONMENT: f"the environment ended the episode at {at_s:.1f} s: {stopped}",
-            End.BLOCKED: f"stood still for {self._still_s:.0f} s",
-            End.STUCK: f"stood still for {self._still_s:.0f} s, stopped early (--drive-stuck-stop)",
-            End.TICK_CAP: f"not finished after {options.tick_cap} ticks ({options.tick_cap * dt_s:.0f} s)",
-        }.get(end, f"stopped at {at_s:.1f} s before any end was reached")
-
     def _junction_passed(self) -> bool:
         flags = [self._lane_map.lanes[self._index[key]].junction for key in self._line.keys]
         return any(flags) and self.row > flags.index(True) + 8
 
-    def _note(self, kind: InfractionKind, state: WorldState, detail: str) -> None:
-        self._infractions.append(self._here(kind, state, detail))
-
     @staticmethod
-    def _here(kind: InfractionKind, state: WorldState, detail: str, *, share_pct: float = 0.0) -> Infraction:
-        return Infraction(kind, state.tick, detail, state.ego.x_m, state.ego.y_m, share_pct)
+    def _here(state: WorldState) -> tuple[int, float, float]:
+        return state.tick, state.ego.x_m, state.ego.y_m

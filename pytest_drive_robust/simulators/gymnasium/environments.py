@@ -6,7 +6,8 @@ import copy
 import functools
 import importlib
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -15,15 +16,25 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec, load_env_creator
 from highway_env.envs.common.abstract import AbstractEnv
 
-from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.simulators.gymnasium.ids import refusal_of, working_ids
-from pytest_drive_robust.simulators.gymnasium.vehicles import (
+from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
+from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
+from pytest_drive_robust.simulators.gymnasium.live_road import (
     ACCELERATION_RANGE_MPS2,
     STEERING_RANGE_RAD,
     EgoAction,
 )
 
-__all__ = ["RATE_HZ", "DrivableEnvironment", "Environment", "find_spec", "make_environment"]
+__all__ = [
+    "RATE_HZ",
+    "ROUTES",
+    "WORKING",
+    "DrivableEnvironment",
+    "Environment",
+    "find_spec",
+    "make_environment",
+    "reset_seed",
+    "routes_of",
+]
 
 Environment = gymnasium.Env[Any, Any]
 
@@ -51,6 +62,28 @@ _EXPECTED = (
     "expected an environment like highway-env's: unwrapped it has `road` (network, vehicles, objects), `vehicle`, "
     "`config` and `action_type`, and `gymnasium.make(id, config={...})` sets its config"
 )
+ROUTES = 10
+"""So many routes are driven when nobody names any."""
+_MOST_ROUTES = 100_000
+WORKING = (
+    *("exit-v0", "exit-v1", "highway-v0", "highway-fast-v0", "intersection-v0", "intersection-v1", "intersection-v2"),
+    *("merge-v0", "merge-v1", "merge-generic-v0", "merge-generic-v1", "racetrack-v0", "racetrack-v1"),
+    *("racetrack-large-v0", "racetrack-large-v1", "racetrack-oval-v0", "racetrack-oval-v1", "roundabout-v0"),
+    *("roundabout-v1", "roundabout-generic-v0", "roundabout-generic-v1", "two-way-v0", "u-turn-v0", "u-turn-v1"),
+)
+_PARKING = "it has no lane to drive along and needs a reverse gear, which throttle, steer and brake do not have"
+_SEVERAL = "it has several egos, and here one agent drives one"
+_OWN_STEP = "it steers a car of constant speed by a step of its own, without traffic"
+_REFUSED = {
+    "intersection-multi-agent-v0": (_SEVERAL, "intersection-v0"),
+    "intersection-multi-agent-v1": (_SEVERAL, "intersection-v1"),
+    "intersection-multi-agent-v2": (_SEVERAL, "intersection-v2"),
+    "lane-keeping-v0": (_OWN_STEP, "racetrack-v0"),
+    "parking-v0": (_PARKING, "roundabout-v0"),
+    "parking-ActionRepeat-v0": (_PARKING, "roundabout-v0"),
+    "parking-parked-v0": (_PARKING, "roundabout-v0"),
+}
+"""Why not, and the nearest that can."""
 
 
 class DrivableEnvironment:
@@ -83,21 +116,21 @@ def find_spec(identifier: str) -> EnvSpec:
             importlib.import_module(module)
         except ImportError as error:
             raise UsageError(f"the module {module!r} of gymnasium:{identifier} does not load: {error}") from error
-    reason = refusal_of(name)
-    if reason is not None:
-        raise UsageError(reason)
+    if name in _REFUSED:
+        reason, instead = _REFUSED[name]
+        raise UsageError(
+            f"gymnasium:{name} cannot be driven: {reason}. The nearest is gymnasium:{instead}. "
+            f"With gymnasium: {', '.join(WORKING)}."
+        )
     try:
         return gymnasium.spec(name)
     except gymnasium.error.Error:
         hint = "Give 'gymnasium:module:ID' for one that a module of yours registers."
-        raise UnknownNameError.of("gymnasium environment", identifier, working_ids(), hint=hint) from None
+        raise UnknownNameError.of("gymnasium environment", identifier, WORKING, hint=hint) from None
 
 
 def make_environment(spec: EnvSpec, *, name: str) -> Environment:
-    """Return a new environment, at 20 Hz; `name` is for messages.
-
-    Raises `UsageError` when it cannot be made so, or is not like highway-env's.
-    """
+    """Return an environment at 20 Hz, `name` for messages. Raises `UsageError` for one unlike highway-env's."""
     spec = copy.deepcopy(spec)
     creator = load_env_creator(spec.entry_point) if isinstance(spec.entry_point, str) else spec.entry_point
     if isinstance(creator, type) and issubclass(creator, AbstractEnv):
@@ -134,3 +167,35 @@ def _check(env: Any, name: str) -> None:
 @functools.cache
 def _drivable(creator: type) -> type:
     return type(f"Drivable{creator.__name__}", (DrivableEnvironment, creator), {"__module__": __name__})
+
+
+def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:
+    """Return the routes of those names, each once; without names `intersection-v1-0` to `-9`.
+
+    Where a route leads is known once it is reset: it has no waypoints. Raises `UnknownNameError`.
+    """
+    wanted = names or [f"{identifier}-{number}" for number in range(ROUTES)]
+    for name in wanted:
+        if _number(name, identifier) is None:
+            known = [f"{identifier}-{number}" for number in range(ROUTES)]
+            hint = f"Any number up to {_MOST_ROUTES - 1} will do."
+            raise UnknownNameError.of(f"route of {simulator}", name, known, hint=hint)
+    scenario = ScenarioSpec(identifier, identifier, TriggerPoint(0.0, 0.0, 0.0, 0.0))
+    return tuple(Route(name, simulator, (), scenario) for name in dict.fromkeys(wanted))
+
+
+def reset_seed(route: Route, seed: int, *, simulator: str, identifier: str) -> int:
+    """Return the reset's seed: the route's number + 100000 times the episode's. Raises `RouteError` for another."""
+    number = _number(route.id, identifier)
+    if number is None:
+        raise RouteError(
+            f"route {route.label!r} is for town {route.town!r} and does not fit {simulator}, which makes its own "
+            f"roads: give --drive-routes {simulator} for its first {ROUTES} routes, or some of {identifier}-0 to "
+            f"{identifier}-{_MOST_ROUTES - 1} by name"
+        )
+    return number + _MOST_ROUTES * seed
+
+
+def _number(name: str, identifier: str) -> int | None:
+    found = re.fullmatch(re.escape(identifier) + r"-(0|[1-9]\d{0,4})", name)
+    return None if found is None else int(found.group(1))

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from highway_env.road.lane import AbstractLane
 from highway_env.road.road import RoadNetwork
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
+from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["DEFAULT_LIMIT_MPS", "LaneKey", "RoadMap", "junction_keys", "sample"]
+__all__ = ["DEFAULT_LIMIT_MPS", "LaneKey", "junction_keys", "read_map", "sample"]
 
-Floats = NDArray[np.float64]
 LaneKey = tuple[Any, Any, int]
 """highway-env's name of a lane: from node, to node, number."""
 
@@ -28,54 +27,40 @@ _TOUCH_M = 0.6
 _NO_NEIGHBOUR = (-1, False)
 
 
-class RoadMap:
-    """The lanes of `network` near the points `around` (n, 2 or more).
+def read_map(network: RoadNetwork, around: Floats, *, name: str) -> tuple[LaneMap, dict[LaneKey, int]]:
+    """Return the lanes of `network` near the points `around` (n, 2 or more), and their indices by highway-env's keys.
 
     Lanes longer than 1.5 km (those of highway-v0 have 10 km) are sampled only where the route passes.
     """
-
-    def __init__(self, network: RoadNetwork, around: Floats, *, name: str) -> None:
-        lanes: dict[LaneKey, AbstractLane] = network.lanes_dict()
-        self.index: dict[LaneKey, int] = {key: k for k, key in enumerate(lanes)}
-        junctions = junction_keys(network)
-        centres = {key: sample(lane, *_seen(lane, around)) for key, lane in lanes.items()}
-        self.lane_map = LaneMap(
-            name=name,
-            lanes=tuple(self._lane(key, lanes, centres, junctions) for key in lanes),
-            stop_lines=(),
-            crosswalks=np.zeros((0, 4, 2)),
-            buildings=np.zeros((0, 6)),
-        )
-
-    def _lane(
-        self,
-        key: LaneKey,
-        lanes: dict[LaneKey, AbstractLane],
-        centres: dict[LaneKey, Floats],
-        junctions: frozenset[LaneKey],
-    ) -> Lane:
-        lane = lanes[key]
+    lanes: dict[LaneKey, AbstractLane] = network.lanes_dict()
+    index = {key: k for k, key in enumerate(lanes)}
+    junctions = junction_keys(network)
+    read = []
+    for key, lane in lanes.items():
+        centre = sample(lane, *_seen(lane, around))
         left, right = _NO_NEIGHBOUR, _NO_NEIGHBOUR
         if key not in junctions:
-            others = {self.index[k]: other for k, other in lanes.items() if k != key and k not in junctions}
-            left, right = _neighbours(lane, centres[key], others)
-        return Lane(
-            index=self.index[key],
-            kind=LaneKind.DRIVING,
-            centre=centres[key],
-            width_m=float(lane.width_at(0.0)),
-            speed_limit_mps=float(lane.speed_limit or DEFAULT_LIMIT_MPS),
-            junction=key in junctions,
-            left=left[0],
-            right=right[0],
-            left_same_way=left[1],
-            right_same_way=right[1],
-            left_line=_LINES[int(lane.line_types[0])],
-            right_line=_LINES[int(lane.line_types[1])],
-            successors=tuple(
-                self.index[after] for after, other in lanes.items() if after[0] == key[1] and _joins(lane, other)
-            ),
+            others = {index[k]: other for k, other in lanes.items() if k != key and k not in junctions}
+            left, right = _neighbours(lane, centre, others)
+        after = (k for k, other in lanes.items() if k[0] == key[1] and _joins(lane, other))
+        read.append(
+            Lane(
+                index=index[key],
+                kind=LaneKind.DRIVING,
+                centre=centre,
+                width_m=float(lane.width_at(0.0)),
+                speed_limit_mps=float(lane.speed_limit or DEFAULT_LIMIT_MPS),
+                junction=key in junctions,
+                left=left[0],
+                right=right[0],
+                left_same_way=left[1],
+                right_same_way=right[1],
+                left_line=_LINES[int(lane.line_types[0])],
+                right_line=_LINES[int(lane.line_types[1])],
+                successors=tuple(index[k] for k in after),
+            )
         )
+    return LaneMap(name, tuple(read), (), np.zeros((0, 4, 2)), np.zeros((0, 6))), index
 
 
 def junction_keys(network: RoadNetwork) -> frozenset[LaneKey]:

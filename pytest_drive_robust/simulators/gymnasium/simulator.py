@@ -19,17 +19,18 @@ from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
 from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
-from pytest_drive_robust.simulators.gymnasium.destinations import itinerary_of
 from pytest_drive_robust.simulators.gymnasium.environments import (
     RATE_HZ,
+    WORKING,
     Environment,
     find_spec,
     make_environment,
+    reset_seed,
+    routes_of,
 )
-from pytest_drive_robust.simulators.gymnasium.ids import reset_seed, routes_of, working_ids
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
-from pytest_drive_robust.simulators.gymnasium.road_map import RoadMap, junction_keys
-from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line
+from pytest_drive_robust.simulators.gymnasium.road_map import junction_keys, read_map
+from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line, itinerary_of
 
 __all__ = ["GymnasiumSimulator"]
 
@@ -50,7 +51,7 @@ class GymnasiumSimulator:
     """One environment, driven at 20 Hz with our sensors and criteria.
 
     A route of it is `ID-NUMBER`: the environment reset with the seed `NUMBER + 100000 * the episode's seed`. The way is
-    the one that the environment plans for its ego, or straight on (`destinations`). Its `duration` is lifted; what else
+    the one that the environment plans for its ego, or straight on (`itinerary_of`). Its `duration` is lifted; what else
     ends it (a crash, leaving the road) ends the episode. Raises `UnknownNameError` for an id that nobody registered and
     `UsageError` for one that we cannot drive, both with what can be driven.
     """
@@ -65,7 +66,7 @@ class GymnasiumSimulator:
         self._classes = ClassAttributes()
         self._env: Environment | None = None
         self._episode: _Episode | None = None
-        if self._spec.id not in working_ids():  # a stranger's: tell now whether it can be driven
+        if self._spec.id not in WORKING:  # a stranger's: tell now whether it can be driven
             with self._classes.inside():
                 self._env = make_environment(self._spec, name=self.name)
 
@@ -77,10 +78,7 @@ class GymnasiumSimulator:
         return self._env
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
-        """Return the routes of those names, or what is driven when nobody names any: `intersection-v1-0` to `-9`.
-
-        Raises `UnknownNameError`.
-        """
+        """Return the routes of those names, without names `intersection-v1-0` to `-9`. Raises `UnknownNameError`."""
         return routes_of(self.name, self._spec.id, names)
 
     def check_route(self, route: Route) -> None:
@@ -91,7 +89,7 @@ class GymnasiumSimulator:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
         number = self._reset_seed(route, seed)
         self._episode = None
-        self._classes.begin()
+        self._classes = ClassAttributes()
         with self._classes.inside():
             if self._env is None:
                 self._env = make_environment(self._spec, name=self.name)
@@ -133,8 +131,7 @@ class GymnasiumSimulator:
         return self._now.criteria.progress_m
 
     def score(self) -> EpisodeScore:
-        """Close the criteria and report them. Raises `SimulationError` when other code meddled with the classes."""
-        self._classes.check()
+        """Close the criteria and report them."""
         episode = self._now
         return episode.criteria.score(episode.state, dt_s=self.dt_s, options=self.options)
 
@@ -175,15 +172,13 @@ class GymnasiumSimulator:
         inner: Any = env.unwrapped
         network, start = inner.road.network, np.asarray(inner.vehicle.position, dtype=float)
         line = draw_line(network, itinerary_of(inner), start, junction_keys(network))
-        road_map = RoadMap(network, line.rows, name=self.name)
-        road = LiveRoad(env, road_map.lane_map, road_map.index, dt_s=self.dt_s)
+        lane_map, index = read_map(network, line.rows, name=self.name)
+        road = LiveRoad(env, lane_map, index, dt_s=self.dt_s)
         return _Episode(
             road=road,
             line=line,
-            lane_map=road_map.lane_map,
-            criteria=EpisodeCriteria(road, line, road_map.lane_map, road_map.index),
-            sensors=Sensors(
-                cameras, lane_map=road_map.lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s
-            ),
+            lane_map=lane_map,
+            criteria=EpisodeCriteria(road, line, lane_map, index),
+            sensors=Sensors(cameras, lane_map=lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s),
             state=road.state(),
         )

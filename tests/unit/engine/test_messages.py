@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pytest_drive_robust.engine.messages import TOKEN_BYTES, Answer, receive, refusal, send
+from pytest_drive_robust.engine.messages import TOKEN_BYTES, answer_bytes, read_answer, receive, refusal
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 TOKEN = b"t" * TOKEN_BYTES
@@ -35,13 +35,13 @@ def test_messages_arrive_whole_and_in_order(
 ) -> None:
     ours, theirs = ends
     for message in messages:
-        send(ours, *message)
+        ours.send_bytes(b"".join(message))
     assert [receive(theirs) for _ in messages] == messages
 
 
 def test_a_connection_that_ends_between_messages_is_at_its_end(ends: tuple[Connection, Connection]) -> None:
     ours, theirs = ends
-    send(ours, *MESSAGE)
+    ours.send_bytes(b"".join(MESSAGE))
     ours.close()
     assert receive(theirs) == MESSAGE
     with pytest.raises(EOFError):
@@ -84,14 +84,13 @@ def test_a_message_without_a_token_is_refused(noise: bytes) -> None:
 
 
 def test_what_is_no_answer_is_refused() -> None:
-    notes = b'{"is_spent": true, "refused": false}'
-    for payload in (b"", b"1234", b"{}", b"{}\n", notes + b"\nno record"):
+    for payload in (b"", b"1234", b"\1\0no record", b"\1\1", b"\1\1no JSON", b"\1\1[]", b"\1\1{}", b"\1\0017"):
         with pytest.raises(ValueError, match=r"."):
-            Answer.from_bytes(payload)
+            read_answer(payload)
 
 
 def test_a_usage_error_keeps_its_class_and_its_text() -> None:
-    answer = Answer.from_bytes(Answer(UnknownNameError("no such"), is_spent=True).to_bytes())
-    assert answer.is_spent
-    assert (type(answer.result), str(answer.result)) == (UnknownNameError, "no such")
-    assert type(refusal(b'{"type": "OSError", "text": ""}')) is UsageError
+    result, is_spent = read_answer(answer_bytes(UnknownNameError("no such"), is_spent=True))
+    assert is_spent
+    assert (type(result), str(result)) == (UnknownNameError, "no such")
+    assert type(refusal(b'["OSError", ""]')) is UsageError

@@ -80,6 +80,37 @@ def test_what_is_missing_is_compiled_and_counted(
     assert compile_all.missing_functions() == 0
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="forks")
+@pytest.mark.parametrize("processes", [1, 2])
+def test_what_is_needed_first_is_there_before_the_rest(
+    some: list[object], processes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compile_all, "_may_fork", lambda: True)
+    told: list[tuple[int, int]] = []
+    begun = compile_all.Compilation(some[2:], processes=processes, tell=lambda *counted: told.append(counted))
+    assert from_cache(some[2:]) == [1]
+    assert begun.missing == 3
+    assert set(told) >= {(0, 1), (1, 1)}
+    assert begun.news is not None
+    assert len(begun.children) == processes
+    while begun.news is not None:
+        begun.hear()
+    assert told[-1] == (4, 4)
+    assert from_cache(some) == [1, 1, 1]
+    assert values(some) == [15.0, 16.0, 7.0]
+
+
+def test_where_nothing_can_be_written_no_process_compiles_in_vain(
+    some: list[object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compile_all, "_may_fork", lambda: True)
+    monkeypatch.setattr(compile_all.os, "access", lambda path, mode: False)
+    begun = compile_all.Compilation(some[2:], processes=2)
+    assert begun.children == []
+    assert begun.news is None
+    assert values(some) == [15.0, 16.0, 7.0]
+
+
 def test_what_is_in_the_cache_is_loaded_and_nothing_told(some: list[object]) -> None:
     compile_all.compile_all(processes=1)
     some.clear()

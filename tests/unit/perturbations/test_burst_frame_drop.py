@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations import BurstFrameDrop, Setting
 from pytest_drive_robust.perturbations.burst_frame_drop import BurstSchedule
-from pytest_drive_robust.perturbations.draws import Draws
+from pytest_drive_robust.perturbations.context import Draws
 
 
 def stale_ticks(driven: list[Observation], camera: str = "front") -> list[int]:

@@ -44,7 +44,6 @@ from pytest_drive_robust.perturbations.severity import whole_ticks
         (lambda: PartialObservation(ratio=math.nan), "ratio is nan"),
         (lambda: PartialObservation(fill="blurr"), "Did you mean 'blur'?"),
         (lambda: PartialObservation(area=1), "area is 1, expected True or False"),
-        (lambda: PartialObservation(hold_s=math.inf), "hold_s is inf, expected seconds of at least 0"),
         (
             lambda: GpsNoise(std_m=-5),
             "GpsNoise: std_m is -5, expected metres of at least 0 (the paper drives 5 and 15)",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from snapshot_factory import PRINT, cell, snapshot, with_versions
+from snapshot_factory import PRINT, cell, route_score, snapshot, with_versions
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.baselines import (
@@ -20,11 +20,11 @@ from pytest_drive_robust.regression.baselines import (
     merge,
     read_baseline,
 )
-from pytest_drive_robust.regression.blessing import Signature, bless, blessed_snapshot
+from pytest_drive_robust.regression.blessing import bless, blessed_snapshot
 from pytest_drive_robust.regression.comparison import compare
-from pytest_drive_robust.regression.snapshot import Cell, Snapshot
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 
-SIGNATURE = Signature("first baseline", "2026-11-21", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
+SIGNATURE = Blessing("2026-11-21", "first baseline", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
 
 places = st.tuples(
     st.sampled_from(["embedded", "fake"]),
@@ -46,9 +46,10 @@ blessings = st.builds(
 @st.composite
 def baselines(draw: st.DrawFn) -> Baseline:
     known = draw(st.dictionaries(st.sampled_from(["2026-11-20", "2026-11-21", "2026-11-22"]), blessings, min_size=1))
-    route = st.builds(
-        BlessedRoute,
-        blessing=st.sampled_from(sorted(known)),
+    score = st.builds(
+        RouteScore,
+        route_id=st.just(""),
+        fingerprint=st.just(PRINT),
         scenario=st.just("Kind"),
         ds=st.integers(0, 100000).map(lambda number: number / 1000.0),
         sr=st.sampled_from([0.0, 0.5, 1.0]),
@@ -57,15 +58,17 @@ def baselines(draw: st.DrawFn) -> Baseline:
         outcome=st.text(max_size=5),
         digest=st.sampled_from(["", "d0", "d1"]),
     )
-    return Baseline("driver", known, draw(st.dictionaries(places, route, max_size=8)))
+    drawn = draw(st.dictionaries(places, st.tuples(st.sampled_from(sorted(known)), score), max_size=8))
+    routes = {
+        place: BlessedRoute(name, replace(score, route_id=place[2], fingerprint=known[name].fingerprint))
+        for place, (name, score) in drawn.items()
+    }
+    return Baseline("driver", known, routes)
 
 
 def scores(baseline: Baseline) -> dict[object, object]:
     """What must not be lost: each score with the whole of its blessing, whatever that is called."""
-    return {
-        place: (replace(route, blessing=""), baseline.blessings[route.blessing])
-        for place, route in baseline.routes.items()
-    }
+    return {place: (route.score, baseline.blessings[route.blessing]) for place, route in baseline.routes.items()}
 
 
 @settings(max_examples=50)
@@ -162,7 +165,7 @@ def test_scores_of_another_simulator_live_beside(tmp_path: Path) -> None:
     ids=["ci", "no-reason", "infra-error", "empty"],
 )
 def test_what_must_not_be_blessed_writes_nothing(
-    tmp_path: Path, run: Snapshot, signature: Signature, environ: dict[str, str], told: str
+    tmp_path: Path, run: Snapshot, signature: Blessing, environ: dict[str, str], told: str
 ) -> None:
     with pytest.raises(UsageError, match=told):
         bless(run, tmp_path / "baselines", signature, environ=environ)
@@ -179,7 +182,7 @@ def test_a_route_that_became_another_is_replaced_on_request_only(tmp_path: Path)
 
 
 def test_an_unknown_author_stays_unknown(tmp_path: Path) -> None:
-    (blessed,) = bless(snapshot(cell([100.0])), tmp_path, Signature("why", "2026-11-21"), environ={})
+    (blessed,) = bless(snapshot(cell([100.0])), tmp_path, Blessing("2026-11-21", "why"), environ={})
     (told,) = json.loads(blessed.path.read_text())["blessings"].values()
     assert (told["by"], told["commit"], told["run"]) == (None, None, None)
 
@@ -213,9 +216,10 @@ def test_an_empty_cell_takes_nothing_away(tmp_path: Path) -> None:
 
 
 def test_routes_whose_numbers_are_equal_have_an_order() -> None:
-    route = BlessedRoute("2026-11-20", "Kind", ds=0.0, sr=0.0, seeds=(0,), worst_seed=0, outcome="", digest="")
+    score = route_score("1", 0.0)
     blessing = Blessing("2026-11-20", reason="first", by="", run="before", commit="", fingerprint=PRINT)
-    routes = {("embedded", "clean", name): route for name in ("10", "00", "9", "0")}
+    names = ("10", "00", "9", "0")
+    routes = {("embedded", "clean", name): BlessedRoute("2026-11-20", replace(score, route_id=name)) for name in names}
     baseline = Baseline("driver", {blessing.date: blessing}, routes)
     turned = replace(baseline, routes=dict(reversed(routes.items())))
     assert turned.to_text() == baseline.to_text()

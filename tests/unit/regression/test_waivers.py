@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression import clock
 from pytest_drive_robust.regression.waivers import Waiver, Waivers, read_waivers
 from pytest_drive_robust.store.events import Judged
 
@@ -21,15 +22,21 @@ def judged(verdict: str, *, agent: str = "driver", sentence: str = SENTENCE, nod
     return Judged(nodeid, sentence, agent, "full", (0,), "RD", "500 ms latency", "<=", 0.3, verdict)
 
 
-def book(waiver: Waiver = WAIVER, *, today: date = LAST_DAY) -> Waivers:
-    return Waivers([waiver], today=lambda: today)
+@pytest.fixture(autouse=True)
+def the_last_day(monkeypatch: pytest.MonkeyPatch) -> None:
+    days_later(0, monkeypatch)
+
+
+def days_later(days: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clock, "today", lambda: LAST_DAY + timedelta(days=days))
 
 
 @pytest.mark.parametrize(
     ("days", "holds"), [(-365, True), (-1, True), (0, True), (1, False), (365, False)], ids=lambda value: str(value)
 )
-def test_a_waiver_holds_up_to_and_on_its_day(days: int, holds: bool) -> None:
-    assert book(today=LAST_DAY + timedelta(days=days)).holds(WAIVER) is holds
+def test_a_waiver_holds_up_to_and_on_its_day(days: int, holds: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    days_later(days, monkeypatch)
+    assert Waivers([WAIVER]).holds(WAIVER) is holds
 
 
 @pytest.mark.parametrize(
@@ -66,23 +73,25 @@ def test_of_several_waivers_the_longest_counts() -> None:
         (["pass"], 1, "waiver expired, nothing fails, remove it: "),
     ],
 )
-def test_the_review_says_what_became_of_a_waiver(verdicts: list[str], days: int, told: str) -> None:
-    waivers = book(today=LAST_DAY + timedelta(days=days))
-    (line,) = waivers.review([judged(verdict) for verdict in verdicts], whole=True)
+def test_the_review_says_what_became_of_a_waiver(
+    verdicts: list[str], days: int, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    days_later(days, monkeypatch)
+    (line,) = Waivers([WAIVER]).review([judged(verdict) for verdict in verdicts], whole=True)
     assert line.startswith(told)
     assert "planning until 2026-12-15: new planner" in line
 
 
 def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -> None:
     others = [judged("pass", sentence="DS under clean >= 60", nodeid="t.py::t[ds]")]
-    (line,) = book().review(others, whole=True)
+    (line,) = Waivers([WAIVER]).review(others, whole=True)
     assert line.startswith("warning: this waiver matches no requirement: ")
-    assert book().review(others, whole=False) == []
+    assert Waivers([WAIVER]).review(others, whole=False) == []
 
 
 def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing() -> None:
     waiver = Waiver(SENTENCE, "planning", "why", LAST_DAY, "other")
-    assert book(waiver).review([judged("fail")], whole=True) == []
+    assert Waivers([waiver]).review([judged("fail")], whole=True) == []
 
 
 def write(folder: Path, text: str) -> Path:

@@ -95,7 +95,7 @@ class Replayed:
         self._clock.now_s = ends_s
         future.set_result(result)
 
-    def close(self, *, cancel: bool = False) -> None: ...
+    def close(self) -> None: ...
 
 
 class Told:

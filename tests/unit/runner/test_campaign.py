@@ -33,7 +33,7 @@ class Hands:
         future.set_result(replace(make_result(task.route.id), wall_s=WALL_S[task.route.id]))
         return future
 
-    def close(self, *, cancel: bool = False) -> None: ...
+    def close(self) -> None: ...
 
 
 class Nobody:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+
 import pytest
 from lockstep_agents import Net, bits, drive_together, task
 
@@ -54,8 +56,15 @@ def keyed(number: int, agent: str = "net") -> EpisodeRequest:
 
 def drive(driving: InlineExecutor, requests: list[EpisodeRequest]) -> list[EpisodeResult]:
     futures = [driving.submit(request) for request in requests]
-    driving.close()
+    finish(driving, futures)
     return [future.result(timeout=0.0) for future in futures]
+
+
+def finish(driving: InlineExecutor, futures: list[Future[EpisodeResult]]) -> None:
+    assert driving.work is not None
+    while not all(future.done() for future in futures):
+        driving.work()
+    driving.close()
 
 
 def test_what_is_submitted_is_driven_in_batches(registry: Registry) -> None:
@@ -95,7 +104,7 @@ def test_a_world_that_always_breaks_ends_in_an_infra_error(registry: Registry) -
 def test_an_agent_that_cannot_be_made_has_no_results_and_others_have(registry: Registry) -> None:
     driving = executor(registry)
     futures = [driving.submit(keyed(number, agent)) for number, agent in enumerate(("unmakable", "net", "unmakable"))]
-    driving.close()
+    finish(driving, futures)
     assert isinstance(futures[0].exception(timeout=0.0), UsageError)
     assert futures[0].exception() is futures[2].exception(timeout=0.0)
     assert futures[1].result(timeout=0.0).outcome is Outcome.COMPLETED

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from dataclasses import replace
 
 import pytest
 from result_factory import make_result
@@ -29,7 +30,7 @@ class Hands:
         self.begun: list[str] = []
         self.open: dict[str, Future] = {}
         self.most = 0
-        self.cancelled = False
+        self.closed = False
 
     def submit(self, task):
         future: Future = Future()
@@ -41,8 +42,8 @@ class Hands:
     def finish(self, route: str) -> None:
         self.open.pop(route).set_result(make_result(route))
 
-    def close(self, *, cancel: bool = False) -> None:
-        self.cancelled = cancel
+    def close(self) -> None:
+        self.closed = True
 
 
 class Diary:
@@ -94,6 +95,22 @@ def test_what_is_hardly_needed_waits_for_the_plan():
     scheduler.plan(TASKS[:1])
     scheduler.ensure(TASKS[4:5], ahead=TASKS[6:7], rest=TASKS[7:])
     assert hands.begun[:4] == ["4", "6", "0", "7"]
+
+
+def test_what_waits_for_a_compiler_is_begun_later_and_nothing_that_is_hardly_needed_meanwhile(monkeypatch):
+    hands = Hands()
+    other = tuple(replace(task, episode=replace(task.episode, agent="other")) for task in TASKS[4:6])
+    for task in other:
+        monkeypatch.setitem(ROUTE_OF, task.key, task.route.id)
+    ready = {"driver"}
+    hands.drives = ready.__contains__
+    scheduler = Scheduler(MemoryStore(), hands, Diary(hands))
+    scheduler.plan([*TASKS[:2], *other])
+    scheduler.ensure(TASKS[:1], rest=TASKS[6:])
+    assert hands.begun == ["0", "1"]
+    ready.add("other")
+    scheduler.ensure(other)
+    assert hands.begun[2:4] == ["4", "5"]
 
 
 def test_the_plan_leaves_out_and_tells_what_is_stored():
@@ -204,7 +221,7 @@ def test_closing_gives_back_what_was_claimed():
     with pytest.raises(KeyboardInterrupt):
         scheduler.ensure(TASKS)
     scheduler.close()
-    assert hands.cancelled
+    assert hands.closed
     assert released == [task.key for task in TASKS[:2]]
 
 

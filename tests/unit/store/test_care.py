@@ -147,4 +147,4 @@ def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monke
     assert main(["store", "stats", "--store", "nowhere"]) == 4
     assert "there is no store 'nowhere'" in capsys.readouterr().err
     assert main(["store", "gc", "--older-than", "soon"]) == 4
-    assert "--older-than is 'soon', expected minutes, hours or days" in capsys.readouterr().err
+    assert "--older-than is 'soon', expected a time such as 90s, 20m or 1.5h" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from result_factory import FULL
 
-from pytest_drive_robust.domain.tracks import Tracks
+from pytest_drive_robust.domain.result import Tracks
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks, unpack_tracks
 

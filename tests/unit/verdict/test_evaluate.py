@@ -9,8 +9,7 @@ from dataclasses import replace
 import pytest
 from result_factory import crashed_simulation, make_result, scored, trace_of
 
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import EpisodeResult, Reception, Touch
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import Metric

@@ -12,9 +12,13 @@ from pytest_drive_robust.verdict.explain import (
     WorstRoute,
     describe_outcome,
     first_divergence,
-    first_divergence_s,
     worst_routes,
 )
+
+
+def parted_s(clean: EpisodeResult, perturbed: EpisodeResult) -> float | None:
+    found = first_divergence(clean, perturbed)
+    return None if found is None else found.second
 
 
 def test_a_clean_drive_is_completed() -> None:
@@ -70,7 +74,7 @@ def from_tick(tick: int, value: float, ticks: int = 100) -> np.ndarray:
 
 
 def test_identical_episodes_never_diverge() -> None:
-    assert first_divergence_s(drive(), drive()) is None
+    assert parted_s(drive(), drive()) is None
 
 
 @pytest.mark.parametrize(
@@ -78,22 +82,22 @@ def test_identical_episodes_never_diverge() -> None:
     [("x_m", 0.5, 0.51), ("y_m", -0.5, -0.51), ("speed_mps", 1.0, 1.01)],
 )
 def test_the_first_tick_that_is_too_far_away_counts(column: str, small: float, large: float) -> None:
-    assert first_divergence_s(drive(), drive(**{column: from_tick(30, small)})) is None
-    assert first_divergence_s(drive(), drive(**{column: from_tick(30, large)})) == pytest.approx(31 * 0.05)
+    assert parted_s(drive(), drive(**{column: from_tick(30, small)})) is None
+    assert parted_s(drive(), drive(**{column: from_tick(30, large)})) == pytest.approx(31 * 0.05)
 
 
 def test_distance_is_measured_ahead_and_beside_the_clean_ego() -> None:
     # 0.45 m east and 0.45 m south: 0.64 m straight ahead of an ego that heads south-east.
     moved = {"x_m": from_tick(10, 0.45), "y_m": from_tick(10, 0.45)}
 
-    assert first_divergence_s(drive(), drive(**moved)) is None
-    assert first_divergence_s(drive(yaw_rad=math.pi / 4), drive(yaw_rad=math.pi / 4, **moved)) == pytest.approx(0.55)
+    assert parted_s(drive(), drive(**moved)) is None
+    assert parted_s(drive(yaw_rad=math.pi / 4), drive(yaw_rad=math.pi / 4, **moved)) == pytest.approx(0.55)
 
 
 def test_only_common_ticks_are_compared() -> None:
-    assert first_divergence_s(drive(), drive(50)) is None
-    assert first_divergence_s(drive(20), drive(x_m=from_tick(30, 5.0))) is None
-    assert first_divergence_s(drive(), drive(0)) is None
+    assert parted_s(drive(), drive(50)) is None
+    assert parted_s(drive(20), drive(x_m=from_tick(30, 5.0))) is None
+    assert parted_s(drive(), drive(0)) is None
 
 
 @pytest.mark.parametrize(

@@ -94,13 +94,6 @@ def test_a_setting_that_does_not_fail_cannot_be_shrunk() -> None:
         minimal_failing(GpsNoise(), lambda setting: "inconclusive")
 
 
-def test_the_result_is_looked_at_again_where_asked() -> None:
-    doubted = minimal_failing(GpsNoise(), lambda setting: True, confirm=lambda setting: "pass")
-    sure = minimal_failing(GpsNoise(), lambda setting: True, confirm=lambda setting: "fail")
-    assert (doubted.confirmed, sure.confirmed) == (False, True)
-    assert "NOT confirmed" in doubted.summary
-
-
 def test_the_result_prints_a_test_case_that_runs() -> None:
     found = minimal_failing(STACK, lambda setting: latency_of(setting) >= 200, sentence="DS under {setting} >= 60")
     checked = []

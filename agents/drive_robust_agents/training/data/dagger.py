@@ -27,7 +27,6 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
-from pytest_drive_robust.runner.episode.loop import private_truth
 
 __all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
 
@@ -100,7 +99,7 @@ def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: in
         episode.targets()
         wanted, said = episode.act(), None
         if failures.wants_inference(tick):
-            truth = private_truth(simulator.truth()) if is_privileged(agent) else None
+            truth = simulator.truth().private() if is_privileged(agent) else None
             said = agent_act(agent, replace(seen.private(), truth=truth))
         late = failures.actuate(tick, said, 0.0)
         simulator.step(late if turns[tick] else wanted)

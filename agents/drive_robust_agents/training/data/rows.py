@@ -42,8 +42,8 @@ class RigCameras:
     def seen(self, frame: WorldState) -> set[int]:
         """Return the numbers (`WorldState.ID`) of the actors that some camera shows."""
         found: set[int] = set()
-        for passes in self._rig.render_passes(frame, ("instance",)).values():
-            numbers = passes["instance"].astype(np.int64).ravel()
+        for shown in self._rig.actors_seen(frame).values():
+            numbers = shown.astype(np.int64).ravel()
             counts = np.bincount(numbers[numbers >= 0])
             found.update(int(number) for number in np.flatnonzero(counts >= SEEN_PX))
         return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-__all__ = ["BoundingBox", "Location", "Rotation", "Transform", "Vector3D", "VehicleControl"]
+__all__ = ["Location", "Rotation", "Transform", "Vector3D", "VehicleControl"]
 
 
 @dataclass
@@ -23,10 +23,6 @@ class Vector3D:
         """Return the Euclidean norm."""
         return math.sqrt(self.x**2 + self.y**2 + self.z**2)
 
-    def dot(self, other: Vector3D) -> float:
-        """Return the scalar product."""
-        return self.x * other.x + self.y * other.y + self.z * other.z
-
     def __add__(self, other: Vector3D) -> Vector3D:
         return type(self)(self.x + other.x, self.y + other.y, self.z + other.z)
 
@@ -35,8 +31,6 @@ class Vector3D:
 
     def __mul__(self, factor: float) -> Vector3D:
         return type(self)(self.x * factor, self.y * factor, self.z * factor)
-
-    __rmul__ = __mul__
 
     def __truediv__(self, divisor: float) -> Vector3D:
         return type(self)(self.x / divisor, self.y / divisor, self.z / divisor)
@@ -73,15 +67,6 @@ class Rotation:
             -math.cos(pitch) * math.sin(roll),
         )
 
-    def get_up_vector(self) -> Vector3D:
-        """Return where its roof looks."""
-        pitch, yaw, roll = math.radians(self.pitch), math.radians(self.yaw), math.radians(self.roll)
-        return Vector3D(
-            -math.cos(yaw) * math.sin(pitch) * math.cos(roll) - math.sin(yaw) * math.sin(roll),
-            -math.sin(yaw) * math.sin(pitch) * math.cos(roll) + math.cos(yaw) * math.sin(roll),
-            math.cos(pitch) * math.cos(roll),
-        )
-
 
 @dataclass
 class Transform:
@@ -97,18 +82,6 @@ class Transform:
     def get_right_vector(self) -> Vector3D:
         """Return where its right side looks."""
         return self.rotation.get_right_vector()
-
-    def get_up_vector(self) -> Vector3D:
-        """Return where its roof looks."""
-        return self.rotation.get_up_vector()
-
-
-@dataclass
-class BoundingBox:
-    """Half the size of something, around a place in its own frame."""
-
-    location: Location = field(default_factory=Location)
-    extent: Vector3D = field(default_factory=Vector3D)
 
 
 @dataclass

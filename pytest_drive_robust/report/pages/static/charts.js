@@ -51,8 +51,8 @@ driveRobust.charts = (() => {
     if (!points.length) return null;
     const all = points.flatMap((point) => point.slice(1)).concat([item.limit, item.lenient]);
     const [low, high] = extent(all, item.metric);
-    const last = Math.max(points[points.length - 1][0], 2);
-    const x = (count) => margin.left + ((count - 1) / (last - 1)) * (width - margin.left - margin.right);
+    const last = points[points.length - 1][0];
+    const x = (count) => margin.left + (last > 1 ? (count - 1) / (last - 1) : 0.5) * (width - margin.left - margin.right);
     const y = (value) => margin.top + (1 - (Math.min(Math.max(value, low), high) - low) / (high - low)) * (height - margin.top - margin.bottom);
     const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shown(item.metric, item.limit)}`;
     const svg = frame(width, height, margin, label);
@@ -60,7 +60,7 @@ driveRobust.charts = (() => {
       svg.append(h("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: y(value), y2: y(value) }),
         h("text", { class: "tick", x: margin.left - 8, y: y(value) + 4, "text-anchor": "end" }, shown(item.metric, value)));
     }
-    for (const count of ticks(1, last, 8).map(Math.round).filter((value, at, list) => value >= 1 && list.indexOf(value) === at)) {
+    for (const count of (last > 1 ? ticks(1, last, 8) : [1]).map(Math.round).filter((value, at, list) => value >= 1 && list.indexOf(value) === at)) {
       svg.append(h("text", { class: "tick", x: x(count), y: height - margin.bottom + 18, "text-anchor": "middle" }, count));
     }
     svg.append(h("text", { class: "label", x: (margin.left + width - margin.right) / 2, y: height - 6, "text-anchor": "middle" }, "routes read"));

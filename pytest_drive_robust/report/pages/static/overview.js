@@ -29,10 +29,11 @@ driveRobust.views.set("", (() => {
     const total = run.requirements.length;
     const count = (verdict) => run.requirements.filter((item) => item.verdict === verdict).length;
     if (!total) return run.rows.length ? "Nothing was judged" : "Nothing was driven";
-    const parts = [count("pass") === total ? (total === 1 ? "The requirement holds" : `All ${total} requirements hold`) : `${count("pass")} of ${counted(total, "requirement")} hold`];
+    const parts = [count("pass") === total ? (total === 1 ? "The requirement holds" : `All ${total} requirements hold`) : `${count("pass")} of ${counted(total, "requirement")} ${total === 1 ? "holds" : "hold"}`];
     if (count("fail")) parts.push(`${count("fail")} broken`);
     if (count("error")) parts.push(`${count("error")} not judged`);
     if (count("inconclusive")) parts.push(`${count("inconclusive")} open`);
+    if (run.rows.some((row) => row.finished < row.needed)) parts.push("but the run ended early");
     return parts.join(", ");
   }
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.arithmetic.scalars import cos, power, sin, tan
+from pytest_drive_robust.domain.route import Weather
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.route import Weather
-
-__all__ = ["Air"]
+__all__ = ["Air", "sky_rows"]
 
 Colour = tuple[float, float, float]
 
@@ -18,6 +21,7 @@ _DUST: Colour = (206.0, 168.0, 116.0)
 _LAMPLIGHT: Colour = (92.0, 76.0, 52.0)
 _LONGEST_SHADOW = 3.0
 _LEAST_DIRECT = 0.6
+_ZENITH_RISE = 0.45
 
 
 class Air(NamedTuple):
@@ -86,6 +90,17 @@ class Air(NamedTuple):
     def street_light(self) -> float:
         """0..1: how brightly street lamps light the road; nothing before it is half dark."""
         return self.night if self.night > 0.5 else 0.0
+
+
+def sky_rows(height: int, view: CameraView, air: Air) -> NDArray[np.uint32]:
+    """Return packed colours 0x00BBGGRR (height,): haze at the horizon, `air.sky_top` high above it."""
+    up = (height / 2.0 - np.arange(height) - 0.5) / view.focal_px
+    rise = np.clip(view.sin_pitch + up * view.cos_pitch, 0.0, _ZENITH_RISE)
+    share = arrays.power(rise / _ZENITH_RISE, 0.7)
+    haze, top = np.array(air.haze), np.array(air.sky_top)
+    colours = (haze + (top - haze) * share[:, None] + 0.5).astype(np.uint32)
+    packed: NDArray[np.uint32] = colours[:, 0] | (colours[:, 1] << 8) | (colours[:, 2] << 16)
+    return packed
 
 
 def _sky(day: float, low_sun: float, grey: float, rain: float) -> tuple[Colour, Colour]:

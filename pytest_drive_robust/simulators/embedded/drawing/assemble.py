@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-
 from pytest_drive_robust.arithmetic.compiled import cos, sin
-from pytest_drive_robust.domain.truth import ActorState, WorldState
-from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.domain.truth import ActorState
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints1, Ints2
+from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
-
 __all__ = ["assemble"]
 
-_ID, _KIND, _X, _Y, _YAW = WorldState.ID, WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
-_SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = (
-    WorldState.SPEED,
-    WorldState.LENGTH,
-    WorldState.WIDTH,
-    WorldState.HEIGHT,
-    WorldState.STATE,
-)
+
+_ID, _KIND, _X, _Y, _YAW, _SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = range(10)
+"""The columns of `WorldState.actors`."""
 _BRAKING, _SIREN = int(ActorState.BRAKING), int(ActorState.SIREN)
 _LEFT, _RIGHT = int(ActorState.INDICATOR_LEFT), int(ActorState.INDICATOR_RIGHT)
 _BODY, _BRAKE_LAMP, _HEADLAMP = int(Role.BODY), int(Role.BRAKE_LAMP), int(Role.HEADLAMP)
@@ -41,24 +28,23 @@ _FLASH_TICKS = 3
 _STRIDE_RAD_PER_TICK = 0.42
 
 
-@inner
+@entry
 def assemble(
-    rows: Floats,
-    ends: NDArray[np.int64],
+    rows: Floats2,
+    ends: Ints1,
     first: int,
-    actors: Floats,
+    actors: Floats2,
     tick: int,
     night: float,
-    parts: Floats,
-    spans: NDArray[np.int64],
-    paints: Floats,
-    labels: NDArray[np.int64],
+    parts: Floats2,
+    spans: Ints2,
+    paints: Floats2,
 ) -> int:
     """Write the boxes of `actors` (k, 10) to `rows` from row `first` on; return the row after the last one.
 
     Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
-    from `looks.part_rows`, `paints` is `looks.PAINTS`, `labels` the semantic class by kind; `rows` must have room for
-    the longest span times k, `ends` for k + 1. What blinks and swings is a function of `tick` and the actor's id only.
+    from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest span times k, `ends` for
+    k + 1. What blinks and swings is a function of `tick` and the actor's id only.
     """
     at = first
     ends[0] = first
@@ -69,7 +55,6 @@ def assemble(
             for p in range(spans[kind, 0], spans[kind, 1]):
                 if _set_colour(rows, at, actors, k, tick, night, parts, p, paints):
                     _place(rows, at, actors, k, tick, parts, p, c, s)
-                    rows[at, box.LABEL] = labels[kind]
                     at += 1
         ends[k + 1] = at
     return at

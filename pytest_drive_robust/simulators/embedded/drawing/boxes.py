@@ -8,49 +8,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pytest_drive_robust.arithmetic.scalars import cos, sin
-from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
+from pytest_drive_robust.jit.arrays import Floats
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+__all__ = ["BOX_COLUMNS", "Box", "Material", "box_rows"]
 
-    Floats = NDArray[np.float64]
-
-__all__ = [
-    "ALONG",
-    "BLUE",
-    "BOX_COLUMNS",
-    "COS",
-    "FRONT",
-    "GLOW",
-    "GREEN",
-    "HIGH",
-    "INSTANCE",
-    "LABEL",
-    "MATERIAL",
-    "REACH",
-    "REAR",
-    "RED",
-    "SEED",
-    "SIDES",
-    "SIN",
-    "WIDE",
-    "Box",
-    "Material",
-    "X",
-    "Y",
-    "Z",
-    "box_rows",
-]
 
 X, Y, Z, COS, SIN, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(18)
-LABEL, INSTANCE = 18, 19
+INSTANCE = 18
 """Columns: see the fields of `Box`; `COS` and `SIN` are of its yaw, `INSTANCE` is the actor's id or -1."""
-BOX_COLUMNS = 20
+BOX_COLUMNS = 19
 
 
 class Material(IntEnum):
@@ -66,9 +36,9 @@ class Material(IntEnum):
 class Box:
     """One box: centre x, y and bottom z in metres, yaw in radians, length, width, height in metres.
 
-    `front_m`, `rear_m` and `sides_m` say by how much the top face is drawn in at the front, at the rear and at each
-    side (negative: it juts out). `colour` is RGB 0..255; `glow` 0..1 is the share of it that needs no light; `seed`
-    varies the pattern; farther away than `reach_m` the box is not drawn; `label` is what semantic pictures show.
+    `sides_m` says by how much the top face is drawn in at each side (negative: it juts out). `colour` is RGB 0..255;
+    `glow` 0..1 is the share of it that needs no light; `seed` varies the pattern; farther away than `reach_m` the box
+    is not drawn.
     """
 
     x_m: float
@@ -79,14 +49,11 @@ class Box:
     width_m: float
     height_m: float
     colour: tuple[float, float, float]
-    front_m: float = 0.0
-    rear_m: float = 0.0
     sides_m: float = 0.0
     glow: float = 0.0
     material: Material = Material.PLAIN
     seed: int = 0
     reach_m: float = math.inf
-    label: SemanticClass = SemanticClass.BUILDING
 
 
 def box_rows(boxes: list[Box]) -> Floats:
@@ -94,8 +61,8 @@ def box_rows(boxes: list[Box]) -> Floats:
     rows = [
         (
             *(box.x_m, box.y_m, box.z_m, cos(box.yaw_rad), sin(box.yaw_rad)),
-            *(box.length_m, box.width_m, box.height_m, box.front_m, box.rear_m, box.sides_m, *box.colour),
-            *(box.glow, float(box.material), float(box.seed), box.reach_m, float(box.label), -1.0),
+            *(box.length_m, box.width_m, box.height_m, 0.0, 0.0, box.sides_m, *box.colour),
+            *(box.glow, float(box.material), float(box.seed), box.reach_m, -1.0),
         )
         for box in boxes
     ]

@@ -1,15 +1,18 @@
-"""The memory of one camera: what the kernels hand to each other, allocated once."""
+"""What the kernels are told of a camera (where it stands, what stands around it, its ground), and its memory."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
+from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Floats2, Ints1, Ints2, Packed1, Packed2
 
-__all__ = ["FACE_COLUMNS", "UNLIT", "Canvas"]
+__all__ = ["FACE_COLUMNS", "UNLIT", "CameraGround", "CameraView", "Canvas", "FrameScene", "Headlamps"]
 
 ACROSS, DOWN, OFFSET, FARTHEST, NEAREST, BOX, SIDE, PACKED, RED, GREEN, BLUE, GLOW = range(12)
 LIGHT, EXTRA, PATTERN, ALONG_RIGHT, ALONG_UP, ALONG_FORWARD, START_M, DISTANCE_M = range(12, 20)
@@ -25,6 +28,8 @@ in camera axes, START_M where the camera's centre lies on it, DISTANCE_M how far
 """
 UNLIT = -2.0
 """PACKED of a face of which `shade.py` has not yet seen a pixel."""
+_MOST_FACES = 5  # of a box that are seen at once: a frustum seen from above shows its top and all four sides
+_LOWEST_M = 0.05
 
 
 class Canvas(NamedTuple):
@@ -78,4 +83,77 @@ class Canvas(NamedTuple):
         )
 
 
-_MOST_FACES = 5  # of a box that are seen at once: a frustum seen from above shows its top and all four sides
+class CameraView(NamedTuple):
+    """A camera in the world: metres, radians (yaw clockwise from east, pitch up), focal length in pixels.
+
+    Sines and cosines are kept beside the angles: the kernels need them for every corner.
+
+    A point `forward`, `right`, `up` of the camera is seen at u = width / 2 + focal * right / forward and
+    v = height / 2 - focal * up / forward; the centre of pixel (row, column) is (column + 0.5, row + 0.5).
+    """
+
+    x_m: float
+    y_m: float
+    z_m: float
+    yaw_rad: float
+    pitch_rad: float
+    focal_px: float
+    cos_yaw: float
+    sin_yaw: float
+    cos_pitch: float
+    sin_pitch: float
+
+    @classmethod
+    def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
+        """Return the view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
+        c, s = cos(yaw_rad), sin(yaw_rad)
+        yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
+        return cls(
+            x_m + c * camera.x_m - s * camera.y_m,
+            y_m + s * camera.x_m + c * camera.y_m,
+            max(float(camera.z_m), _LOWEST_M),
+            yaw,
+            pitch,
+            camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0),
+            cos(yaw),
+            sin(yaw),
+            cos(pitch),
+            sin(pitch),
+        )
+
+
+class Headlamps(NamedTuple):
+    """The ego's headlamps: its centre in metres, yaw in radians, and strength 0..1 (0 by day)."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    strength: float
+
+
+class FrameScene(NamedTuple):
+    """What stands and moves in a frame.
+
+    `rows` (n, BOX_COLUMNS) are boxes: up to `still` those that never move, then those of `actors` (k, 10), of which
+    actor i has the rows from `ends[i]` up to `ends[i + 1]`. `street_lamps` (m, 3) are the `lamp_places`.
+    """
+
+    rows: Floats2
+    still: int
+    ends: Ints1
+    actors: Floats2
+    street_lamps: Floats2
+
+
+class CameraGround(NamedTuple):
+    """What never changes for one camera on one map in one weather.
+
+    `rows` is from `ground_rows`, `sky` from `sky_rows`; `texels` and `levels` are a `GroundTexture`; `clear` (n,) is
+    the share of a colour that the air lets through, by steps of depth (see `shade.py`).
+    """
+
+    rows: Floats2
+    sky: Packed1
+    texels: Packed1
+    levels: Floats2
+    clear: Annotated[NDArray[np.float32], 1]

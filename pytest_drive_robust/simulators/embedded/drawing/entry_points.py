@@ -1,71 +1,31 @@
-"""The compiled entry points: boxes of a frame once, then everything that one camera shows in one call."""
+"""The compiled entry points: everything that one camera shows in one call, or which actors it sees."""
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Bytes2, Floats2, Ints1, Ints2, Packed1
 from pytest_drive_robust.jit.kernels import entry
+from pytest_drive_robust.simulators.embedded.drawing import boxes as box
+from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
-from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
+from pytest_drive_robust.simulators.embedded.drawing.canvas import (
+    CameraGround,
+    CameraView,
+    Canvas,
+    FrameScene,
+    Headlamps,
+)
 from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
-from pytest_drive_robust.simulators.embedded.drawing.passes import measure
 from pytest_drive_robust.simulators.embedded.drawing.raster import draw_faces
 from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, pack_pixels
 from pytest_drive_robust.simulators.embedded.drawing.shadows import draw_shadows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools
-from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
 
-__all__ = ["CameraGround", "FrameScene", "Passes", "draw_camera", "fill_boxes", "measure_camera"]
-
-
-class FrameScene(NamedTuple):
-    """What stands and moves in a frame.
-
-    `rows` (n, BOX_COLUMNS) are boxes: up to `still` those that never move, then those of `actors` (k, 10), of which
-    actor i has the rows from `ends[i]` up to `ends[i + 1]`. `street_lamps` (m, 3) are the `lamp_places`.
-    """
-
-    rows: Floats2
-    still: int
-    ends: Ints1
-    actors: Floats2
-    street_lamps: Floats2
-
-
-class CameraGround(NamedTuple):
-    """What never changes for one camera on one map in one weather.
-
-    `rows` is from `ground_rows`, `sky` from `sky_rows`; `texels` and `levels` are a `GroundTexture`; `clear` (n,) is
-    the share of a colour that the air lets through, by steps of depth (see `shade.py`).
-    """
-
-    rows: Floats2
-    sky: Packed1
-    texels: Packed1
-    levels: Floats2
-    clear: Annotated[NDArray[np.float32], 1]
-
-
-class Passes(NamedTuple):
-    """Where the passes go, each (height, width) or (0, 0) when it is not wanted; see `CameraRig.render_passes`."""
-
-    semantic: Bytes2
-    depth: Annotated[NDArray[np.float32], 2]
-    instance: Annotated[NDArray[np.int32], 2]
-
-
-@entry
-def fill_boxes(
-    scene: FrameScene, tick: int, night: float, parts: Floats2, spans: Ints2, paints: Floats2, labels: Ints1
-) -> int:
-    """Put the boxes of the actors into `scene.rows` (`assemble`); return the row after the last one."""
-    return assemble(scene.rows, scene.ends, scene.still, scene.actors, tick, night, parts, spans, paints, labels)
+__all__ = ["draw_camera", "find_actors"]
 
 
 @entry
@@ -78,12 +38,9 @@ def draw_camera(
     lamps: Headlamps,
     street_light: float,
     tick: int,
-    picture: bool,
 ) -> None:
-    """Find what one camera sees and, when `picture`, draw it: `canvas.pixels`."""
+    """Draw what one camera sees: `canvas.pixels`."""
     draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
-    if not picture:
-        return
     draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
     draw_shadows(canvas, ground.rows, scene.actors, view, air)
     draw_pixels(canvas, scene.rows, view, air, lamps, ground.clear)
@@ -95,9 +52,12 @@ def draw_camera(
 
 
 @entry
-def measure_camera(canvas: Canvas, scene: FrameScene, ground: CameraGround, view: CameraView, passes: Passes) -> None:
-    """Fill those of `passes` that have room with what `draw_camera` has found (`passes.measure`)."""
-    measure(
-        canvas, scene.rows, ground.rows, ground.texels, ground.levels, view,
-        passes.semantic, passes.depth, passes.instance,
-    )  # fmt: skip
+def find_actors(canvas: Canvas, scene: FrameScene, view: CameraView, instance: Annotated[NDArray[np.int32], 2]) -> None:
+    """Write to `instance` (height, width) which actor each pixel of one camera shows; see `CameraRig.actors_seen`."""
+    draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
+    for row in range(instance.shape[0]):
+        instance[row, :] = -1
+        for column in range(canvas.touched[row, 0], canvas.touched[row, 1]):
+            number = canvas.faces[row, column]
+            if number != 0:
+                instance[row, column] = int(scene.rows[int(canvas.table[number, face.BOX]), box.INSTANCE])

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.scalars import cos, sin
-from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.domain.truth import LaneMap, LightState, StopLine
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BLUE, GLOW, RED, Box, Material, box_rows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import lamp_boxes, lamp_places
-from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.truth import LaneMap, StopLine
-
-    Floats = NDArray[np.float64]
 
 __all__ = ["LAMP_COLOURS", "Furniture"]
 
@@ -80,7 +73,7 @@ class Furniture:
             for place, state in enumerate(LAMP_COLOURS):
                 octagon = _octagon(line, _HOUSING_BOTTOM_M + 0.08 + 0.6 * (2 - place), _LAMP_M, _HOUSING_M[0] / 2.0)
                 lamps += [(len(boxes) + part, index, state) for part in range(len(octagon))]
-                boxes += [replace(box, label=SemanticClass.TRAFFIC_LIGHT) for box in octagon]
+                boxes += octagon
         lit = np.array([LAMP_COLOURS[state] for _, _, state in lamps]).reshape(len(lamps), 3)
         rows, lines, states = (np.array([lamp[column] for lamp in lamps], np.int64) for column in range(3))
         places = lamp_places(lane_map)
@@ -104,21 +97,18 @@ def _building(index: int, row: Floats) -> Box:
 def _light(line: StopLine) -> list[Box]:
     x, y, heading = line.pole_x_m, line.pole_y_m, line.heading_rad
     depth, width, height = _HOUSING_M
-    return [
-        Box(x, y, 0.0, heading, 0.18, 0.18, _HOUSING_BOTTOM_M, _POLE, label=SemanticClass.POLE),
-        Box(x, y, _HOUSING_BOTTOM_M, heading, depth, width, height, _HOUSING, label=SemanticClass.TRAFFIC_LIGHT),
-    ]
+    pole = Box(x, y, 0.0, heading, 0.18, 0.18, _HOUSING_BOTTOM_M, _POLE)
+    return [pole, Box(x, y, _HOUSING_BOTTOM_M, heading, depth, width, height, _HOUSING)]
 
 
 def _stop_sign(line: StopLine) -> list[Box]:
     x, y, heading = line.pole_x_m, line.pole_y_m, line.heading_rad
-    pole = Box(x, y, 0.0, heading, 0.1, 0.1, _SIGN_BOTTOM_M + 0.1, _POLE, label=SemanticClass.POLE)
+    pole = Box(x, y, 0.0, heading, 0.1, 0.1, _SIGN_BOTTOM_M + 0.1, _POLE)
     back = [replace(box, colour=_POLE) for box in _octagon(line, _SIGN_BOTTOM_M, _SIGN_M, 0.0)]
     rim = [replace(box, colour=_WHITE) for box in _octagon(line, _SIGN_BOTTOM_M, _SIGN_M, 0.04)]
     face = _octagon(line, _SIGN_BOTTOM_M + 0.05, _SIGN_M - 0.1, 0.07)
     word = [_letter(line, place) for place in (-1.5, -0.5, 0.5, 1.5)]
-    sign = [*back, *rim, *(replace(box, colour=_STOP_RED) for box in face), *word]
-    return [pole, *(replace(box, label=SemanticClass.TRAFFIC_SIGN) for box in sign)]
+    return [pole, *back, *rim, *(replace(box, colour=_STOP_RED) for box in face), *word]
 
 
 def _letter(line: StopLine, place: float) -> Box:

@@ -8,25 +8,20 @@ averaged from several lines, which keeps stop lines and dashes calm. All samplin
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import compiled, scalars
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
-from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
+from pytest_drive_robust.simulators.embedded.drawing.air import Air
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
+from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_TEXEL
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+__all__ = ["AHEAD", "CLEAR", "DEPTH", "LEVEL", "add_line", "draw_ground", "ground_rows"]
 
-    from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
-
-    Floats = NDArray[np.float64]
-    Triple = tuple[float, float, float]
-
-__all__ = ["AHEAD", "CLEAR", "DEPTH", "LEVEL", "draw_ground", "ground_rows"]
+Triple = tuple[float, float, float]
 
 DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5
 _MOST_LINES = 4
@@ -36,6 +31,12 @@ _SIXTEEN, _THIRTYTWO = np.uint64(16), np.uint64(32)
 _LANE = np.uint64(0xFFFF)
 _255 = np.float32(255.0)
 _MIRROR = 0.75
+Walk = tuple[int, int, int, int, int, int, int]
+_FRACTION_BITS = 20
+_WIDE = 2
+_RED_BLUE_GREEN = np.uint64(0x00FF00FF00FF)
+_ONE, _FOUR, _EIGHT, _TWENTYFOUR = (np.uint64(number) for number in (1, 4, 8, 24))
+_OUTSIDE = np.uint64((FAR_TEXEL | (FAR_TEXEL << 24)) & 0x00FF00FF00FF)
 
 
 def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
@@ -56,7 +57,7 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
         along_m = across_m * depth / view.z_m
         lines = min(int(along_m / across_m / 3.0) + 1, _MOST_LINES)
         footprint = max(across_m, along_m / lines / 2.5) / levels[0, 5]
-        level = min(math.floor(scalars.log2(max(footprint, 1.0)) + 0.35), len(levels) - 1)
+        level = min(math.floor(scalars.log(max(footprint, 1.0)) / scalars.log(2.0) + 0.35), len(levels) - 1)
         lines = min(lines, math.ceil(along_m / (1.5 * levels[level, 5])))
         clear = scalars.exp(-haze_per_m * depth)
         rows[row, :LINE] = depth, depth * (view.cos_pitch - up * view.sin_pitch), lines, level, clear
@@ -191,3 +192,114 @@ def _light_by_night(
         green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * (light[1] + extra) + haze[1]
         blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * (light[2] + extra * blue_share) + haze[2]
         colours[u] = _pack(red, green, blue)
+
+
+@inner
+def add_line(
+    sums: NDArray[np.uint64],
+    texels: NDArray[np.uint32],
+    levels: Floats,
+    level: int,
+    view: CameraView,
+    depth: float,
+    ahead: float,
+    start_px: float,
+) -> None:
+    """Add bilinear samples to `sums`: red in bits 0 to 15, blue in 16 to 31, green in 32 to 47.
+
+    The line runs across the picture `depth` metres along the optical axis and `ahead` metres along the ground; `sums`
+    begins `start_px` pixels right of the picture's middle. Where `level` has no texels a coarser one has.
+    """
+    near, wide = _walks(levels, level, view, depth, ahead, start_px)
+    low, high = _inside(near, 0, len(sums))
+    _sample(sums, texels, near, low, high)
+    if low > 0 or high < len(sums):
+        for first, end in ((0, low), (high, len(sums))):
+            wide_low, wide_high = _inside(wide, first, end)
+            _sample(sums, texels, wide, wide_low, wide_high)
+            for u in range(first, wide_low):
+                sums[u] += _OUTSIDE
+            for u in range(wide_high, end):
+                sums[u] += _OUTSIDE
+
+
+@inner
+def _walks(
+    levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
+) -> tuple[Walk, Walk]:
+    """Return a line in the texels of `level` and of one that covers the wide region, one step a pixel."""
+    step = depth / view.focal_px
+    side = (start_px + 0.5) * step
+    x = view.x_m + ahead * view.cos_yaw - side * view.sin_yaw
+    y = view.y_m + ahead * view.sin_yaw + side * view.cos_yaw
+    if abs(x) > 1e7 or abs(y) > 1e7:
+        x, y, step = 1e7, 1e7, 0.0
+    dx, dy = -view.sin_yaw * step, view.cos_yaw * step
+    near = _line(levels, level, x, y, dx, dy)
+    return near, near if level >= _WIDE else _line(levels, _WIDE, x, y, dx, dy)
+
+
+@inner
+def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
+    """Return a walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
+    scale = (1 << _FRACTION_BITS) / levels[level, 5]
+    half = 1 << (_FRACTION_BITS - 1)
+    return (
+        int((x - levels[level, 3]) * scale) - half,
+        int((y - levels[level, 4]) * scale) - half,
+        int(dx * scale),
+        int(dy * scale),
+        int(levels[level, 1]),
+        int(levels[level, 2]),
+        int(levels[level, 0]),
+    )
+
+
+@inner
+def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
+    """Return the steps of `first`..`end` that lie within the texture: from the first result up to the second."""
+    i, j, di, dj, columns, rows, _ = walk
+    low, high = _within(i, di, (columns - 1) << _FRACTION_BITS, first, end)
+    low, high = _within(j, dj, (rows - 1) << _FRACTION_BITS, low, high)
+    return (low, high) if low < high else (end, end)
+
+
+@inner
+def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[int, int]:
+    """Return the u of `first`..`end` with 0 <= start + u * step < limit."""
+    if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
+        return first, end
+    if step < 0:
+        # the same places, mirrored: the last allowed one becomes the first
+        start, step = limit - 1 - start, -step
+    if step == 0:
+        return (first, end) if 0 <= start < limit else (end, end)
+    # smallest u with start + u * step >= 0, and with >= limit
+    return max(first, -(start // step)), min(end, -((start - limit) // step))
+
+
+@inner
+def _spread(texel: np.uint64) -> np.uint64:
+    """Spread 0x00BBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
+    lanes: np.uint64 = (texel | (texel << _TWENTYFOUR)) & _RED_BLUE_GREEN
+    return lanes
+
+
+@inner
+def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, first: int, end: int) -> None:
+    """Add the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
+    i, j, di, dj, columns, _, offset = walk
+    i, j = i + first * di, j + first * dj
+    for u in range(first, end):
+        at = offset + (j >> _FRACTION_BITS) * columns + (i >> _FRACTION_BITS)
+        upper, lower = np.uintp(at), np.uintp(at + columns)
+        a, b = np.uint64((i >> (_FRACTION_BITS - 4)) & 15), np.uint64((j >> (_FRACTION_BITS - 4)) & 15)
+        one, other = _spread(np.uint64(texels[upper])), _spread(np.uint64(texels[upper + _ONE]))
+        top = (one << _FOUR) + (other - one) * a
+        one, other = _spread(np.uint64(texels[lower])), _spread(np.uint64(texels[lower + _ONE]))
+        bottom = (one << _FOUR) + (other - one) * a
+        # a difference may borrow from its neighbour: the sum gives it back
+        mean = (top << _FOUR) + (bottom - top) * b
+        sums[np.uintp(u)] += (mean >> _EIGHT) & _RED_BLUE_GREEN
+        i += di
+        j += dj

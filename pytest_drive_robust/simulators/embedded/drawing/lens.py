@@ -6,17 +6,14 @@ All of it is drawn over a finished picture.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.jit.kernels import inner
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
+from pytest_drive_robust.simulators.embedded.drawing.air import Air
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
 
 __all__ = ["draw_lens"]
 

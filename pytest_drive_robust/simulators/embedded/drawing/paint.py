@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.arrays import cos, hypot, sin
 from pytest_drive_robust.arithmetic.signals import interpolate
-from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
+from pytest_drive_robust.jit.arrays import Floats
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+__all__ = [
+    "ASPHALT",
+    "BIKING",
+    "GRASS",
+    "KERB",
+    "PARKING",
+    "SIDEWALK",
+    "GroundSheet",
+    "Region",
+    "paint_ground",
+    "rectangle",
+]
 
-    from pytest_drive_robust.domain.truth import Lane, LaneMap
-
-    Floats = NDArray[np.float64]
-    Bytes = NDArray[np.uint8]
-
-__all__ = ["ASPHALT", "BIKING", "GRASS", "KERB", "PARKING", "SIDEWALK", "GroundSheet", "Region", "paint_ground"]
+Bytes = NDArray[np.uint8]
 
 GRASS, SIDEWALK, KERB, PARKING, ASPHALT, BIKING = range(6)
 """The materials of `GroundSheet.material`."""
@@ -102,7 +108,7 @@ def paint_ground(lane_map: LaneMap, region: Region) -> GroundSheet:
     for lane in lanes:
         _lane_lines(sheet, lane_map.lanes, lane)
     for line in lane_map.stop_lines:
-        _quad(sheet.white, region, _rectangle(line.x_m, line.y_m, line.heading_rad, _STOP_LINE_DEPTH_M, line.width_m))
+        _quad(sheet.white, region, rectangle(line.x_m, line.y_m, line.heading_rad, _STOP_LINE_DEPTH_M, line.width_m))
     for corners in lane_map.crosswalks:
         _zebra(sheet, corners)
     return sheet
@@ -137,7 +143,8 @@ def _quad(target: Bytes, region: Region, corners: Floats) -> None:
     cv2.fillConvexPoly(target, region.pixels(corners), 255, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _rectangle(x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> Floats:
+def rectangle(x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> Floats:
+    """Return its corners (4, 2): front right and left, rear left and right."""
     c, s = scalars.cos(yaw_rad), scalars.sin(yaw_rad)
     along, across = np.array((c, s)) * length_m / 2.0, np.array((-s, c)) * width_m / 2.0
     return np.array((x_m, y_m)) + np.stack((along + across, along - across, -along - across, -along + across))
@@ -179,7 +186,7 @@ def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> No
             length = scalars.hypot(x[row + 1] - x[row], y[row + 1] - y[row])
             yaw = scalars.atan2(y[row + 1] - y[row], x[row + 1] - x[row])
             middle = ((x[row] + x[row + 1]) / 2.0, (y[row] + y[row + 1]) / 2.0)
-            _quad(target, region, _rectangle(*middle, yaw, length + 0.02, _LINE_WIDTH_M))
+            _quad(target, region, rectangle(*middle, yaw, length + 0.02, _LINE_WIDTH_M))
 
 
 def _stations(along: Floats, start_m: float, end_m: float) -> Floats:

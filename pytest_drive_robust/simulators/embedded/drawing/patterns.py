@@ -6,21 +6,17 @@ reordered, so that the bits stay the same.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Packed
 from pytest_drive_robust.jit.kernels import inner
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Packed = NDArray[np.uint32]
-    Triple = tuple[float, float, float]
-    Pair = tuple[float, float]
-    Place = tuple[float, float, float, float, float]
-
 __all__ = ["FLOOR_M", "SILL_M", "WINDOW_HIGH", "facade", "plain", "ribs", "stripes"]
+
+Triple = tuple[float, float, float]
+Pair = tuple[float, float]
+Place = tuple[float, float, float, float, float]
 
 SILL_M, FLOOR_M, _BAY_M = 1.0, 3.1, 3.2
 WINDOW_HIGH, _WINDOW_WIDE = 0.5, 0.45

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.compiled import cos, sin
+from pytest_drive_robust.jit.arrays import Floats, Packed
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
+from pytest_drive_robust.simulators.embedded.drawing.air import Air
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
 from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     FLOOR_M,
     SILL_M,
@@ -21,19 +24,10 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     stripes,
 )
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView, Headlamps
-
-    Floats = NDArray[np.float64]
-    Packed = NDArray[np.uint32]
-    Triple = tuple[float, float, float]
-    Lens = tuple[float, float, float, float, float, float, float]
-
 __all__ = ["CLEAR_STEPS_PER_M", "draw_pixels", "pack_pixels"]
+
+Triple = tuple[float, float, float]
+Lens = tuple[float, float, float, float, float, float, float]
 
 CLEAR_STEPS_PER_M = 4
 """How finely `clear`, the share of light that the air lets through, is tabulated over depth."""
@@ -57,23 +51,11 @@ def draw_pixels(
     `rows` are the boxes, `clear` (n,) is the share of a surface's colour that
     survives the air, by `CLEAR_STEPS_PER_M` steps of depth.
     """
-    colours, faces, nearness, touched, table = (
-        canvas.colours,
-        canvas.faces,
-        canvas.nearness,
-        canvas.touched,
-        canvas.table,
-    )
+    colours, faces, nearness = canvas.colours, canvas.faces, canvas.nearness
+    touched, table = canvas.touched, canvas.table
     height, width = colours.shape
-    lens = (
-        0.5 * width - 0.5,
-        0.5 * height - 0.5,
-        view.focal_px,
-        1.0 / view.focal_px,
-        view.cos_pitch,
-        view.sin_pitch,
-        view.z_m,
-    )
+    middle_u, middle_v = 0.5 * width - 0.5, 0.5 * height - 0.5
+    lens = (middle_u, middle_v, view.focal_px, 1.0 / view.focal_px, view.cos_pitch, view.sin_pitch, view.z_m)
     for row in range(height):
         column, end = touched[row, 0], touched[row, 1]
         while column < end:

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.simulators.embedded.drawing.air import Air
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.simulators.embedded.drawing.air import Air
-    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
-
-    Floats = NDArray[np.float64]
-
 __all__ = ["draw_shadows", "row_of"]
+
 
 _KIND, _X, _Y, _YAW = WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
 _LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import compiled, scalars
 from pytest_drive_robust.arithmetic.arrays import hypot
-from pytest_drive_robust.domain.truth import LaneKind
+from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
-from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.truth import Lane, LaneMap
-    from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
-    from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
-
-    Floats = NDArray[np.float64]
 
 __all__ = ["draw_pools", "lamp_boxes", "lamp_places"]
 
@@ -91,32 +82,18 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
         reach_x, reach_y = scalars.cos(towards), scalars.sin(towards)
         middle_x, middle_y = x + 0.5 * _ARM_M * reach_x, y + 0.5 * _ARM_M * reach_y
         head_x, head_y = x + _ARM_M * reach_x, y + _ARM_M * reach_y
-        lamp = [
+        head = (head_x, head_y, _POLE_M - 0.16, towards, 0.7, 0.28, 0.14)
+        boxes += [
             Box(x, y, 0.0, towards, 0.14, 0.14, _POLE_M, _STEEL, reach_m=_REACH_M),
             Box(middle_x, middle_y, _POLE_M - 0.1, towards, _ARM_M, 0.09, 0.09, _STEEL, reach_m=60.0),
-            Box(
-                head_x,
-                head_y,
-                _POLE_M - 0.16,
-                towards,
-                0.7,
-                0.28,
-                0.14,
-                (red, green, blue),
-                glow=night,
-                reach_m=_REACH_M,
-            ),
+            Box(*head, (red, green, blue), glow=night, reach_m=_REACH_M),
         ]
-        boxes += [replace(box, label=SemanticClass.POLE) for box in lamp]
     return boxes
 
 
 @inner
 def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
-    """Brighten the ground of `canvas.colours` below the lamps at `places`, by `strength` 0..1.
-
-    What is bright already gains less: no place burns out.
-    """
+    """Brighten the ground below the lamps at `places` by `strength` 0..1; what is bright already gains less."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
     for lamp in range(len(places)):

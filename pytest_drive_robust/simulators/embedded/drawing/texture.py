@@ -6,25 +6,16 @@ import hashlib
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Bytes2, Floats1, Floats2, Ints1, Packed2
-from pytest_drive_robust.jit.kernels import entry, inner
-from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground
-from pytest_drive_robust.simulators.embedded.semantics import SemanticClass
+from pytest_drive_robust.domain.truth import LaneMap
+from pytest_drive_robust.jit.arrays import Bytes2, Floats, Floats1, Floats2, Packed, Packed2
+from pytest_drive_robust.jit.kernels import entry
+from pytest_drive_robust.simulators.embedded.drawing.paint import GroundSheet, Region, paint_ground
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.truth import LaneMap
-    from pytest_drive_robust.simulators.embedded.drawing.paint import GroundSheet
-
-    Floats = NDArray[np.float64]
-    Packed = NDArray[np.uint32]
-
-__all__ = ["FAR_TEXEL", "GroundTexture", "TextureCache", "ground_texture", "pack_sheet", "unpack"]
+__all__ = ["FAR_TEXEL", "GroundTexture", "ground_texture", "pack_sheet", "unpack"]
 
 _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
@@ -39,15 +30,7 @@ _MATERIALS = np.array(
 _GRAIN = np.array((9.0, 5.0, 4.0, 4.0, 4.0, 4.0))
 _WHITE = np.array((232.0, 232.0, 228.0))
 _YELLOW = np.array((222.0, 178.0, 48.0))
-_CLASSES = np.array(
-    (
-        SemanticClass.TERRAIN, SemanticClass.SIDEWALK, SemanticClass.SIDEWALK, SemanticClass.ROAD, SemanticClass.ROAD,
-        SemanticClass.ROAD,
-    ),
-    np.int64,
-)  # fmt: skip
-_PAINTED, _ROAD_LINE = 128, int(SemanticClass.ROAD_LINE)
-FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
+FAR_TEXEL = 104 | (124 << 8) | (72 << 16)
 """The ground outside of every texture: grass."""
 
 
@@ -55,45 +38,32 @@ FAR_TEXEL = 104 | (124 << 8) | (72 << 16) | (int(SemanticClass.TERRAIN) << 24)
 class GroundTexture:
     """Ground colours, ready for the kernels.
 
-    `texels` is flat uint32, 0xCCBBGGRR, all levels one after the other; CC is the `SemanticClass`. `levels` is (n, 6)
-    float64: first texel, columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are
-    twice as large as those of the one before. The first two levels cover the route's surroundings only, the others a
-    wide region.
+    `texels` is flat uint32, 0x00BBGGRR, all levels one after the other. `levels` is (n, 6) float64: first texel,
+    columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are twice as large as
+    those of the one before. The first two levels cover the route's surroundings only, the others a wide region.
     """
 
     texels: Packed
     levels: Floats
 
 
-class TextureCache:
-    """Keeps the textures that were used last: a process drives few maps many times."""
-
-    def __init__(self, capacity: int = _CACHED_TEXTURES) -> None:
-        self._capacity = capacity
-        self._kept: OrderedDict[bytes, GroundTexture] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def texture(self, lane_map: LaneMap, around: Floats) -> GroundTexture:
-        """Return the ground of `lane_map` around the points `around` (n, 2 or more); equal content, equal object."""
-        near = Region.around(around, _NEAR_MARGIN_M, texel_m=_NEAR_TEXEL_M)
-        wide = Region.around(around, _WIDE_MARGIN_M, texel_m=_NEAR_TEXEL_M * 2 ** (_NEAR_LEVELS - 1))
-        key = _digest(lane_map, near, wide)
-        with self._lock:
-            found = self._kept.pop(key, None)
-            if found is None:
-                found = _build(lane_map, near, wide)
-            self._kept[key] = found
-            while len(self._kept) > self._capacity:
-                self._kept.popitem(last=False)
-        return found
-
-
-_cache = TextureCache()
+_kept: OrderedDict[bytes, GroundTexture] = OrderedDict()
+_lock = threading.Lock()
 
 
 def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
-    """Return the ground of `lane_map` around the points `around`, from this process's cache or drawn now."""
-    return _cache.texture(lane_map, around)
+    """Return the ground of `lane_map` around the points `around` (n, 2 or more).
+
+    The ones used last are kept, by their content: a process drives few maps many times.
+    """
+    near = Region.around(around, _NEAR_MARGIN_M, texel_m=_NEAR_TEXEL_M)
+    wide = Region.around(around, _WIDE_MARGIN_M, texel_m=_NEAR_TEXEL_M * 2 ** (_NEAR_LEVELS - 1))
+    key = _digest(lane_map, near, wide)
+    with _lock:
+        _kept[key] = _kept.pop(key) if key in _kept else _build(lane_map, near, wide)
+        while len(_kept) > _CACHED_TEXTURES:
+            _kept.popitem(last=False)
+        return _kept[key]
 
 
 def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:
@@ -123,12 +93,10 @@ def _halved_region(region: Region) -> Region:
 
 
 def pack_sheet(sheet: GroundSheet) -> Packed:
-    """Return colours and classes of a sheet, (rows, columns) uint32, 0xCCBBGGRR."""
+    """Return the colours of a sheet, (rows, columns) uint32, 0x00BBGGRR."""
     column = round(sheet.region.x_m / sheet.region.texel_m)
     row = round(sheet.region.y_m / sheet.region.texel_m)
-    packed: Packed = _pack(
-        sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW, _CLASSES
-    )
+    packed: Packed = _pack(sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW)
     return packed
 
 
@@ -148,7 +116,6 @@ def _pack(
     grain: Floats1,
     white_colour: Floats1,
     yellow_colour: Floats1,
-    classes: Ints1,
 ) -> Packed2:
     """Return the colours of a sheet."""
     rows, columns = material.shape
@@ -161,8 +128,7 @@ def _pack(
             word = (word ^ (word >> 13)) * 1274126177
             noise = (((word ^ (word >> 16)) & 1023) / 511.5 - 1.0) * grain[kind]
             a, b = white[i, j] / 255.0, yellow[i, j] / 255.0
-            painted = white[i, j] >= _PAINTED or yellow[i, j] >= _PAINTED
-            value = np.int64(_ROAD_LINE if painted else classes[kind]) << 24
+            value = 0
             for channel in range(3):
                 colour = colours[kind, channel] + noise
                 colour += (yellow_colour[channel] - colour) * b
@@ -172,22 +138,9 @@ def _pack(
     return packed
 
 
-@inner
-def _frequent(picture: Packed, i: int, j: int) -> int:
-    """Return the most frequent class of a 2 x 2 block; of two as frequent the larger number: thin lines stay."""
-    best, most = 0, 0
-    for k in range(4):
-        candidate, count = np.int64(picture[i + k // 2, j + k % 2] >> np.uint32(24)), 0
-        for other in range(4):
-            count += np.int64(picture[i + other // 2, j + other % 2] >> np.uint32(24)) == candidate
-        if count > most or (count == most and candidate > best):
-            best, most = candidate, count
-    return best
-
-
 @entry
 def _halved(picture: Packed2) -> Packed2:
-    """Average each 2 x 2 block of texels, channels rounded to nearest; of the classes the most frequent stays."""
+    """Average each 2 x 2 block of texels, channels rounded to nearest."""
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
     small = np.empty((rows, columns), np.uint32)
     for i in range(rows):
@@ -200,7 +153,6 @@ def _halved(picture: Packed2) -> Packed2:
             small[i, j] = ((low >> np.uint32(2)) & np.uint32(0x00FF00FF)) | (
                 ((high >> np.uint32(2)) & np.uint32(0x000000FF)) << np.uint32(8)
             )
-            small[i, j] |= np.uint32(_frequent(picture, 2 * i, 2 * j) << 24)
     return small
 
 

@@ -1,4 +1,4 @@
-"""Who touches the ego, and what that does to both."""
+"""Who touches the ego, what that does to both, and the list of what went wrong."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from pytest_drive_robust.arithmetic.compiled import cos_sin, hypot
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.events import note
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["contacts", "overlap"]
+__all__ = ["contacts", "note", "overlap"]
 
 STUN_TICKS = 40
 SAME_ACTOR_S = 5.0
@@ -118,3 +117,14 @@ def contacts(world: WorldArrays) -> None:
         )
         if depth > 0.0:
             _touch(world, nx, ny, depth, -1)
+
+
+@inner
+def note(world: WorldArrays, kind: int, actor: float, value: float) -> None:
+    """Append one event with the tick and the place of the ego; beyond `EVENT_CAPACITY` events are dropped."""
+    count = world.criteria_ints[c.CI_EVENTS]
+    if count < len(world.events):
+        row = world.events[count]
+        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, world.clock[0], actor, value
+        row[c.EV_X], row[c.EV_Y] = world.ego[c.EGO_X], world.ego[c.EGO_Y]
+        world.criteria_ints[c.CI_EVENTS] = count + 1

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pytest_drive_robust.arithmetic.compiled import atan2, cos_sin
 from pytest_drive_robust.domain.truth import ActorState, LightState
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
-from pytest_drive_robust.simulators.embedded.kernels.scripts import run_script
+from pytest_drive_robust.simulators.embedded.kernels.scenario import run_script
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 __all__ = ["idm", "move_actors"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 IDM_GAP_M = 2.0
 IDM_HEADWAY_S = 1.1
@@ -160,9 +155,7 @@ def _move(world: WorldArrays, i: int) -> None:
         if whole[c.I_AT_END] == c.AT_END_LEAVE:
             whole[c.I_ACTIVE] = 0
     _show(actor, whole, accel, shift)
-    path = whole[c.I_PATH]
-    first, last, step = world.path_start[path], world.path_start[path + 1], world.path_step[path]
-    x, y, yaw = path_pose(world.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
+    x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
     if shift != 0.0 and not walks:
         # a body that shifts sideways also turns its nose that way
         yaw += atan2(shift / dt, max(actor[c.A_V], 1.0))

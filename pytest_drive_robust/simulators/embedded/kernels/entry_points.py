@@ -8,32 +8,18 @@ moving them. Everything is a plain loop over `state.State`; the same inputs give
 from __future__ import annotations
 
 from pytest_drive_robust.jit.arrays import Floats2
-from pytest_drive_robust.jit.kernels import entry, inner
-from pytest_drive_robust.simulators.embedded import criteria
+from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.kernels import flows
+from pytest_drive_robust.simulators.embedded.criteria import judge
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
-from pytest_drive_robust.simulators.embedded.kernels.lights import set_lights
-from pytest_drive_robust.simulators.embedded.kernels.path_survey import survey
-from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
+from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose, survey
+from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows, run_flows, set_lights
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays, world_arrays
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["actor_rows", "finish", "pack_world", "settle", "tick"]
-
-
-@inner
-def _pose_actors(world: WorldArrays) -> None:
-    """Put every actor where its path coordinates say."""
-    for i in range(len(world.actors)):
-        whole, actor = world.actor_ints[i], world.actors[i]
-        if whole[c.I_PATH] >= 0:
-            path = whole[c.I_PATH]
-            first, last, step = world.path_start[path], world.path_start[path + 1], world.path_step[path]
-            x, y, yaw = path_pose(world.paths, first, last, step, actor[c.A_S], actor[c.A_LAT])
-            actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
+__all__ = ["actor_rows", "pack_world", "settle", "tick"]
 
 
 @entry
@@ -47,26 +33,24 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
     """One tick: time, lights, traffic, ego, contact, criteria."""
     world.clock[0] += 1
     set_lights(world)
-    flows.run_flows(world)
+    run_flows(world)
     survey(world)
     move_actors(world)
     move_ego(world, throttle, steer, brake)
     contacts(world)
-    criteria.judge(world)
+    judge(world)
 
 
 @entry
 def settle(world: WorldArrays) -> None:
     """Put every actor where its path coordinates say and fill the flows; once, after the world was built."""
     set_lights(world)
-    _pose_actors(world)
-    flows.fill_flows(world)
-
-
-@entry
-def finish(world: WorldArrays) -> None:
-    """Close the criteria; once per episode."""
-    criteria.finish(world)
+    for i in range(len(world.actors)):
+        whole, actor = world.actor_ints[i], world.actors[i]
+        if whole[c.I_PATH] >= 0:
+            x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
+            actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
+    fill_flows(world)
 
 
 @entry

@@ -4,17 +4,13 @@ Constants are Bench2Drive's (`scenario_runner/srunner/scenarios`). Importing thi
 """
 
 from pytest_drive_robust.simulators.embedded.scenarios import (  # noqa: F401 -- each module registers its types
-    bicycles,
     cut_ins,
     hazards,
     highway,
-    interurban,
     junction_flows,
     obstacles,
-    parking_exit,
     plain_junctions,
     priority,
-    standstills,
     traffic,
     walkers,
 )

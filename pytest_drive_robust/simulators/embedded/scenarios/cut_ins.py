@@ -9,9 +9,9 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import project
-from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
+from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     KMH,
     ahead,
     right_hand,
@@ -20,9 +20,6 @@ from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
 )
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.triggers import Arrival, Passing
-
-__all__ = ["highway_cut_in", "parking_cut_in", "static_cut_in"]
 
 _BEFORE_LANE_END_M = 45.0
 _PULLS_OUT_MPS, _PULLS_OUT_M = 20.0 * KMH, 30.0

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
+from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     ahead,
     oncoming_gaps,
     right_hand,
@@ -24,15 +24,6 @@ from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
 )
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.triggers import Arrival
-
-__all__ = [
-    "control_loss",
-    "hazard_at_side_lane",
-    "hazard_at_side_lane_two_ways",
-    "invading_turn",
-    "vehicle_opens_door_two_ways",
-]
 
 _BICYCLE_SHIFT = 0.55
 """How far to the right they ride, in halves of the lane."""
@@ -76,7 +67,7 @@ def hazard_at_side_lane(stage: Stage) -> None:
 )
 def hazard_at_side_lane_two_ways(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; cars come the other way."""
-    oncoming_gaps(stage, (75.0, 100.0))
+    oncoming_gaps(stage)
     stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
@@ -97,8 +88,10 @@ def vehicle_opens_door_two_ways(stage: Stage) -> None:
     at = ahead(stage, 48.0, at_least_m=25.0)
     left_side = stage.lane_width_m / 2.0 - _PARKED_IN_LANE_M
     stage.stand(ActorKind.CAR, at, left_side + SIZES_M[ActorKind.CAR][1] / 2.0)
-    stage.appear(ActorKind.DOOR, at + 0.3, left_side - SIZES_M[ActorKind.DOOR][1] / 2.0, trigger=Arrival(3.0, 10.0))
-    oncoming_gaps(stage, (30.0, 98.0))
+    hinge_m = left_side - SIZES_M[ActorKind.DOOR][1] / 2.0
+    door = stage.stand(ActorKind.DOOR, at + 0.3, hinge_m, appears=True)
+    stage.cast.script(door, Arrival(3.0, 10.0), Script(0.0, right_m=hinge_m), at=stage.spot(at + 0.3))
+    oncoming_gaps(stage)
     stage.end_m = stage.trigger_m + at + 20.0
 
 
@@ -153,7 +146,7 @@ def _bicycles(stage: Stage) -> float:
         bicycle = stage.cast.add(
             ActorSpec(ActorKind.BICYCLE, stage.ego_path, start, target_mps=ride, right_m=edge, end_m=start + drive)
         )
-        stage.cast.script(bicycle, stage.passing(0.0), stage.ride(ride, edge))
+        stage.cast.script(bicycle, Passing(stage.trigger_m), Script(ride, right_m=edge))
     return at + 9.0 + drive
 
 

@@ -7,46 +7,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.simulators.embedded.scenarios.roadside import (
+from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     ahead,
     oncoming_gaps,
     right_hand,
     side_traffic,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario, sites
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__: list[str] = []
-
-Metres = tuple[float, float]
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
 """How far to the right they stand, in halves of the lane."""
 _PASSED_M = 20.0
 """The scenario is over so many metres behind the last thing."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Obstacle:
-    """Something in the ego's lane, and who is in the way of driving around it.
-
-    `put` places it and returns the metres from the trigger to its end. The lane to the left is in use at `side_kmh`, or
-    cars come the other way with gaps of `oncoming_m`.
-    """
-
-    put: Callable[[Stage], float]
-    side_kmh: float | None = None
-    oncoming_m: Metres | None = None
-
-    def build(self, stage: Stage) -> None:
-        """Put the traffic and the obstacle on the stage."""
-        if self.side_kmh is not None:
-            side_traffic(stage, self.side_kmh)
-        if self.oncoming_m is not None:
-            oncoming_gaps(stage, self.oncoming_m)
-        stage.end_m = stage.trigger_m + self.put(stage) + _PASSED_M
 
 
 def _crashed_cars(stage: Stage) -> float:
@@ -80,77 +55,75 @@ def _badly_parked_car(stage: Stage) -> float:
     return at
 
 
-def _one_way(
+def _obstacle(
     name: str,
     put: Callable[[Stage], float],
     *rows: tuple[str, str, Metres],
-    side_kmh: float,
     distance_m: Metres,
-    speed_kmh: Metres,
+    side_kmh: float = 0.0,
+    speed_kmh: Metres | None = None,
+    oncoming_m: Metres | None = None,
 ) -> None:
-    """Register a type where the lane to the left is in use; `rows` are town style, chain and length of the route."""
+    """Register a type: something stands in the ego's lane, and somebody is in the way of driving around it.
+
+    `put` places it and returns the metres from the trigger to its end; `rows` are town style, chain and length of the
+    route. The lane to the left is in use at `side_kmh` or what is drawn of `speed_kmh`; else the way around is the
+    oncoming lane, and cars come there with gaps of `oncoming_m`.
+    """
+
+    def build(stage: Stage) -> None:
+        if oncoming_m is None:
+            side_traffic(stage, side_kmh)
+        else:
+            oncoming_gaps(stage)
+        stage.end_m = stage.trigger_m + put(stage) + _PASSED_M
+
     scenario(
         name,
         sites=sites(*rows),
-        parameters={"distance": distance_m, "speed": speed_kmh},
+        parameters={"distance": distance_m} | ({} if speed_kmh is None else {"speed": speed_kmh}),
+        intervals={} if oncoming_m is None else {"frequency": oncoming_m},
         blocked_test_off=True,
-    )(_Obstacle(put, side_kmh=side_kmh).build)
+        two_ways=oncoming_m is not None,
+    )(build)
 
 
-def _two_ways(
-    name: str,
-    put: Callable[[Stage], float],
-    *rows: tuple[str, str, Metres],
-    oncoming_m: Metres,
-    distance_m: Metres,
-) -> None:
-    """Register a type where the way around is the oncoming lane."""
-    scenario(
-        name,
-        sites=sites(*rows),
-        parameters={"distance": distance_m},
-        intervals={"frequency": oncoming_m},
-        blocked_test_off=True,
-        two_ways=True,
-    )(_Obstacle(put, oncoming_m=oncoming_m).build)
-
-
-_one_way(
+_obstacle(
     "Accident", _crashed_cars,
     ("Avenue", "road.f1", (115.0, 135.0)),
     ("OneWayStreet", "road.f1", (115.0, 135.0)),
     ("ParkingAvenue", "road.b1", (115.0, 135.0)),
     side_kmh=55.0, distance_m=(40.0, 44.0), speed_kmh=(53.0, 57.0),
 )  # fmt: skip
-_two_ways(
+_obstacle(
     "AccidentTwoWays", _crashed_cars,
     ("Street", "road.f0", (112.0, 132.0)),
     ("RuralRoad", "road.f0", (120.0, 140.0)),
     ("ParkingStreet", "road.b0", (112.0, 132.0)),
     oncoming_m=(32.0, 184.0), distance_m=(40.0, 44.0),
 )  # fmt: skip
-_one_way(
+_obstacle(
     "ConstructionObstacle", _building_site,
     ("Avenue", "road.f1", (128.0, 145.0)),
     ("Highway", "road.f2", (130.0, 150.0)),
     ("OneWayStreet", "road.f1", (128.0, 145.0)),
     side_kmh=50.0, distance_m=(40.0, 45.0), speed_kmh=(47.0, 55.0),
 )  # fmt: skip
-_two_ways(
+_obstacle(
     "ConstructionObstacleTwoWays", _building_site,
     ("Street", "road.b0", (118.0, 136.0)),
     ("ParkingStreet", "road.f0", (118.0, 136.0)),
     ("RuralRoad", "road.b0", (125.0, 145.0)),
     oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0),
 )  # fmt: skip
-_one_way(
+_obstacle(
     "ParkedObstacle", _badly_parked_car,
     ("Avenue", "road.f1", (125.0, 145.0)),
     ("OneWayStreet", "road.f1", (125.0, 145.0)),
     ("ParkingAvenue", "road.f1", (125.0, 145.0)),
     side_kmh=50.0, distance_m=(40.0, 43.0), speed_kmh=(40.0, 59.0),
 )  # fmt: skip
-_two_ways(
+_obstacle(
     "ParkedObstacleTwoWays", _badly_parked_car,
     ("Street", "road.f0", (112.0, 132.0)),
     ("ParkingStreet", "road.f0", (112.0, 132.0)),

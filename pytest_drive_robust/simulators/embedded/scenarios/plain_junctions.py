@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
+from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     RED_S,
     cross_traffic,
     end_behind_junction,
@@ -11,8 +11,6 @@ from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import (
 )
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
-
-__all__ = ["t_junction", "vanilla_green_light", "vanilla_red_light", "vanilla_stop_sign", "vanilla_turn"]
 
 _NEAR_M = (28.0, 36.0)
 _NEARER_M = (23.0, 30.0)

@@ -11,14 +11,10 @@ from contextlib import suppress
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
-from pytest_drive_robust.simulators.embedded.scenarios.junction_parts import end_behind_junction, meeting_point
+from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Script
+from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, meeting_point
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
-from pytest_drive_robust.simulators.embedded.signals import GREEN, RED
-from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.triggers import Arrival
-
-__all__ = ["opposite_vehicle_running_red_light", "opposite_vehicle_taking_priority"]
+from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage
 
 _SPEED_MPS = 60.0 / 3.6
 _ACCEL_MPS2 = 15.0
@@ -82,9 +78,7 @@ def _take_priority(stage: Stage, kind: ActorKind) -> None:
 def _way(stage: Stage) -> tuple[int, float, float]:
     """Return (path, metres ahead, metres on the path) of the file's `direction`, else of the first way that crosses.
 
-    Nobody need cross: the ego may turn right in front of who comes from there.
-
-    Raises `RouteError` when none does.
+    Nobody need cross: the ego may turn right in front of who comes. Raises `RouteError` when none does.
     """
     asked = stage.spec.texts.get("direction")
     for bearing in _BEARINGS if asked is None else (asked,):
@@ -96,17 +90,13 @@ def _way(stage: Stage) -> tuple[int, float, float]:
     if asked is not None:
         with suppress(RouteError, KeyError):  # who turns right only passes by who comes from there
             path = stage.from_arm(asked)
-            return path, *_nearest_point(stage, path)
+            nearest = meeting_point(stage, path, within_m=math.inf)
+            assert nearest is not None
+            return path, *nearest
     raise RouteError(
         f"route {stage.dense.route.id}: nobody from {asked or 'anywhere'!r} crosses the route's first junction for "
         f"scenario {stage.spec.type}; directions are {', '.join(_BEARINGS)}"
     )
-
-
-def _nearest_point(stage: Stage, path: int) -> tuple[float, float]:
-    nearest = meeting_point(stage, path, within_m=math.inf)
-    assert nearest is not None
-    return nearest
 
 
 def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = ["SCENARIOS", "ScenarioType", "Site", "scenario", "sites"]
+__all__ = ["SCENARIOS", "Metres", "ScenarioType", "Site", "scenario", "sites"]
+
+Metres = tuple[float, float]
+"""A range from which something is drawn, of metres or of whatever its element holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +26,10 @@ class Site:
 
     style: str
     chain: str
-    length_m: tuple[float, float]
-    trigger_m: tuple[float, float] = (4.0, 14.0)
-    before_m: tuple[float, float] | None = None
-    changes_m: tuple[tuple[float, float], ...] = ()
+    length_m: Metres
+    trigger_m: Metres = (4.0, 14.0)
+    before_m: Metres | None = None
+    changes_m: tuple[Metres, ...] = ()
     texts: tuple[tuple[str, str], ...] = ()
 
 
@@ -42,16 +45,16 @@ class ScenarioType:
     name: str
     build: Callable[[Stage], None]
     sites: tuple[Site, ...]
-    parameters: dict[str, tuple[float, float]]
-    intervals: dict[str, tuple[float, float]]
+    parameters: dict[str, Metres]
+    intervals: dict[str, Metres]
     blocked_test_off: bool
     two_ways: bool
 
 
 def sites(
-    *rows: tuple[str, str, tuple[float, float]],
-    trigger_m: tuple[float, float] = (4.0, 14.0),
-    before_m: tuple[float, float] | None = None,
+    *rows: tuple[str, str, Metres],
+    trigger_m: Metres = (4.0, 14.0),
+    before_m: Metres | None = None,
 ) -> tuple[Site, ...]:
     """Make sites that differ in town style, chain of lanes and length of the route only."""
     return tuple(
@@ -67,17 +70,22 @@ def scenario(
     name: str,
     *,
     sites: tuple[Site, ...],
-    parameters: dict[str, tuple[float, float]] | None = None,
-    intervals: dict[str, tuple[float, float]] | None = None,
+    parameters: dict[str, Metres] | None = None,
+    intervals: dict[str, Metres] | None = None,
+    flow: tuple[Metres, Metres] | None = None,
     blocked_test_off: bool = False,
     two_ways: bool = False,
 ) -> Callable[[Callable[[Stage], None]], Callable[[Stage], None]]:
-    """Register a builder under its name in the route XML."""
+    """Register a builder under its name in the route XML.
+
+    `flow` are the speeds (m/s) and the gaps of the flow that the route file describes (`junction_parts.route_flow`).
+    """
+    drawn = (
+        ({"flow_speed": flow[0]}, {"source_dist_interval": flow[1]}) if flow else (parameters or {}, intervals or {})
+    )
 
     def register(build: Callable[[Stage], None]) -> Callable[[Stage], None]:
-        SCENARIOS[name] = ScenarioType(
-            name, build, sites, parameters or {}, intervals or {}, blocked_test_off, two_ways
-        )
+        SCENARIOS[name] = ScenarioType(name, build, sites, *drawn, blocked_test_off, two_ways)
         return build
 
     return register

@@ -1,23 +1,26 @@
-"""The traffic around the ego does something: an emergency vehicle wants to pass.
+"""Traffic on the ego's own road decides: it stands, it brakes, it wants to pass, it leaves few gaps.
 
 Source: Bench2Drive `scenario_runner/srunner/scenarios/yield_to_emergency_vehicle.py`.
 """
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
+from pytest_drive_robust.simulators.embedded.scenarios.parts import right_hand, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.triggers import Passing
-
-__all__ = ["yield_to_emergency_vehicle"]
 
 _AHEAD_M = (25.0, 95.0)
 """Cars in the lane to the right, where the ego must find room."""
+_STOP_S = 10.0
+_BEFORE_M = (30.0, 38.0)
+_AT_LEAST_M = 8.0
+_ROW_STEP_M = 8.0
 
 
 @scenario(
@@ -49,3 +52,96 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
             ActorSpec(ActorKind.CAR, right, at_m, cruise, end_m=stage.length_m(right), leaves=True, background=True)
         )
     stage.end_m = stage.dense.length_m
+
+
+@scenario(
+    "BlockedIntersection",
+    sites=(
+        Site("OpenCrossing", "E.right0", (70.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightCrossing", "N.left0", (72.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("LightTee", "S.right0", (70.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+        Site("Grid", "W1.left0", (72.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
+    ),
+    blocked_test_off=True,
+)
+def blocked_intersection(stage: Stage) -> None:
+    """After a turn a car stands 5 m behind the exit; it leaves 10 s after the ego came within 13 m.
+
+    Who waits for it before the junction counts as near, too.
+    """
+    at = stage.exit_ahead_m() + 5.0 + SIZES_M[ActorKind.VAN][0] / 2.0
+    entry = stage.spot(stage.junction_ahead_m() - 9.0)
+    cruise = 0.8 * stage.speed_limit_mps
+    blocker = stage.cast.add(ActorSpec(ActorKind.VAN, stage.ego_path, stage.on_ego_path(at), leaves=True))
+    near = Arrival(0.0, max(13.0, math.dist(entry, stage.spot(at))))
+    stage.cast.script(blocker, near, Script(cruise, delay_s=_STOP_S), at=stage.spot(at))
+    stage.green_for_ego()
+    stage.end_m = stage.trigger_m + at + 10.0
+
+
+@scenario(
+    "HardBreakRoute",
+    sites=(
+        Site("Street", "road.f0", (120.0, 140.0), trigger_m=(20.0, 30.0)),
+        Site("Avenue", "road.f1", (120.0, 140.0), trigger_m=(20.0, 30.0)),
+        Site("RuralRoad", "road.f0", (125.0, 145.0), trigger_m=(20.0, 30.0)),
+        Site("Highway", "road.f1", (130.0, 150.0), trigger_m=(20.0, 30.0)),
+    ),
+)
+def hard_brake(stage: Stage) -> None:
+    """Two cars lead the ego, 15 m apart or more; both brake hard and stand for ten seconds.
+
+    On fast roads everybody starts rolling.
+    """
+    cruise = 0.85 * stage.speed_limit_mps
+    start = rolling_start(stage)
+    apart = 15.0 + 0.8 * start
+    for k in range(2):
+        start_m = stage.on_ego_path(1.0 + apart * (k + 1) - stage.trigger_m)
+        leader = stage.cast.add(
+            ActorSpec(
+                ActorKind.CAR if k else ActorKind.VAN, stage.ego_path, start_m, max(start, 2.0), target_mps=cruise,
+                leash=True, background=True, brake_mps2=7.5,
+            )
+        )  # fmt: skip
+        stage.cast.script(leader, Passing(stage.trigger_m + 18.0), Script(0.0, seconds=_STOP_S, after_mps=cruise))
+    scenery(stage)
+    stage.end_m = stage.dense.length_m - 10.0
+
+
+@scenario(
+    "ParkingExit",
+    sites=(
+        Site("ParkingStreet", "road.f0", (125.0, 140.0), trigger_m=(0.5, 1.5)),
+        Site("ParkingAvenue", "road.f1", (125.0, 140.0), trigger_m=(0.5, 1.5)),
+        Site("OneWayStreet", "road.f1", (125.0, 140.0), trigger_m=(0.5, 1.5)),
+    ),
+    parameters={
+        "front_vehicle_distance": (9.0, 9.0),
+        "behind_vehicle_distance": (9.0, 9.0),
+        "flow_distance": (25.0, 25.0),
+    },
+    blocked_test_off=True,
+)
+def parking_exit(stage: Stage) -> None:
+    """Parked cars 9 m ahead and behind, a car beside the ego drives off, traffic follows 25 m apart."""
+    kerb = right_hand(stage) * (stage.lane_width_m / 2.0 + 1.2)
+    stage.start_right_m = kerb
+    front = max(stage.spec.number("front_vehicle_distance", 9.0), _AT_LEAST_M) - stage.trigger_m
+    behind = max(stage.spec.number("behind_vehicle_distance", 9.0), _AT_LEAST_M) + stage.trigger_m
+    for k in range(3):
+        stage.stand(ActorKind.CAR, front + _ROW_STEP_M * k, kerb)
+    for k in range(2):
+        stage.stand(ActorKind.CAR, -behind - _ROW_STEP_M * k, kerb)
+    cruise = 0.7 * stage.speed_limit_mps
+    lane = stage.own()
+    stage.cast.add(
+        ActorSpec(
+            ActorKind.CAR, lane, stage.along(lane, -stage.trigger_m), target_mps=cruise, background=True,
+            end_m=stage.length_m(lane), leaves=True,
+        )
+    )  # fmt: skip
+    gap = max(stage.spec.number("flow_distance", 25.0), 12.0)
+    stage.flow(lane, speed_mps=cruise, gap_m=(gap, 1.3 * gap), background=True)
+    scenery(stage)
+    stage.end_m = stage.trigger_m + 50.0

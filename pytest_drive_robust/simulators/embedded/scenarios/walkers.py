@@ -9,18 +9,10 @@ from __future__ import annotations
 import math
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.simulators.embedded.scenarios.roadside import ahead, right_hand, road_edge_m, scenery
+from pytest_drive_robust.simulators.embedded.actors import Arrival
+from pytest_drive_robust.simulators.embedded.scenarios.parts import ahead, right_hand, road_edge_m, scenery
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
 from pytest_drive_robust.simulators.embedded.stage import Stage
-from pytest_drive_robust.simulators.embedded.triggers import Arrival
-
-__all__ = [
-    "dynamic_object_crossing",
-    "parking_crossing_pedestrian",
-    "pedestrian_crossing",
-    "vehicle_turning_route",
-    "vehicle_turning_route_pedestrian",
-]
 
 _BEFORE_M = (30.0, 40.0)
 _LATER_S = 0.02
@@ -129,10 +121,7 @@ def vehicle_turning_route(stage: Stage) -> None:
     ),
 )
 def vehicle_turning_route_pedestrian(stage: Stage) -> None:
-    """A pedestrian crosses at the exit of the turn at 1.8 m/s; starts when the ego is 2.2 s or 6 m away.
-
-    They come from the outer side of the turn.
-    """
+    """A pedestrian crosses the exit of the turn from its outer side, at 1.8 m/s, when the ego is 2.2 s or 6 m away."""
     outer = "left" if stage.first_passage().turn_rad > 0.0 else "right"
     _crosses_after_turn(stage, 2.1, ActorKind.PEDESTRIAN, Arrival(2.2, 6.0), side=outer)
 

@@ -1,35 +1,45 @@
-"""The towns: small maps written with highway-env's road network and lane classes.
+"""The towns: small maps, each style one function that draws roads.
 
 A town is named `<Style><number>`; the number seeds its proportions, so `Street7` is the same town in every process.
-Each style is one function that draws roads. highway-env knows no lane kinds, junctions, stop lines or buildings:
-`Town` notes them beside the network.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.errors import RouteError, UnknownNameError
-from pytest_drive_robust.simulators.embedded.towns import crossings, motorways, streets
-from pytest_drive_robust.simulators.embedded.towns.grid import grid
+from pytest_drive_robust.simulators.embedded.towns import crossings, streets
+from pytest_drive_robust.simulators.embedded.towns.crossings import grid
 from pytest_drive_robust.simulators.embedded.towns.roundabout import roundabout
-from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, LaneKey, Town
+from pytest_drive_robust.simulators.embedded.towns.town import Draw, Town
 
-__all__ = ["STYLES", "Arm", "JunctionControl", "LaneKey", "Town", "build_town"]
+__all__ = ["STYLES", "Town", "build_town"]
 
-STYLES: dict[str, Callable[[Town, RandomNumbers], None]] = {
-    "Street": streets.street,
-    "ParkingStreet": streets.parking_street,
-    "Avenue": streets.avenue,
-    "ParkingAvenue": streets.parking_avenue,
-    "OneWayStreet": streets.one_way_street,
+STYLES: dict[str, Draw] = {
+    "Street": streets.street(
+        1, 1, width_m=(3.4, 3.8), limits_mps=[11.0, 12.5, 13.9], length_m=320.0, straight=0.4, radius_m=(90.0, 160.0)
+    ),
+    "ParkingStreet": streets.street(
+        1, 1, width_m=(3.4, 3.7), limits_mps=[11.0, 12.5], length_m=320.0, straight=0.6, radius_m=(110.0, 180.0),
+        parking=True,
+    ),
+    "Avenue": streets.street(
+        2, 2, width_m=(3.3, 3.6), limits_mps=[12.5, 13.9], length_m=340.0, straight=0.5, radius_m=(130.0, 220.0)
+    ),
+    "ParkingAvenue": streets.street(
+        2, 2, width_m=(3.3, 3.6), limits_mps=[12.5, 13.9], length_m=340.0, straight=0.5, radius_m=(140.0, 230.0),
+        parking=True,
+    ),
+    "OneWayStreet": streets.street(
+        2, 0, width_m=(3.2, 3.6), limits_mps=[11.0, 12.5], length_m=320.0, straight=0.5, radius_m=(110.0, 180.0),
+        parking=True, left_walk=True,
+    ),
     "Bend": streets.bend,
     "RuralRoad": streets.rural_road,
     "Highway": streets.highway,
-    "EntryRamp": motorways.entry_ramp,
-    "ExitRamp": motorways.exit_ramp,
+    "EntryRamp": streets.entry_ramp,
+    "ExitRamp": streets.exit_ramp,
     "LightCrossing": crossings.crossing("light", lanes=1),
     "LightAvenueCrossing": crossings.crossing("light", lanes=2),
     "StopCrossing": crossings.crossing("stop", lanes=1),
@@ -42,7 +52,7 @@ STYLES: dict[str, Callable[[Town, RandomNumbers], None]] = {
     "RuralTee": crossings.rural_tee,
     "Roundabout": roundabout,
     "Grid": grid,
-}
+}  # fmt: skip
 """Every style of town by name."""
 
 

@@ -1,27 +1,32 @@
-"""Crossings of four arms and junctions of three, in town and in the country."""
+"""Crossings of four arms and junctions of three, in town and in the country, and a grid of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.junction import chains_through, connect, draw_arms
-from pytest_drive_robust.simulators.embedded.towns.pieces import piece
-from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
-from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
+from pytest_drive_robust.simulators.embedded.towns.junction import (
+    Connection,
+    chains_through,
+    connect,
+    crosswalk,
+    draw_arms,
+)
+from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, road
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, Draw, Section, Town
 
-__all__ = ["bike_crossing", "crossing", "rural_crossing", "rural_tee", "tee"]
+__all__ = ["bike_crossing", "crossing", "grid", "rural_crossing", "rural_tee", "tee"]
 
-Draw = Callable[[Town, RandomNumbers], None]
 _HEADINGS = {name: k * math.pi / 2.0 for k, name in enumerate("ESWN")}
 _TOWN_LIMITS_MPS = [10.0, 11.0, 12.5]
 _COUNTRY_LIMITS_MPS = [16.0, 17.5, 19.0]
 _ARM_M = 110.0
 _COUNTRY_ARM_M = 170.0
+_QUARTER = math.pi / 2.0
+_SIZE = 2
 
 
 def crossing(control: str | None, *, lanes: int) -> Draw:
@@ -33,7 +38,6 @@ def crossing(control: str | None, *, lanes: int) -> Draw:
         box = lanes * width + rng.uniform(5.0, 8.0)
         _junction(town, "ESWN", box, section, control={} if control is None else dict.fromkeys("ESWN", control))
 
-    draw.__doc__ = f"A crossing of four arms, {lanes} lane(s) each way, {control or 'no'} control."
     return draw
 
 
@@ -46,7 +50,6 @@ def tee(control: dict[str, str]) -> Draw:
         _junction(town, "ESW", width + rng.uniform(5.0, 8.0), section, control=control)
         _close_sidewalk(town)
 
-    draw.__doc__ = f"A junction of three arms, one lane each way, {control or 'no'} control."
     return draw
 
 
@@ -87,12 +90,76 @@ def _junction(town: Town, names: str, box_m: float, section: Section, *, control
 
 def _close_sidewalk(town: Town) -> None:
     """Continue the sidewalk where a tee has no fourth arm."""
-    before, after = town.chains["E.bwalk"][-1], town.chains["W.fwalk"][0]
-    lane, onward = town.network.get_lane(before), town.network.get_lane(after)
-    start, end = lane.position(lane.length, 0.0), onward.position(0.0, 0.0)
-    pose = float(start[0]), float(start[1]), float(lane.heading_at(lane.length))
-    drawn = piece(
-        pose, scalars.hypot(*(end - start)), 0.0, 0.0, backward=False,
-        width=lane.width_at(0.0), line_types=(LineType.NONE, LineType.NONE), speed_limit=lane.speed_limit,
-    )  # fmt: skip
-    town.add(before[1], after[0], drawn, kind=LaneKind.SIDEWALK)
+    lane, onward = town.lanes[town.chains["E.bwalk"][-1]], town.lanes[town.chains["W.fwalk"][0]]
+    x, y, heading = (float(value) for value in lane.centre[-1])
+    length = scalars.hypot(*(onward.centre[0, :2] - lane.centre[-1, :2]))
+    drawn = piece((x, y, heading), length, 0.0, width_m=lane.width_m, lines=PLAIN, speed_mps=lane.speed_mps)
+    town.add(replace(drawn, kind=LaneKind.SIDEWALK))
+
+
+def grid(town: Town, rng: RandomNumbers) -> None:
+    """Draw four crossings with lights, 75 to 95 m apart, one lane each way.
+
+    Roads that lead out: `W0`, `W1` (row 0 lies in the north), `E0`, `E1`, `N0`, `N1` (column 0 lies in the west), `S0`,
+    `S1`; between the crossings `H0`, `H1` lead east, `V0`, `V1` south. Chains: `W0.left0` turns left at its first
+    crossing and then goes straight out of town, `W0.straight-left0` turns left at its second one.
+    """
+    width = rng.uniform(3.4, 3.7)
+    section = Section(1, 1, width, rng.choice(_TOWN_LIMITS_MPS))
+    box = width + rng.uniform(5.0, 8.0)
+    apart = rng.uniform(75.0, 95.0), rng.uniform(75.0, 95.0)
+    ways: dict[int, list[Connection]] = {}
+    for column in range(_SIZE):
+        for row in range(_SIZE):
+            centre = column * apart[0], row * apart[1]
+            arms = _arms(column, row, centre, box, section)
+            _draw(town, arms, (apart[0] - 2.0 * box, apart[1] - 2.0 * box))
+    for column in range(_SIZE):
+        for row in range(_SIZE):
+            arms = _arms(column, row, (column * apart[0], row * apart[1]), box, section)
+            for made in connect(town, arms, controls={arm.name: "light" for arm in arms}):
+                ways.setdefault(town.chains[made.source.inward("0")][-1], []).append(made)
+    _name_chains(town, ways)
+
+
+def _arms(column: int, row: int, centre: tuple[float, float], box_m: float, section: Section) -> list[Arm]:
+    """Return the arms of one crossing; a road between two crossings is drawn by the western or northern one."""
+    last = _SIZE - 1
+    roads = (
+        (f"E{row}" if column == last else f"H{row}", False),
+        (f"S{column}" if row == last else f"V{column}", False),
+        (f"W{row}" if column == 0 else f"H{row}", column > 0),
+        (f"N{column}" if row == 0 else f"V{column}", row > 0),
+    )
+    return [
+        Arm(name, k * _QUARTER, box_m, section, centre, ends_here=ends_here)
+        for k, (name, ends_here) in enumerate(roads)
+    ]
+
+
+def _draw(town: Town, arms: list[Arm], between_m: tuple[float, float]) -> None:
+    for arm in arms:
+        if not arm.ends_here:
+            length = {"H": between_m[0], "V": between_m[1]}.get(arm.name[0], _ARM_M)
+            road(town, arm.name, arm.edge(), [(length, 0.0)], arm.section)
+        crosswalk(town, arm)
+
+
+def _name_chains(town: Town, ways: dict[int, list[Connection]]) -> None:
+    for side in "EWNS":
+        for number in range(_SIZE):
+            entry = town.chains[f"{side}{number}.b0"]
+            for first in ways[entry[-1]]:
+                through = [*entry, first.key, *town.chains[first.target.outward("0")]]
+                town.chains[f"{side}{number}.{first.turn}0"] = _straight_out(town, ways, through)
+                for second in ways.get(through[-1], ()):
+                    chain = [*through, second.key, *town.chains[second.target.outward("0")]]
+                    town.chains[f"{side}{number}.{first.turn}-{second.turn}0"] = _straight_out(town, ways, chain)
+
+
+def _straight_out(town: Town, ways: dict[int, list[Connection]], chain: list[int]) -> list[int]:
+    """Prolong a chain straight on over every crossing to the edge of the town."""
+    while chain[-1] in ways:
+        onward = next(made for made in ways[chain[-1]] if made.turn == "straight")
+        chain = [*chain, onward.key, *town.chains[onward.target.outward("0")]]
+    return chain

@@ -9,13 +9,12 @@ import numpy as np
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, road
-from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
-from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, LaneKey, Town
+from pytest_drive_robust.simulators.embedded.geometry import moved
+from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, road
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, Town
 
 __all__ = ["Connection", "chains_through", "connect", "control_of", "crosswalk", "draw_arms", "turn_between"]
 
-_PLAIN = (LineType.NONE, LineType.NONE)
 _RIGHT_ANGLE = math.pi / 2.0
 _OFF_KERB_M = 0.6
 
@@ -28,7 +27,7 @@ class Connection:
     turn: str
     lane: int
     target: Arm
-    key: LaneKey
+    key: int
 
 
 def draw_arms(town: Town, arms: list[Arm], *, length_m: float, crosswalks: bool = True) -> None:
@@ -95,7 +94,7 @@ def chains_through(town: Town, connections: list[Connection]) -> None:
         ]
 
 
-def control_of(arm: Arm, lane: LaneKey, what: str) -> JunctionControl:
+def control_of(arm: Arm, lane: int, what: str) -> JunctionControl:
     """Return a light in the far corner, halfway round the kerb along which cars turn right, or a stop sign."""
     edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
     aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M
@@ -109,32 +108,28 @@ def _may_turn(turn: str, lane: int, lanes: int) -> bool:
 def _connection(town: Town, source: Arm, target: Arm, lane: int, *, junction: int) -> Connection:
     section, turn = source.section, turn_between(source, target)
     offset = (lane + 0.5) * section.width_m
-    length, curvature = _arc(turn, source.box_m, offset)
     speed = min(section.speed_mps, target.section.speed_mps) if turn != "straight" else section.speed_mps
     drawn = piece(
-        _entry(source, offset), length, curvature, 0.0, backward=False,
-        width=section.width_m, line_types=_PLAIN, speed_limit=speed,
+        _entry(source, offset), *_arc(turn, source.box_m, offset),
+        width_m=section.width_m, lines=PLAIN, speed_mps=speed, junction=junction,
     )  # fmt: skip
-    start = town.chains[source.inward(str(lane))][-1][1]
-    end = town.chains[target.outward(str(lane))][0][0]
-    return Connection(source, turn, lane, target, town.add(start, end, drawn, junction=junction))
+    return Connection(source, turn, lane, target, town.add(drawn))
 
 
 def _bike_connection(town: Town, source: Arm, target: Arm, *, junction: int) -> None:
     section = source.section
     offset = section.forward * section.width_m + section.biking_m / 2.0
     drawn = piece(
-        _entry(source, offset), 2.0 * source.box_m, 0.0, 0.0, backward=False,
-        width=section.biking_m, line_types=_PLAIN, speed_limit=section.speed_mps,
+        _entry(source, offset), 2.0 * source.box_m, 0.0,
+        width_m=section.biking_m, lines=PLAIN, speed_mps=section.speed_mps, kind=LaneKind.BIKING, junction=junction,
     )  # fmt: skip
     before, after = town.chains[source.inward("bike")], town.chains[target.outward("bike")]
-    key = town.add(before[-1][1], after[0][0], drawn, kind=LaneKind.BIKING, junction=junction)
-    town.chains[f"{source.name}.bike"] = [*before, key, *after]
+    town.chains[f"{source.name}.bike"] = [*before, town.add(drawn), *after]
 
 
 def _entry(arm: Arm, offset: float) -> tuple[float, float, float]:
     x, y, heading = arm.edge()
-    return beside((x, y, heading + math.pi), offset)
+    return moved((x, y, heading + math.pi), 0.0, offset)
 
 
 def _arc(turn: str, box_m: float, offset: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""From a drawn town to lanes: sampled every metre, with neighbours, successors and stop lines."""
+"""From a drawn town to lanes, sampled every metre, with neighbours, successors and stop lines, and to houses."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.arithmetic import arrays
+from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import Lane, LaneKind, StopLine
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
-from pytest_drive_robust.simulators.embedded.towns.drawn_lanes import CircularLane, StraightLane
-from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, LaneKey, Town
-from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
+from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, Town
 
-__all__ = ["draw_lanes", "stop_lines"]
+__all__ = ["draw_buildings", "draw_lanes", "stop_lines"]
 
-Floats = NDArray[np.float64]
-_LINES = {0: "none", 1: "striped", 2: "solid", 3: "solid"}
 _JOIN_M = 0.5
 """Two lanes follow each other when end and start are nearer than this."""
 _STOP_BEFORE_END_M = 5.0
@@ -25,73 +23,53 @@ _STOP_BEFORE_END_M = 5.0
 
 _Side = tuple[int, bool]
 _NOBODY: _Side = (-1, False)
+_CLEAR_M = 0.8
+"""Least distance between a wall and the edge of any lane in a city; in the country it is the least gap."""
+_STEP_M = 22
+_NEAR_M = 50.0
+"""More than half the diagonal of the largest house and the widest lane and gap together."""
 
 
 def draw_lanes(town: Town) -> tuple[Lane, ...]:
     """Return every lane of the town, numbered in the order in which they were drawn."""
-    keys = list(town.kinds)
-    index = {key: k for k, key in enumerate(keys)}
-    centres = [_sample(town, key) for key in keys]
-    left, right = _neighbours(town, index, centres)
-    successors = _successors(town, keys, centres)
+    left, right = _neighbours(town)
+    successors = _successors(town)
     return tuple(
-        _lane(town, key, k, centres[k], left=left.get(k, _NOBODY), right=right.get(k, _NOBODY), after=successors[k])
-        for k, key in enumerate(keys)
+        Lane(
+            index=k,
+            kind=lane.kind,
+            centre=lane.centre,
+            width_m=float(lane.width_m),
+            speed_limit_mps=float(lane.speed_mps),
+            junction=lane.junction >= 0,
+            left=left.get(k, _NOBODY)[0],
+            right=right.get(k, _NOBODY)[0],
+            left_same_way=left.get(k, _NOBODY)[1],
+            right_same_way=right.get(k, _NOBODY)[1],
+            left_line=lane.lines[0],
+            right_line=lane.lines[1],
+            successors=successors[k],
+        )
+        for k, lane in enumerate(town.lanes)
     )
 
 
-def _lane(
-    town: Town, key: LaneKey, index: int, centre: Floats, *, left: _Side, right: _Side, after: tuple[int, ...]
-) -> Lane:
-    lane = town.network.get_lane(key)
-    return Lane(
-        index=index,
-        kind=town.kinds[key],
-        centre=centre,
-        width_m=float(lane.width_at(0.0)),
-        speed_limit_mps=float(lane.speed_limit),
-        junction=key in town.junctions,
-        left=left[0],
-        right=right[0],
-        left_same_way=left[1],
-        right_same_way=right[1],
-        left_line=_LINES[int(lane.line_types[0])],
-        right_line=_LINES[int(lane.line_types[1])],
-        successors=after,
-    )
-
-
-def _sample(town: Town, key: LaneKey) -> Floats:
-    """Return what `lane.position` and `lane.heading_at` give for a row of distances, at once."""
-    lane = town.network.get_lane(key)
-    if isinstance(lane, TracedLane):
-        return lane.centre
-    count = max(2, round(lane.length) + 1)
-    at = np.linspace(0.0, lane.length, count)
-    if isinstance(lane, CircularLane | StraightLane):
-        return lane.sampled(at)
-    raise TypeError(f"town {town.name}: lane {key} is a {type(lane).__name__}, expected straight, circular or traced")
-
-
-def _neighbours(
-    town: Town, index: dict[LaneKey, int], centres: list[Floats]
-) -> tuple[dict[int, _Side], dict[int, _Side]]:
+def _neighbours(town: Town) -> tuple[dict[int, _Side], dict[int, _Side]]:
     """Return for each lane number what lies to its left and to its right: (lane number, leads the same way)."""
     left: dict[int, _Side] = {}
     right: dict[int, _Side] = {}
     for strip in town.slices:
-        lanes = [(index[key], along) for key, along in strip]
-        for (west, west_along), (east, east_along) in pairwise(lanes):
+        for (west, west_along), (east, east_along) in pairwise(strip):
             same_way = west_along == east_along
             (right if west_along else left)[west] = (east, same_way)
             (left if east_along else right)[east] = (west, same_way)
     return left, right
 
 
-def _successors(town: Town, keys: list[LaneKey], centres: list[Floats]) -> list[tuple[int, ...]]:
+def _successors(town: Town) -> list[tuple[int, ...]]:
     """Return the lanes of the same kind that begin where each lane ends, heading the same way."""
-    kinds = np.array([int(town.kinds[key]) for key in keys])
-    starts, ends = np.array([centre[0] for centre in centres]), np.array([centre[-1] for centre in centres])
+    kinds = np.array([int(lane.kind) for lane in town.lanes])
+    starts, ends = (np.array([lane.centre[row] for lane in town.lanes]) for row in (0, -1))
     meets = arrays.hypot(*(ends[:, None, :2] - starts[None, :, :2]).transpose(2, 0, 1)) < _JOIN_M
     meets &= arrays.cos(ends[:, None, 2] - starts[None, :, 2]) > 0.9
     meets &= kinds[:, None] == kinds[None, :]
@@ -105,8 +83,7 @@ def stop_lines(town: Town, lanes: tuple[Lane, ...]) -> tuple[StopLine, ...]:
     A light stands at the far corner of the junction, where a driver at the line can see it; a sign stands at the line.
     Both stand to the right of the outermost lane.
     """
-    index = {key: k for k, key in enumerate(town.kinds)}
-    return tuple(_stop_line(k, lanes[index[control.lane]], control, lanes) for k, control in enumerate(town.controls))
+    return tuple(_stop_line(k, lanes[control.lane], control, lanes) for k, control in enumerate(town.controls))
 
 
 def _stop_line(k: int, lane: Lane, control: JunctionControl, lanes: tuple[Lane, ...]) -> StopLine:
@@ -127,3 +104,46 @@ def _to_kerb_m(lanes: tuple[Lane, ...], lane: Lane) -> float:
         lane = lanes[lane.right]
         total += lane.width_m
     return total
+
+
+def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
+    """Return (b, 6): x, y, yaw, length, width, height of every house."""
+    rng = RandomNumbers.of(town.name, "houses")
+    points = np.concatenate([lane.centre[:, :2] for lane in lanes])
+    radii = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0) for lane in lanes])
+    walks = [lane for lane in lanes if lane.kind is LaneKind.SIDEWALK]
+    fronts = walks or [lane for lane in lanes if lane.right < 0 and not lane.junction]
+    clear = radii + (_CLEAR_M if walks else town.building_gap_m[0])
+    rows: list[list[float]] = []
+    for lane in fronts:
+        for start in range(5, len(lane.centre) - 12, _STEP_M):
+            length, depth, height = rng.uniform(12.0, 19.0), rng.uniform(8.0, 14.0), rng.uniform(6.0, 18.0)
+            gap = rng.uniform(*town.building_gap_m) + 0.05
+            pose = place(lane.centre, float(start + 8), gap + depth / 2.0 + lane.width_m / 2.0)
+            row = [*pose, float(length), float(depth), float(height)]
+            near = _is_near(row, points)
+            if bool((_outside(row, points[near]) > clear[near]).all()) and _apart(row, rows):
+                rows.append(row)
+    return np.array(rows, dtype=float).reshape(-1, 6)
+
+
+def _is_near(row: list[float], points: Floats) -> NDArray[np.bool_]:
+    """Return points that may be too close to a house: the exact distance is worked out for these only."""
+    return np.asarray(np.abs(points - row[:2]).max(axis=1) < _NEAR_M)
+
+
+def _outside(row: list[float], points: Floats) -> Floats:
+    """Return the distance of each point from a house, 0 inside."""
+    dx, dy = points[:, 0] - row[0], points[:, 1] - row[1]
+    cos, sin = scalars.cos(row[2]), scalars.sin(row[2])
+    along = np.maximum(np.abs(dx * cos + dy * sin) - row[3] / 2.0, 0.0)
+    across = np.maximum(np.abs(dy * cos - dx * sin) - row[4] / 2.0, 0.0)
+    return arrays.hypot(along, across)
+
+
+def _apart(row: list[float], rows: list[list[float]]) -> bool:
+    reach = scalars.hypot(row[3], row[4]) / 2.0
+    return all(
+        scalars.hypot(row[0] - other[0], row[1] - other[1]) > reach + scalars.hypot(other[3], other[4]) / 2.0 - 4.0
+        for other in rows
+    )

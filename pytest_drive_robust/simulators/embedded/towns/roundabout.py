@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.simulators.embedded.geometry import moved
 from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
-from pytest_drive_robust.simulators.embedded.towns.pieces import beside, piece, retreat
-from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
-from pytest_drive_robust.simulators.embedded.towns.town import Arm, LaneKey, Section, Town
+from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, retreat
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
 
 __all__ = ["roundabout"]
 
@@ -38,23 +39,23 @@ class _Ring:
         self._phase = scalars.atan2(side, self.box_m)
         """How far from an arm's heading its entry and its exit meet the ring."""
         self._turn = _QUARTER - self._phase
-        self._style: dict[str, object] = {
-            "width": section.width_m, "line_types": (LineType.NONE, LineType.NONE), "speed_limit": speed
-        }  # fmt: skip
-        self._junction = town.new_junction()
+        self._style: dict[str, Any] = {
+            "width_m": section.width_m,
+            "lines": PLAIN,
+            "speed_mps": speed,
+            "junction": town.new_junction(),
+        }
 
     def draw(self, arms: list[Arm]) -> None:
         """Draw ring, entries and exits; name the chains `<arm>.right0`, `<arm>.straight0`, `<arm>.left0`."""
         count = len(arms)
         enter = [self._enter(arm) for arm in arms]
         # counter-clockwise on the map: from the entry of arm k to the exit of arm k - 1, on to the entry of arm k - 1
-        apart = [self._arc(f"in{arm.name}", f"out{arms[k - 1].name}", arm.heading_rad - self._phase,
-                           _QUARTER - 2.0 * self._phase) for k, arm in enumerate(arms)]  # fmt: skip
-        past = [self._arc(f"out{arm.name}", f"in{arm.name}", arm.heading_rad + self._phase, 2.0 * self._phase)
-                for arm in arms]  # fmt: skip
+        apart = [self._arc(arm.heading_rad - self._phase, _QUARTER - 2.0 * self._phase) for arm in arms]
+        past = [self._arc(arm.heading_rad + self._phase, 2.0 * self._phase) for arm in arms]
         leave = [self._leave(arm) for arm in arms]
         for k, arm in enumerate(arms):
-            inside: list[LaneKey] = [enter[k]]
+            inside: list[int] = [enter[k]]
             for step, turn in enumerate(("right", "straight", "left"), start=1):
                 inside.append(apart[(k - step + 1) % count])
                 target = (k - step) % count
@@ -66,21 +67,16 @@ class _Ring:
                 ]
                 inside.append(past[target])
 
-    def _arc(self, start: str, end: str, phase: float, angle: float) -> LaneKey:
+    def _arc(self, phase: float, angle: float) -> int:
         pose = (self._radius * scalars.cos(phase), self._radius * scalars.sin(phase), phase - _QUARTER)
-        lane = piece(pose, self._radius * angle, -1.0 / self._radius, 0.0, backward=False, **self._style)
-        return self._town.add(f"ring{start}", f"ring{end}", lane, junction=self._junction)
+        return self._town.add(piece(pose, self._radius * angle, -1.0 / self._radius, **self._style))
 
-    def _enter(self, arm: Arm) -> LaneKey:
+    def _enter(self, arm: Arm) -> int:
         x, y, heading = arm.edge()
-        pose = beside((x, y, heading + math.pi), self._section.width_m / 2.0)
-        lane = piece(pose, self._bend * self._turn, 1.0 / self._bend, 0.0, backward=False, **self._style)
-        start = self._town.chains[arm.inward("0")][-1][1]
-        return self._town.add(start, f"ringin{arm.name}", lane, junction=self._junction)
+        pose = moved((x, y, heading + math.pi), 0.0, self._section.width_m / 2.0)
+        return self._town.add(piece(pose, self._bend * self._turn, 1.0 / self._bend, **self._style))
 
-    def _leave(self, arm: Arm) -> LaneKey:
-        end = beside(arm.edge(), self._section.width_m / 2.0)
-        length, curvature = self._bend * self._turn, 1.0 / self._bend
-        lane = piece(retreat(end, [(length, curvature)]), length, curvature, 0.0, backward=False, **self._style)
-        target = self._town.chains[arm.outward("0")][0][0]
-        return self._town.add(f"ringout{arm.name}", target, lane, junction=self._junction)
+    def _leave(self, arm: Arm) -> int:
+        end = moved(arm.edge(), 0.0, self._section.width_m / 2.0)
+        bend = self._bend * self._turn, 1.0 / self._bend
+        return self._town.add(piece(retreat(end, [bend]), *bend, **self._style))

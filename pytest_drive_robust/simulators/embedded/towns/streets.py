@@ -1,62 +1,41 @@
-"""Styles without junctions: streets, avenues, a bend, a country road, a motorway."""
+"""Styles without junctions: streets, avenues, a bend, a country road, motorways where one gets on or off."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from math import fsum
 
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
-from pytest_drive_robust.simulators.embedded.towns.pieces import road, winding
-from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
+from pytest_drive_robust.simulators.embedded.geometry import Pose, moved
+from pytest_drive_robust.simulators.embedded.towns.pieces import Piece, retreat, road, winding
+from pytest_drive_robust.simulators.embedded.towns.town import Draw, Section, Town
 
-__all__ = [
-    "avenue",
-    "bend",
-    "highway",
-    "one_way_street",
-    "parking_avenue",
-    "parking_street",
-    "rural_road",
-    "street",
-]
+__all__ = ["bend", "entry_ramp", "exit_ramp", "highway", "rural_road", "street"]
 
 _START = (-100.0, 0.0, 0.0)
 _COUNTRY_GAP_M = (8.0, 30.0)
+_WIDTH_M = 3.6
+_MOTORWAY_START: Pose = (-200.0, 0.0, 0.0)
+_BEFORE_M, _AFTER_M = 200.0, 300.0
+_EXIT_LANE_M = 280.0
+_GAP_M = (14.0, 35.0)
+"""Who merges must see who comes."""
 
 
-def street(town: Town, rng: RandomNumbers) -> None:
-    """Draw a two-way street, one lane each way, straight or winding, with sidewalks."""
-    section = Section(1, 1, rng.uniform(3.4, 3.8), rng.choice([11.0, 12.5, 13.9]))
-    pieces = [(320.0, 0.0)] if rng.random() < 0.4 else winding(rng, 320.0, radius_m=(90.0, 160.0))
-    road(town, "road", _START, pieces, section)
+def street(
+    forward: int, backward: int, *, width_m: Piece, limits_mps: list[float], length_m: float, straight: float,
+    radius_m: Piece, parking: bool = False, left_walk: bool = False,
+) -> Draw:  # fmt: skip
+    """Return a style: a street in town with sidewalks, `straight` in that share of its towns, winding in the others."""
 
+    def draw(town: Town, rng: RandomNumbers) -> None:
+        width, limit = rng.uniform(*width_m), rng.choice(limits_mps)
+        section = Section(forward, backward, width, limit, parking=parking, left_walk=left_walk)
+        pieces = [(length_m, 0.0)] if rng.random() < straight else winding(rng, length_m, radius_m=radius_m)
+        road(town, "road", _START, pieces, section)
 
-def parking_street(town: Town, rng: RandomNumbers) -> None:
-    """Draw a two-way street, one lane each way, with parking lanes and sidewalks."""
-    section = Section(1, 1, rng.uniform(3.4, 3.7), rng.choice([11.0, 12.5]), parking=True)
-    pieces = [(320.0, 0.0)] if rng.random() < 0.6 else winding(rng, 320.0, radius_m=(110.0, 180.0))
-    road(town, "road", _START, pieces, section)
-
-
-def avenue(town: Town, rng: RandomNumbers) -> None:
-    """Draw a two-way avenue, two lanes each way, with sidewalks."""
-    section = Section(2, 2, rng.uniform(3.3, 3.6), rng.choice([12.5, 13.9]))
-    pieces = [(340.0, 0.0)] if rng.random() < 0.5 else winding(rng, 340.0, radius_m=(130.0, 220.0))
-    road(town, "road", _START, pieces, section)
-
-
-def parking_avenue(town: Town, rng: RandomNumbers) -> None:
-    """Draw a two-way avenue, two lanes each way, with parking lanes and sidewalks."""
-    section = Section(2, 2, rng.uniform(3.3, 3.6), rng.choice([12.5, 13.9]), parking=True)
-    pieces = [(340.0, 0.0)] if rng.random() < 0.5 else winding(rng, 340.0, radius_m=(140.0, 230.0))
-    road(town, "road", _START, pieces, section)
-
-
-def one_way_street(town: Town, rng: RandomNumbers) -> None:
-    """Draw two lanes, one way, parking on the right, sidewalks on both sides."""
-    width, speed = rng.uniform(3.2, 3.6), rng.choice([11.0, 12.5])
-    section = Section(2, 0, width, speed, parking=True, left_walk=True)
-    pieces = [(320.0, 0.0)] if rng.random() < 0.5 else winding(rng, 320.0, radius_m=(110.0, 180.0))
-    road(town, "road", _START, pieces, section)
+    return draw
 
 
 def bend(town: Town, rng: RandomNumbers) -> None:
@@ -82,3 +61,51 @@ def highway(town: Town, rng: RandomNumbers) -> None:
     pieces = [(520.0, 0.0)] if rng.random() < 0.5 else winding(rng, 520.0, radius_m=(300.0, 500.0))
     road(town, "road", (-120.0, 0.0, 0.0), pieces, Section(3, 0, rng.uniform(3.5, 3.75), speed, sidewalk=False))
     town.building_gap_m = _COUNTRY_GAP_M
+
+
+def entry_ramp(town: Town, rng: RandomNumbers) -> None:
+    """Draw two or three lanes and a ramp that becomes an acceleration lane, which ends."""
+    lanes, limit, ramp = _draw(rng)
+    parallel_m = rng.uniform(90.0, 140.0)
+    section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
+    merge: Pose = road(town, "road", _MOTORWAY_START, [(_BEFORE_M, 0.0)], section)
+    wide = replace(section, forward=lanes + 1)
+    after = road(town, "road", merge, [(parallel_m, 0.0)], wide)
+    road(town, "road", after, [(_AFTER_M, 0.0)], section)
+    acceleration = town.chains.pop(f"road.f{lanes}")
+    pieces = _ramp(rng)
+    start = retreat(moved(merge, 0.0, lanes * _WIDTH_M), pieces)
+    road(town, "ramp", start, pieces, Section(1, 0, _WIDTH_M, ramp, sidewalk=False))
+    town.chains["ramp.f0"] += acceleration
+    town.anchors["ramp.f0"] = fsum(town.lanes[k].length_m for k in town.chains["ramp.f0"]) - parallel_m
+    _name_lanes(town, lanes, _BEFORE_M)
+
+
+def exit_ramp(town: Town, rng: RandomNumbers) -> None:
+    """Draw two or three lanes and an exit lane to their right, which parts from the road."""
+    lanes, limit, ramp = _draw(rng)
+    section = Section(lanes, 0, _WIDTH_M, limit, sidewalk=False)
+    gore = road(town, "road", _MOTORWAY_START, [(_EXIT_LANE_M, 0.0)], replace(section, forward=lanes + 1))
+    road(town, "road", gore, [(_AFTER_M, 0.0)], section)
+    town.chains["exit.f0"] = town.chains.pop(f"road.f{lanes}")
+    pieces = list(reversed(_ramp(rng)))
+    road(town, "exit", moved(gore, 0.0, lanes * _WIDTH_M), pieces, Section(1, 0, _WIDTH_M, ramp, sidewalk=False))
+    town.anchors["exit.f0"] = _EXIT_LANE_M
+    _name_lanes(town, lanes, _EXIT_LANE_M)
+
+
+def _draw(rng: RandomNumbers) -> tuple[int, float, float]:
+    """Return lanes, speed limit of the road, of the ramp."""
+    return 2 + rng.below(2), rng.choice([20.0, 22.0, 25.0]), rng.uniform(14.0, 17.0)
+
+
+def _ramp(rng: RandomNumbers) -> list[Piece]:
+    """Return a straight and an arc to the right of 15 to 25 degrees that ends parallel to the road."""
+    radius, turn = rng.uniform(170.0, 230.0), rng.uniform(0.27, 0.42)
+    return [(rng.uniform(140.0, 160.0), 0.0), (radius * turn, 1.0 / radius)]
+
+
+def _name_lanes(town: Town, lanes: int, anchor_m: float) -> None:
+    town.chains["road.right"] = list(town.chains[f"road.f{lanes - 1}"])
+    town.anchors.update({name: anchor_m for name in town.chains if name.startswith("road.")})
+    town.building_gap_m = _GAP_M

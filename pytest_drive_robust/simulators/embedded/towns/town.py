@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import LaneKind
-from pytest_drive_robust.simulators.embedded.towns.road_library import AbstractLane, RoadNetwork
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import Pose
 
-__all__ = ["Arm", "JunctionControl", "LaneKey", "Pose", "Section", "Town"]
+__all__ = ["Arm", "Draw", "DrawnLane", "JunctionControl", "Section", "Town"]
 
-LaneKey = tuple[str, str, int]
-"""As in highway-env: (from node, to node, number)."""
 
-Pose = tuple[float, float, float]
-"""x and y in metres, heading in radians, clockwise (y points down, as in CARLA)."""
+@dataclass(frozen=True, slots=True)
+class DrawnLane:
+    """A lane whose `centre` is (n, 3): x, y in metres and heading in radians, points at equal steps of about a metre.
+
+    `lines` are `"none"`, `"striped"` or `"solid"`, left and right; `junction` is the number of the junction to which
+    the lane belongs, or -1.
+    """
+
+    centre: Floats
+    length_m: float
+    width_m: float
+    lines: tuple[str, str]
+    speed_mps: float
+    kind: LaneKind = LaneKind.DRIVING
+    junction: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +89,7 @@ class JunctionControl:
     A light stands `far_m` metres beyond the end of the lane, on the far side of the junction, `aside_m` off the kerb.
     """
 
-    lane: LaneKey
+    lane: int
     what: str
     far_m: float
     aside_m: float
@@ -86,9 +97,8 @@ class JunctionControl:
 
 @dataclass(slots=True)
 class Town:
-    """What a style draws: highway-env's network plus what highway-env cannot say.
+    """What a style draws: lanes, by the number of which all else speaks of them.
 
-    `kinds` is keyed like highway-env's lanes; `junctions` tells the number of the junction to which a lane belongs.
     `slices` are cross-sections: lanes side by side from left to right, and whether each leads along the road. `anchors`
     are metres along a chain: where what the style is about begins, for chains without a junction. `crosswalks` are
     4 x 2 corners in metres. Buildings stand `building_gap_m` (least, most) from the sidewalks, or from the lanes where
@@ -96,33 +106,23 @@ class Town:
     """
 
     name: str
-    network: RoadNetwork = field(default_factory=RoadNetwork)
-    kinds: dict[LaneKey, LaneKind] = field(default_factory=dict)
-    junctions: dict[LaneKey, int] = field(default_factory=dict)
-    slices: list[tuple[tuple[LaneKey, bool], ...]] = field(default_factory=list)
+    lanes: list[DrawnLane] = field(default_factory=list)
+    slices: list[tuple[tuple[int, bool], ...]] = field(default_factory=list)
     controls: list[JunctionControl] = field(default_factory=list)
-    crosswalks: list[NDArray[np.float64]] = field(default_factory=list)
-    chains: dict[str, list[LaneKey]] = field(default_factory=dict)
+    crosswalks: list[Floats] = field(default_factory=list)
+    chains: dict[str, list[int]] = field(default_factory=dict)
     anchors: dict[str, float] = field(default_factory=dict)
     building_gap_m: tuple[float, float] = (2.0, 9.0)
 
-    def add(
-        self,
-        start: str,
-        end: str,
-        lane: AbstractLane,
-        *,
-        kind: LaneKind = LaneKind.DRIVING,
-        junction: int | None = None,
-    ) -> LaneKey:
-        """Add a lane between two nodes and note its kind and its junction."""
-        self.network.add_lane(start, end, lane)
-        key = (start, end, len(self.network.graph[start][end]) - 1)
-        self.kinds[key] = kind
-        if junction is not None:
-            self.junctions[key] = junction
-        return key
+    def add(self, lane: DrawnLane) -> int:
+        """Add a lane and return its number."""
+        self.lanes.append(lane)
+        return len(self.lanes) - 1
 
     def new_junction(self) -> int:
         """Return a number that no junction has yet."""
-        return 1 + max(self.junctions.values(), default=-1)
+        return 1 + max((lane.junction for lane in self.lanes), default=-1)
+
+
+Draw = Callable[[Town, RandomNumbers], None]
+"""A style: what draws a town."""

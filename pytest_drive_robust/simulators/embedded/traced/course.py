@@ -8,19 +8,18 @@ from itertools import pairwise
 from math import fsum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.series import wrap_angle
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, smoothed
 
 __all__ = ["RouteCourse", "Shift", "read_course"]
 
-Floats = NDArray[np.float64]
 _GAP_M = 7.0
 _LEAST_M, _MOST_M, _FARTHEST_M = 20.0, 5000.0, 1.0e6
 _LONGEST_GAP_M = 500.0

@@ -9,18 +9,17 @@ import math
 from math import fsum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.signals import mean, moving_sum
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import Pose, arc_lengths, moved, resample
 
 __all__ = [
     "bridge",
     "crossing_point",
     "joined",
     "local",
-    "moved",
     "prolonged",
     "reversed_line",
     "shifted",
@@ -28,8 +27,6 @@ __all__ = [
     "straight",
 ]
 
-Floats = NDArray[np.float64]
-Pose = tuple[float, float, float]
 _SIGMA_M = 4.0
 _REACH_M = 12
 _FIT_M = 10.0
@@ -70,9 +67,7 @@ def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> F
     """Return the line with straight metres at its ends."""
     parts = [line]
     if before_m > 0.5:
-        x, y, heading = line[0]
-        start = x - before_m * scalars.cos(heading), y - before_m * scalars.sin(heading), heading
-        parts.insert(0, straight(start, before_m)[:-1])
+        parts.insert(0, straight(moved(tuple(line[0]), -before_m), before_m)[:-1])
     if after_m > 0.5:
         parts.append(straight(tuple(line[-1]), after_m)[1:])
     return joined(*parts)
@@ -84,10 +79,7 @@ def joined(*lines: Floats) -> Floats:
 
 
 def shifted(line: Floats, right_m: float | Floats) -> Floats:
-    """Return the line moved to its right, everywhere by the same or by metres for each point.
-
-    Points stay one to one.
-    """
+    """Return the line moved to its right, everywhere by the same or by metres for each point, points one to one."""
     right = np.asarray(right_m, dtype=float)
     x = line[:, 0] - right * arrays.sin(line[:, 2])
     y = line[:, 1] + right * arrays.cos(line[:, 2])
@@ -100,13 +92,6 @@ def shifted(line: Floats, right_m: float | Floats) -> Floats:
 def reversed_line(line: Floats) -> Floats:
     """Return the same line, driven from its end to its start."""
     return np.asarray(line[::-1] + np.array([0.0, 0.0, math.pi]))
-
-
-def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
-    """Return a pose so far ahead and to the right, heading the same way."""
-    x, y, heading = pose
-    cos, sin = scalars.cos(heading), scalars.sin(heading)
-    return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
 
 
 def local(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
@@ -138,10 +123,7 @@ def bridge(start: Pose, end: Pose) -> Floats:
 
 
 def crossing_point(start: Pose, end: Pose) -> tuple[float, float] | None:
-    """Return (metres ahead of `start`, metres before `end`) of the corner where their straight ways meet.
-
-    None if parallel.
-    """
+    """Return (metres ahead of `start`, metres before `end`) of the corner of their straight ways, None if parallel."""
     ahead, right = local(start, end)
     turn = end[2] - start[2]
     if abs(scalars.sin(turn)) < 0.05:

@@ -1,27 +1,48 @@
-"""Roads without a junction: lanes beside the ego's own along its whole way."""
+"""Roads along given lines, and those without a junction: lanes beside the ego's own along its whole way."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.arithmetic.signals import mean
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
+from pytest_drive_robust.simulators.embedded.towns.pieces import draw_strips
+from pytest_drive_robust.simulators.embedded.towns.town import DrawnLane, Section, Town
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, Shift
-from pytest_drive_robust.simulators.embedded.traced.lines import prolonged, shifted
+from pytest_drive_robust.simulators.embedded.traced.lines import prolonged, reversed_line, shifted
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
-from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
-__all__ = ["LANE_M", "draw_street"]
+__all__ = ["LANE_M", "draw_street", "trace_road"]
 
-Floats = NDArray[np.float64]
 LANE_M = 3.5
 _BEYOND_M = 130.0
 _CHANGE_M = 24.0
+
+
+def trace_road(town: Town, name: str, line: Floats, section: Section) -> None:
+    """Draw a road whose divider (of a one-way road: left edge) is `line`; chains are named as by `pieces.road`.
+
+    Raises `RouteError` where the line bends so tightly that a lane beside it would turn back on itself.
+    """
+
+    def curve(offset: float, *, backward: bool, **lane: Any) -> DrawnLane:
+        beside = shifted(line, offset)
+        along = arrays.cos(line[:-1, 2]) * np.diff(beside[:, 0]) + arrays.sin(line[:-1, 2]) * np.diff(beside[:, 1])
+        if (along <= 0.0).any():
+            raise RouteError(f"its road bends so tightly that no lane fits {abs(offset):.1f} m beside its middle")
+        if backward:
+            beside = reversed_line(beside)
+        centre = resample(beside)
+        centre[0, 2], centre[-1, 2] = beside[0, 2], beside[-1, 2]
+        return DrawnLane(centre, float(arc_lengths(centre)[-1]), **lane)
+
+    draw_strips(town, name, curve, section)
 
 
 def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | None) -> Floats:

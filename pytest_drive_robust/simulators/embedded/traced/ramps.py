@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, moved, place, project
 from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
-from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, moved, prolonged, shifted
-from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M
+from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, prolonged, shifted
+from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
-from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
 __all__ = ["draw_cut_in", "draw_entry", "draw_exit"]
 
-Floats = NDArray[np.float64]
-Pose = tuple[float, float, float]
 _BEYOND_M = 160.0
 _BEHIND_M = 120.0
 _CHANGE_S, _CHANGE_M = 2.4, (20.0, 45.0)
@@ -36,9 +33,7 @@ _LEAST_GAP_M = 40.0
 
 
 def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
-    """Draw a road with the flow's lane beside the ego's and a ramp that leaves it; return the ego's way.
-
-    The flow's lane is on the side of the exit.
+    """Draw a road with the flow's lane beside the ego's on the side of the exit, and a ramp; return the ego's way.
 
     The road goes on to the flow's end where the file says that it is not on the ramp.
     """
@@ -165,10 +160,10 @@ def _road(
         (line[first : last + 1], lanes[1], own_lane),
         (line[last:], lanes[2], own),
     ]
-    for number, (part, count, own_number) in enumerate(parts):
+    for part, count, own_number in parts:
         if len(part) > 2:
             section = Section(count, 0, LANE_M, speed_mps, sidewalk=False)
-            trace_road(town, "road", shifted(part, -(own_number + 0.5) * LANE_M), section, first=number)
+            trace_road(town, "road", shifted(part, -(own_number + 0.5) * LANE_M), section)
 
 
 def _changing(line: Floats, from_m: float, over_m: float, side: float) -> Floats:

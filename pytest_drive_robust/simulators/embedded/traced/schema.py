@@ -7,7 +7,7 @@ constructors in `scenario_runner/srunner/scenarios`.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from pytest_drive_robust.domain.route import ScenarioSpec
@@ -54,17 +54,12 @@ class Roads:
 
 @dataclass(frozen=True, slots=True)
 class TypeSchema:
-    """Ranges of the numbers of a type, the elements that it cannot do without, and its directions.
-
-    An element in `intervals` has `from` and `to` (or one `value`), one in `locations` has `x`, `y` and `z`.
-    """
+    """What a type is built on, its directions, and the elements with `x`, `y` and `z` that it has or may have."""
 
     roads: Roads
-    numbers: tuple[str, ...] = ()
-    intervals: tuple[str, ...] = ()
+    directions: tuple[str, ...] = ()
     locations: tuple[str, ...] = ()
     optional_locations: tuple[str, ...] = ()
-    directions: tuple[str, ...] = ()
 
 
 _RANGES: dict[str, tuple[float, float]] = {
@@ -82,90 +77,70 @@ _RANGES: dict[str, tuple[float, float]] = {
     "source_dist_interval": (1.0, 1000.0),
 }
 """Metres, km/h for `speed` and `bicycle_speed`, m/s for `flow_speed`, degrees for `crossing_angle`."""
+_INTERVALS = ("frequency", "source_dist_interval")
+"""They have `from` and `to`, or one `value`."""
 
 _SIDES = ("left", "right")
 _BEARINGS = ("left", "right", "opposite")
 _FLOW = ("start_actor_flow", "end_actor_flow")
-_OBSTACLE = Roads(Place.STREET, lanes=2, own=1, speed_mps=13.9)
-_NARROW = Roads(Place.STREET)
-_KERB = Roads(Place.STREET, parking=True, speed_mps=11.0)
 _CITY_SPEED_MPS, _COUNTRY_SPEED_MPS = 11.0, 20.0
-
-
-def _junction(control: str | None = None, *, arms: int = 4, biking: bool = False) -> Roads:
-    return Roads(Place.JUNCTION, arms=arms, control=control, biking=biking, speed_mps=_CITY_SPEED_MPS)
-
-
-def _obstacle(*numbers: str) -> TypeSchema:
-    return TypeSchema(_OBSTACLE, ("distance", "speed", *numbers), directions=_SIDES)
-
-
-def _two_ways(*numbers: str, roads: Roads = _NARROW) -> TypeSchema:
-    return TypeSchema(roads, ("distance", *numbers), ("frequency",))
-
-
-def _turn(control: str | None) -> TypeSchema:
-    return TypeSchema(_junction(control), ("flow_speed",), ("source_dist_interval",))
-
-
-def _given_flow(roads: Roads, directions: tuple[str, ...] = ()) -> TypeSchema:
-    return TypeSchema(roads, ("flow_speed",), ("source_dist_interval",), _FLOW, directions=directions)
-
-
-_EXIT = Roads(Place.EXIT, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS)
-_ENTRY = Roads(Place.ENTRY, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS)
+_NARROW = TypeSchema(Roads(Place.STREET))
+_LANE_BESIDE = TypeSchema(Roads(Place.STREET, lanes=2, own=1, speed_mps=13.9), _SIDES)
+_KERB = TypeSchema(Roads(Place.STREET, parking=True, speed_mps=11.0), _SIDES)
+_EXIT = TypeSchema(Roads(Place.EXIT, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS), locations=_FLOW)
+_ENTRY = replace(_EXIT, roads=replace(_EXIT.roads, place=Place.ENTRY))
+_OPEN = TypeSchema(Roads(Place.JUNCTION, speed_mps=_CITY_SPEED_MPS))
+_LIGHTS = TypeSchema(replace(_OPEN.roads, control="light"))
 
 SCHEMA: dict[str, TypeSchema] = {
-    "Accident": _obstacle(),
-    "AccidentTwoWays": _two_ways(),
-    "BlockedIntersection": TypeSchema(_junction()),
-    "ConstructionObstacle": _obstacle(),
-    "ConstructionObstacleTwoWays": _two_ways(),
-    "ControlLoss": TypeSchema(_NARROW),
-    "CrossingBicycleFlow": _given_flow(_junction("light", biking=True)),
-    "DynamicObjectCrossing": TypeSchema(_NARROW, ("distance", "crossing_angle"), directions=_SIDES),
-    "EnterActorFlow": _given_flow(_junction()),
-    "HardBreakRoute": TypeSchema(_NARROW),
-    "HazardAtSideLane": _obstacle("bicycle_drive_distance", "bicycle_speed"),
-    "HazardAtSideLaneTwoWays": _two_ways("bicycle_drive_distance", "bicycle_speed"),
+    "Accident": _LANE_BESIDE,
+    "AccidentTwoWays": _NARROW,
+    "BlockedIntersection": _OPEN,
+    "ConstructionObstacle": _LANE_BESIDE,
+    "ConstructionObstacleTwoWays": _NARROW,
+    "ControlLoss": _NARROW,
+    "CrossingBicycleFlow": TypeSchema(replace(_LIGHTS.roads, biking=True), locations=_FLOW),
+    "DynamicObjectCrossing": replace(_NARROW, directions=_SIDES),
+    "EnterActorFlow": replace(_OPEN, locations=_FLOW),
+    "HardBreakRoute": _NARROW,
+    "HazardAtSideLane": _LANE_BESIDE,
+    "HazardAtSideLaneTwoWays": _NARROW,
     "HighwayCutIn": TypeSchema(
         Roads(Place.CUT_IN, two_ways=False, speed_mps=_COUNTRY_SPEED_MPS),
         locations=("other_actor_location",),
         optional_locations=("end_location",),
     ),
-    "HighwayExit": _given_flow(_EXIT),
-    "InterurbanActorFlow": _given_flow(_EXIT),
-    "InterurbanAdvancedActorFlow": _given_flow(_ENTRY, _SIDES),
-    "InvadingTurn": TypeSchema(Roads(Place.STREET, speed_mps=_CITY_SPEED_MPS), ("distance", "offset")),
-    "MergerIntoSlowTraffic": _given_flow(_EXIT),
-    "MergerIntoSlowTrafficV2": _given_flow(_ENTRY),
-    "NonSignalizedJunctionLeftTurn": _turn(None),
-    "NonSignalizedJunctionLeftTurnEnterFlow": _turn(None),
-    "NonSignalizedJunctionRightTurn": _turn(None),
-    "OppositeVehicleRunningRedLight": TypeSchema(_junction("light"), directions=_BEARINGS),
-    "OppositeVehicleTakingPriority": TypeSchema(_junction(), directions=_BEARINGS),
-    "ParkedObstacle": _obstacle(),
-    "ParkedObstacleTwoWays": _two_ways(),
-    "ParkingCrossingPedestrian": TypeSchema(_KERB, ("distance", "crossing_angle"), directions=_SIDES),
-    "ParkingCutIn": TypeSchema(_KERB, ("distance",), directions=_SIDES),
-    "ParkingExit": TypeSchema(
-        _KERB, ("front_vehicle_distance", "behind_vehicle_distance", "flow_distance"), directions=_SIDES
-    ),
-    "PedestrianCrossing": TypeSchema(_junction()),
+    "HighwayExit": _EXIT,
+    "InterurbanActorFlow": _EXIT,
+    "InterurbanAdvancedActorFlow": replace(_ENTRY, directions=_SIDES),
+    "InvadingTurn": TypeSchema(Roads(Place.STREET, speed_mps=_CITY_SPEED_MPS)),
+    "MergerIntoSlowTraffic": _EXIT,
+    "MergerIntoSlowTrafficV2": _ENTRY,
+    "NonSignalizedJunctionLeftTurn": _OPEN,
+    "NonSignalizedJunctionLeftTurnEnterFlow": _OPEN,
+    "NonSignalizedJunctionRightTurn": _OPEN,
+    "OppositeVehicleRunningRedLight": replace(_LIGHTS, directions=_BEARINGS),
+    "OppositeVehicleTakingPriority": replace(_OPEN, directions=_BEARINGS),
+    "ParkedObstacle": _LANE_BESIDE,
+    "ParkedObstacleTwoWays": _NARROW,
+    "ParkingCrossingPedestrian": _KERB,
+    "ParkingCutIn": _KERB,
+    "ParkingExit": _KERB,
+    "PedestrianCrossing": _OPEN,
     "SequentialLaneChange": TypeSchema(Roads(Place.STREET, lanes=3, own=1, two_ways=False, speed_mps=18.0)),
-    "SignalizedJunctionLeftTurn": _turn("light"),
-    "SignalizedJunctionLeftTurnEnterFlow": _turn("light"),
-    "SignalizedJunctionRightTurn": _turn("light"),
-    "StaticCutIn": TypeSchema(Roads(Place.STREET, lanes=2, own=0, speed_mps=13.9), ("distance",), directions=_SIDES),
-    "T_Junction": TypeSchema(_junction("light", arms=3)),
-    "VanillaNonSignalizedTurn": TypeSchema(_junction()),
-    "VanillaNonSignalizedTurnEncounterStopsign": TypeSchema(_junction("stop")),
-    "VanillaSignalizedTurnEncounterGreenLight": TypeSchema(_junction("light")),
-    "VanillaSignalizedTurnEncounterRedLight": TypeSchema(_junction("light")),
-    "VehicleOpensDoorTwoWays": _two_ways(roads=_KERB),
-    "VehicleTurningRoute": TypeSchema(_junction()),
-    "VehicleTurningRoutePedestrian": TypeSchema(_junction()),
-    "YieldToEmergencyVehicle": TypeSchema(Roads(Place.STREET, lanes=2, own=0, speed_mps=13.9), ("distance",)),
+    "SignalizedJunctionLeftTurn": _LIGHTS,
+    "SignalizedJunctionLeftTurnEnterFlow": _LIGHTS,
+    "SignalizedJunctionRightTurn": _LIGHTS,
+    "StaticCutIn": TypeSchema(replace(_LANE_BESIDE.roads, own=0), _SIDES),
+    "T_Junction": TypeSchema(replace(_LIGHTS.roads, arms=3)),
+    "VanillaNonSignalizedTurn": _OPEN,
+    "VanillaNonSignalizedTurnEncounterStopsign": TypeSchema(replace(_OPEN.roads, control="stop")),
+    "VanillaSignalizedTurnEncounterGreenLight": _LIGHTS,
+    "VanillaSignalizedTurnEncounterRedLight": _LIGHTS,
+    "VehicleOpensDoorTwoWays": TypeSchema(_KERB.roads),
+    "VehicleTurningRoute": _OPEN,
+    "VehicleTurningRoutePedestrian": _OPEN,
+    "YieldToEmergencyVehicle": TypeSchema(replace(_LANE_BESIDE.roads, own=0)),
 }
 """Every scenario type by its name in the route XML."""
 
@@ -178,10 +153,8 @@ def problems_of(spec: ScenarioSpec) -> list[str]:
         hint = f", did you mean {close!r}?" if close else ""
         return [f"unknown scenario type {spec.type!r}{hint} (44 are known: `drive-robust routes list full`)"]
     found: list[str] = []
-    for name in schema.numbers:
-        found += _bad_numbers(spec, name, ("value",))
-    for name in schema.intervals:
-        found += _bad_numbers(spec, name, ("from", "to", "value"))
+    for name in _RANGES:
+        found += _bad_numbers(spec, name, ("from", "to", "value") if name in _INTERVALS else ("value",))
     for name in (*schema.locations, *schema.optional_locations):
         found += _bad_location(spec, name, needed=name in schema.locations)
     direction = spec.texts.get("direction")

@@ -6,35 +6,30 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, moved
 from pytest_drive_robust.simulators.embedded.towns.junction import control_of, crosswalk
-from pytest_drive_robust.simulators.embedded.towns.road_library import LineType
-from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
-from pytest_drive_robust.simulators.embedded.towns.traced_lane import TracedLane
+from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN
+from pytest_drive_robust.simulators.embedded.towns.town import Arm, DrawnLane, Section, Town
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
 from pytest_drive_robust.simulators.embedded.traced.lines import (
     bridge,
     crossing_point,
     joined,
-    moved,
     prolonged,
     reversed_line,
     shifted,
     straight,
 )
-from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M
+from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
-from pytest_drive_robust.simulators.embedded.traced.trace_road import trace_road
 
 __all__ = ["draw_junction"]
 
-Floats = NDArray[np.float64]
-Pose = tuple[float, float, float]
 _ARM_M = 120.0
 _BIKING_M = 1.6
 _BOX_M = (9.5, 16.0)
@@ -43,7 +38,6 @@ _TURN_RAD = math.radians(45.0)
 _TRIGGER_BEFORE_M = 9.5
 """The scenario starts so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
 _WINDOW_M = 30
-_PLAIN = (LineType.NONE, LineType.NONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +69,9 @@ def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
     """Return where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
     line = course.before
     first, last = round(trigger_m) + 12, len(line) - 12
-    if last - first < _WINDOW_M:
+    if last - first <= _WINDOW_M:
         raise RouteError(
-            f"{len(line)} m with the trigger at {trigger_m:.0f} m leave no room for a junction, expected "
+            f"{len(line)} m with the trigger at {trigger_m:.0f} m leave no room for a junction, expected more than "
             f"{_WINDOW_M + 24} m behind it"
         )
     turns = np.abs(line[first + _WINDOW_M : last, 2] - line[first : last - _WINDOW_M, 2])
@@ -87,10 +81,7 @@ def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
 
 
 def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
-    """Return a junction where the ego turns: its two roads meet in the corner of their lanes.
-
-    None where they do not.
-    """
+    """Return a junction where the ego turns, in the corner of the two roads' lanes; None where they do not meet."""
     before, after = course.before, course.after
     assert after is not None
     start, end = tuple(before[-1]), tuple(after[0])
@@ -172,13 +163,10 @@ def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
     return own
 
 
-def _way(town: Town, source: Arm, target: Arm, lane: str, *, junction: int) -> TracedLane:
-    before, after = town.chains[source.inward(lane)][-1], town.chains[target.outward(lane)][0]
-    first, last = town.network.get_lane(before), town.network.get_lane(after)
-    drawn = TracedLane(
-        bridge(tuple(first.centre[-1]), tuple(last.centre[0])),
-        width=first.width, line_types=_PLAIN, speed_limit=min(first.speed_limit, last.speed_limit),
-    )  # fmt: skip
+def _way(town: Town, source: Arm, target: Arm, lane: str, *, junction: int) -> DrawnLane:
+    first, last = (town.lanes[k] for k in (town.chains[source.inward(lane)][-1], town.chains[target.outward(lane)][0]))
+    centre, speed_mps = bridge(tuple(first.centre[-1]), tuple(last.centre[0])), min(first.speed_mps, last.speed_mps)
     kind = LaneKind.DRIVING if lane == "0" else LaneKind.BIKING
-    town.add(before[1], after[0], drawn, kind=kind, junction=junction)
+    drawn = DrawnLane(centre, float(arc_lengths(centre)[-1]), first.width_m, PLAIN, speed_mps, kind, junction)
+    town.add(drawn)
     return drawn

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.route import Route, ScenarioSpec
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown
 from pytest_drive_robust.simulators.embedded.towns.town import Town
@@ -23,7 +23,6 @@ from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_
 
 __all__ = ["TracedRoute", "trace_route"]
 
-Floats = NDArray[np.float64]
 _TRIGGER_OFF_M = 25.0
 
 
@@ -39,25 +38,18 @@ class TracedRoute:
 
 def trace_route(route: Route) -> TracedRoute:
     """Build the town of an official route, once in a process. Raises `RouteError` with everything that is wrong."""
-    return _trace_route(_Key(route))
+    spec = route.scenario
+    parts = (route.id, route.town, route.waypoints, spec.type, spec.trigger, sorted(spec.texts.items()))
+    numbers = sorted((name, sorted(given.items())) for name, given in spec.parameters.items())
+    return _trace_route(_Key(repr((*parts, numbers)), route))
 
 
+@dataclass(frozen=True)
 class _Key:
     """A route as something that can be hashed: parameters are mappings."""
 
-    def __init__(self, route: Route) -> None:
-        self.route = route
-        spec = route.scenario
-        parts = (route.id, route.town, route.waypoints, spec.type, spec.trigger, sorted(spec.texts.items()))
-        numbers = sorted((name, sorted(given.items())) for name, given in spec.parameters.items())
-        self.text = repr((*parts, numbers))
-        self._hash = hash(self.text)
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.text == other.text
+    text: str
+    route: Route = field(compare=False)
 
 
 @lru_cache(maxsize=64)

@@ -16,7 +16,7 @@ from drive_robust_agents._nets.bev import (  # noqa: E402
     rows_of,
 )
 from drive_robust_agents._nets.bev_grid import OUT_OF_SIGHT, BevSpec, camera_views, project  # noqa: E402
-from pytest_drive_robust.simulators.embedded.drawing.view import CameraView  # noqa: E402
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView  # noqa: E402
 
 SPEC = BevSpec()
 CENTRES = torch.from_numpy(SPEC.centres())

@@ -20,7 +20,7 @@ from drive_robust_agents.training.data.shards import Shard
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 WAY = "ControlLoss"
@@ -68,11 +68,12 @@ def test_pictures_are_what_the_agent_is_given_at_that_tick() -> None:
 
     route, given = route_of(WAY), {}
 
-    def on_tick(tick: int, frame: object, observation: object, control: object) -> None:
-        given[tick] = observation.cameras["front"].pixels.copy()
+    class Seeing(Watch):
+        def ticked(self, tick: int, state: object, observation: object, asked: object, applied: object) -> None:
+            given[tick] = observation.cameras["front"].pixels.copy()
 
     drive_episode(
-        EmbeddedSimulator(), Looking(), route=route, setting=Setting.CLEAN, seed=0, agent_name="x", on_tick=on_tick
+        EmbeddedSimulator(), Looking(), route=route, setting=Setting.CLEAN, seed=0, agent_name="x", watch=Seeing()
     )
     samples = samples_of(WAY)
     assert data_seed(route, noisy=False) >= 0

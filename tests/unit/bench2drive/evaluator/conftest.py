@@ -64,4 +64,4 @@ def official_executor(tmp_path: Path, process_mark: str) -> Iterator[Callable[..
 
     yield make_one
     for driving in made:
-        driving.close(cancel=True)
+        driving.close()

@@ -73,13 +73,13 @@ def test_daemons_of_an_agent_do_not_outlive_its_route(
     assert left_behind(process_mark) == []
 
 
-def test_closing_with_cancel_kills_what_is_under_way(
+def test_closing_kills_what_is_under_way(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor(slots=2)
     futures = [made.submit(task("hang", route=number)) for number in range(3)]
     _wait_for(lambda: sum("CarlaUE4" in line for line in left_behind(process_mark)) >= 2)
-    made.close(cancel=True)
+    made.close()
     assert left_behind(process_mark) == []
     assert [future.cancelled() or type(future.exception()) is Stopped for future in futures] == [True] * 3
     made.close()
@@ -107,7 +107,7 @@ def test_nothing_is_left_when_the_runner_itself_is_killed(number: int, tmp_path:
     assert runner.returncode == (130 if number == signal.SIGINT else -number)
 
 
-def test_nothing_is_left_when_the_subreaper_is_killed(
+def test_nothing_is_left_when_the_guard_is_killed(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
     made, task = official_executor(tries=1)
@@ -120,7 +120,7 @@ def test_nothing_is_left_when_the_subreaper_is_killed(
                 own = f"{MARK}={process_mark}".encode() in (entry / "environ").read_bytes()
             except OSError:
                 continue
-            if own and any(part.endswith(b"subreaper.py") for part in parts):
+            if own and any(part.endswith(b"guard.py") for part in parts):
                 os.kill(int(entry.name), signal.SIGKILL)
     assert future.result(PATIENCE_S).outcome is Outcome.INFRA_ERROR
     assert left_behind(process_mark) == []

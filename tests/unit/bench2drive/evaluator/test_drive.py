@@ -13,8 +13,8 @@ import pytest
 from fake_bench2drive import ROUTES
 from patience import PATIENCE_S
 
+from pytest_drive_robust.bench2drive.results.official_record import STATUSES
 from pytest_drive_robust.bench2drive.results.results_file import read_results
-from pytest_drive_robust.bench2drive.results.statuses import STATUSES
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import PerturbationError, UnknownNameError, UsageError
@@ -29,12 +29,13 @@ def test_a_run_scores_every_route_and_the_second_run_drives_none(
 ) -> None:
     code, told = official_run("ok", "--setting", "GPS noise 5 m and 100 ms latency", "--seed", "4", "--slots", "2")
     assert code == 0, told
-    assert {record.route for record in read_results(tmp_path / "out/results").records} == set(ROUTES)
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").glob("*.json")}
+    (results,) = tmp_path.glob("out/*/results")
+    assert str(results) in told
+    assert {record.route for record in read_results(results).records} == set(ROUTES)
+    before = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
     code, told = official_run("ok", "--setting", "GPS noise 5 m and 100 ms latency", "--seed", "4")
     assert code == 0
-    assert told.count("already there") == len(ROUTES)
-    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out/results").glob("*.json")} == before
+    assert {path: path.stat().st_mtime_ns for path in results.glob("*.json")} == before
 
 
 def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
@@ -46,7 +47,8 @@ def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
     setting = "GPS noise 5 m and 100 ms latency"
     code, told = official_run("ok", "--setting", setting, "--seed", "4", "--routes", route, "--gpu", "3")
     assert code == 0, told
-    drive = json.loads((tmp_path / "out/results/drive-202.json").read_text())
+    (folder,) = (tmp_path / "out").iterdir()
+    drive = json.loads((folder / "results/drive-202.json").read_text())
     assert [throttle for throttle, _ in drive["applied"]] == [0.0, 0.0, *((tick + 1) / 100 for tick in range(28))]
     clean = [[0.001 * np.random.RandomState(frame).rand(), 0.002, 3.0] for frame in range(50, 80)]
     off_m = (np.array([seen[0] for seen in drive["seen"]]) - clean)[:, :2] * 111_195
@@ -54,15 +56,15 @@ def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
     assert drive["tm_seed"] == 4
     assert drive["env"]["CUDA_VISIBLE_DEVICES"] == "3"
     assert drive["env"]["SCENARIO_RUNNER_ROOT"] == str(tmp_path / "b2d/scenario_runner")
-    (line,) = (tmp_path / "out/injected/202.jsonl").read_text().splitlines()
+    (line,) = (folder / "injected/202.jsonl").read_text().splitlines()
     assert json.loads(line)["schedule"] == [["gps-noise", "gps", 0, 29], ["inference-latency", "control", 0, 29]]
 
 
-def test_a_folder_of_another_setting_is_refused(official_run: Callable[..., Any], tmp_path: Path) -> None:
-    assert official_run("ok", "--routes", f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101")[0] == 0
-    code, told = official_run("ok", "--setting", "occlusion 0.5", "--seed", "2")
-    assert code == 4
-    assert "another setting and seed" in told
+def test_results_of_another_setting_lie_beside(official_run: Callable[..., Any], tmp_path: Path) -> None:
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101"
+    for setting in ("clean", "occlusion 0.5"):
+        assert official_run("ok", "--routes", route, "--setting", setting)[0] == 0
+    assert len(list(tmp_path.glob("out/*/results/101.json"))) == 2
 
 
 def test_every_official_status_is_an_outcome_and_harness_errors_are_no_scores(
@@ -163,4 +165,4 @@ def test_misuse_is_said_and_nothing_is_started(
     code, told = official_run("ok", *arguments)
     assert code == 4
     assert text in told
-    assert not (tmp_path / "out/logs").exists()
+    assert not (tmp_path / "out").exists()

@@ -26,7 +26,7 @@ from official_stream import (
 )
 
 from pytest_drive_robust.bench2drive.evaluator import inject
-from pytest_drive_robust.bench2drive.evaluator.setting_json import setting_as_json
+from pytest_drive_robust.bench2drive.evaluator.drive import setting_as_json
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import (
     BUILTIN,
@@ -57,7 +57,6 @@ _one: dict[str, st.SearchStrategy[Perturbation]] = {
         _shares,
         st.booleans(),
         st.sampled_from(["black", "gray", "blur"]),
-        st.sampled_from([0.0, 0.3]),
     ),
     "gps-noise": st.builds(GpsNoise, st.floats(0.0, 50.0)),
     "speed-noise": st.builds(SpeedNoise, st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.booleans()),

@@ -20,10 +20,9 @@ from pytest_drive_robust.bench2drive.results.export import export_run
 from pytest_drive_robust.bench2drive.results.supply import ResultsSource
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import EpisodeResult, Injection
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.metrics import summarize
+from pytest_drive_robust.metrics.summary import summarize
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult

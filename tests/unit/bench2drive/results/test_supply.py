@@ -12,7 +12,9 @@ from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor, Resu
 from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, RequirementError, UsageError
-from pytest_drive_robust.metrics import driving_score, is_success, robustness_degradation, summarize
+from pytest_drive_robust.metrics.degradation import robustness_degradation
+from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.metrics.summary import summarize
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 
@@ -71,7 +73,7 @@ def test_degradation_of_results_from_elsewhere(tmp_path: Path) -> None:
     assert scores == [100.0, 100.0, 70.0, 60.0, late[1]["scores"]["score_composed"], 70.0]
     rd = robustness_degradation(results[:3], results[3:])
     assert rd == pytest.approx(1 - (60 + 87.6544 + 70) / 270)
-    executor.close(cancel=True)
+    executor.close()
 
 
 def test_a_record_becomes_the_episode_that_it_tells_of(tmp_path: Path) -> None:

@@ -4,9 +4,8 @@ import sys
 
 import pytest
 
-from pytest_drive_robust.engine.limits import Limits
 from pytest_drive_robust.engine.ray.executor import RayExecutor, needs_of
-from pytest_drive_robust.engine.worker_setup import WorkerSetup
+from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 
 
@@ -44,4 +43,4 @@ def test_nothing_is_started_before_the_first_episode():
     executor = RayExecutor(never, Limits(), address="127.0.0.1:9")
     assert executor.slots == 1
     executor.close()
-    executor.close(cancel=True)
+    executor.close()

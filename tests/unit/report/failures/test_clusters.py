@@ -15,8 +15,7 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
 from pytest_drive_robust.report.failures.clusters import clusters_of, sentence_of
-from pytest_drive_robust.report.failures.manoeuvre import manoeuvre
-from pytest_drive_robust.report.failures.moment import first_failure
+from pytest_drive_robust.report.failures.moment import first_failure, manoeuvre
 from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
 from pytest_drive_robust.simulators.routes import resolve_routes

@@ -17,8 +17,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.film.canvas import CLEAN, MARK, PERTURBED, WRONG, Rectangle, text, text_width, wrapped
 from pytest_drive_robust.report.film.film import Film
 from pytest_drive_robust.report.film.top_view import PATH, SPEED_POINT, TARGET_POINT
-from pytest_drive_robust.runner.replay.recording import record_episode
-from pytest_drive_robust.runner.replay.tape import Tape
+from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 

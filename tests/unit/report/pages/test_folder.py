@@ -11,8 +11,7 @@ from report_pages import data_of, motion_of
 from result_factory import FULL, crashed_simulation, infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import InfractionKind
-from pytest_drive_robust.domain.reception import Reception, Touch
-from pytest_drive_robust.domain.result import Given
+from pytest_drive_robust.domain.result import Given, Reception, Touch
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry

@@ -17,10 +17,9 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import GpsNoise, Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key import identity, source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
+from pytest_drive_robust.runner.cache_key.canonical_text import SESSION, code_of, digest_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
-from pytest_drive_robust.runner.cache_key.object_code import SESSION, code_of
-from pytest_drive_robust.runner.cache_key.source_files import file_of
+from pytest_drive_robust.runner.cache_key.source_files import file_of, file_of_name
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -313,8 +312,8 @@ def test_lockstep_is_another_identity():
 def test_all_of_our_code_that_decides_numbers_is_in_the_identity(start):
     """Follows the imports of the loop and of the default world: nothing of ours may be left out by accident."""
     root = Path(pytest_drive_robust.__file__).parent
-    modules = (*identity._DECIDING, embedded)
-    inside = [file_of(module).parent if hasattr(module, "__path__") else file_of(module) for module in modules]
+    files = [*map(file_of_name, identity._DECIDING), file_of(embedded)]
+    inside = [file.parent if file.name == "__init__.py" else file for file in files]
     todo, seen = [root / start], set()
     while todo:
         path = todo.pop()

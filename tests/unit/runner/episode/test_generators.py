@@ -13,7 +13,7 @@ import pytest
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.runner.episode import generators
-from pytest_drive_robust.runner.episode.generators import borrowed_for, borrowed_generators, seed_generators
+from pytest_drive_robust.runner.episode.generators import borrowed_generators, seed_generators
 
 FAKE_TORCH = """
 seeds = ["first"]
@@ -52,17 +52,17 @@ def draws() -> tuple[float, float]:
 
 
 def test_an_episode_always_begins_alike() -> None:
-    with borrowed_for(Episode("agent", "1", "clean", 0)):
+    with borrowed_generators(repr(Episode("agent", "1", "clean", 0))):
         first = draws()
     draws()
-    with borrowed_for(Episode("agent", "1", "clean", 0)):
+    with borrowed_generators(repr(Episode("agent", "1", "clean", 0))):
         assert draws() == first
 
 
 def test_another_episode_begins_otherwise() -> None:
     found = []
     for episode in (Episode("agent", "1", "clean", 0), Episode("agent", "1", "clean", 1)):
-        with borrowed_for(episode):
+        with borrowed_generators(repr(episode)):
             found.append(draws())
     assert found[0] != found[1]
 

@@ -14,9 +14,10 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
-from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 
@@ -214,27 +215,35 @@ def test_during_the_warm_up_of_the_setting_the_vehicle_gets_the_neutral_control(
     assert result.trace.column("throttle")[:9].tolist() == [0.0] * 8 + [1.0]
 
 
-def test_on_tick_is_shown_the_world_of_the_observation_and_the_control_that_the_vehicle_got() -> None:
-    shown: list[tuple[int, int, int, Control]] = []
-    result = drive(
-        ScriptedAgent([FULL]),
-        on_tick=lambda tick, frame, seen, control: shown.append((tick, frame.tick, seen.tick, control)),
-    )
-    assert shown == [(tick, tick, tick, FULL) for tick in range(result.ticks)]
+class Told(Watch):
+    """Keeps what it is told of every tick."""
+
+    def __init__(self) -> None:
+        self.ticks: list[tuple[int, int, int, Control | None, Control]] = []
+
+    def ticked(
+        self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
+    ) -> None:
+        self.ticks.append((tick, state.tick, observation.tick, asked, applied))
 
 
-def test_a_viewer_that_fails_is_not_mistaken_for_the_agent() -> None:
-    def fail(*moment: object) -> None:
-        raise LookupError("no screen")
+def test_a_watch_is_shown_the_world_of_the_observation_and_the_control_that_the_vehicle_got() -> None:
+    told = Told()
+    result = drive(ScriptedAgent([FULL]), watch=told)
+    assert told.ticks == [(tick, tick, tick, FULL, FULL) for tick in range(result.ticks)]
 
-    with pytest.raises(LookupError, match="no screen"):
-        drive(ScriptedAgent([FULL]), on_tick=fail)
+
+def test_a_watch_is_told_when_the_agent_was_not_asked() -> None:
+    told = Told()
+    drive(ScriptedAgent([FULL]), watch=told, setting=Setting.of(InferenceLatency(ms=200, mode="hold")))
+    assert {asked for _, _, _, asked, _ in told.ticks} == {FULL, None}
 
 
 def test_numbers_of_any_kind_become_plain_floats() -> None:
     agent = ScriptedAgent([Control(throttle=np.float32(0.5), steer=0, brake=np.float64(0.0))])
-    controls: list[Control] = []
-    drive(agent, on_tick=lambda tick, frame, seen, control: controls.append(control))
+    told = Told()
+    drive(agent, watch=told)
+    controls = [applied for *_, applied in told.ticks]
     assert {type(value) for control in controls for value in (control.throttle, control.steer, control.brake)} == {
         float
     }

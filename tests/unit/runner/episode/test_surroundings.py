@@ -30,7 +30,7 @@ def state(tick: int, *actors: list[float]) -> WorldState:
 def seen(*states: WorldState) -> Surroundings:
     surroundings = Surroundings()
     for item in states:
-        surroundings.see(item.tick, item)
+        surroundings.see(item)
     return surroundings
 
 
@@ -85,6 +85,19 @@ def test_tables_that_are_no_such_tables_leave_nothing():
     odd = replace(state(0), actors=np.zeros((2, 3)))
     assert seen(odd).tracks() is None
     assert Surroundings().tracks() is None
+
+
+def test_a_table_of_another_width_leaves_nothing_and_harms_nothing():
+    other = replace(state(4, car(1, 0.0)), actors=np.zeros((1, 7)))
+    assert seen(state(0, car(1, 0.0)), other, state(8, car(1, 1.0))).tracks() is None
+
+
+def test_any_number_of_actors_finds_room():
+    many = [car(number, float(number % 50)) for number in range(700)]
+    tracks = seen(*(state(tick, *many) for tick in (0, 4, 8))).tracks()
+    assert tracks is not None
+    assert tracks.actors[:, 5].tolist() == [3] * 700
+    assert tracks.motion[:, 0].tolist() == [100 * (number % 50) for number in range(700) for _ in range(3)]
 
 
 def test_a_plan_is_kept_every_eight_ticks_with_few_points():

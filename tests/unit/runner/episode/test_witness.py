@@ -10,7 +10,7 @@ import pytest
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.domain.reception import Reception, Touch
+from pytest_drive_robust.domain.result import Reception, Touch
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
     FrameBlend,

@@ -18,8 +18,7 @@ from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.replay.recording import difference, record_episode
-from pytest_drive_robust.runner.replay.tape import Tape, main_camera
+from pytest_drive_robust.runner.replay.recording import Tape, difference, main_camera, record_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 

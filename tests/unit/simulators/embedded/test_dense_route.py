@@ -13,9 +13,9 @@ from pytest_drive_robust.domain.route import RoadOption, Route, ScenarioSpec, Tr
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
+from pytest_drive_robust.simulators.embedded.generate import change_length_m, weave
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
-from pytest_drive_robust.simulators.embedded.map import compile_town
-from pytest_drive_robust.simulators.embedded.weaving import change_length_m, weave
+from pytest_drive_robust.simulators.embedded.map import compile_town, prolonged
 
 LEFT, RIGHT = RoadOption.CHANGE_LANE_LEFT, RoadOption.CHANGE_LANE_RIGHT
 CASES = {
@@ -112,8 +112,10 @@ def test_the_driven_line_is_the_route_with_road_before_and_after(case: str, numb
         assert along - start == pytest.approx(s, abs=0.3)
     assert np.hypot(np.diff(line[:, 0]), np.diff(line[:, 1])).max() < 1.05
     assert np.abs(np.diff(line[:, 2])).max() < 0.1
-    chain, lanes = dense.chain(), dense.lane_map.lanes
-    assert [lane for lane, _ in groupby(dense.lanes.tolist())] == [lane for lane in chain if lane in dense.lanes]
+    lanes = dense.lane_map.lanes
+    used = tuple(lane for lane, _ in groupby(dense.lanes.tolist()))
+    chain = prolonged(dense.lane_map, used)
+    assert used == tuple(lane for lane in chain if lane in used)
     assert not lanes[chain[-1]].successors
     assert not any(chain[0] in lane.successors for lane in lanes)
 

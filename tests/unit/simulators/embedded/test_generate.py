@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -125,7 +124,6 @@ def test_a_route_that_cannot_be_staged_is_drawn_anew(staged: Callable[..., Scena
     [
         (Site("Street", "road.f0", (80.0, 90.0), before_m=(10.0, 20.0)), "leave before_m out"),
         (Site("OpenTee", "S.left0", (80.0, 90.0), before_m=(200.0, 210.0)), r"before_m is longer than the \d+ m"),
-        (Site("Avenue", "road.f0>road.f1", (80.0, 90.0)), "changes lanes 1 time.*has 0 range"),
         (Site("Avenue", "road.f0>road.b0", (80.0, 90.0), changes_m=((10.0, 20.0),)), "no place found in 20 draws"),
         (Site("Street", "road.f0", (400.0, 410.0)), "'road.f0' does not fit a route of 4"),
         (Site("Street", "road.f7", (80.0, 90.0)), "Did you mean 'road.f0'"),
@@ -145,7 +143,7 @@ def test_seeds_and_numbers_out_of_range_are_refused(seed: int, per_type: int, re
         draw_routes(seed=seed, per_type=per_type)
 
 
-def test_the_command_writes_a_file_and_sums_it_up(
+def test_the_command_writes_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = {name: SCENARIOS[name] for name in ("ControlLoss", "VanillaNonSignalizedTurn")}
@@ -153,10 +151,7 @@ def test_the_command_writes_a_file_and_sums_it_up(
     assert main([str(tmp_path / "new" / "some.xml"), "--seed", "3", "--per-type", "2"]) == 0
     routes = load_routes(tmp_path / "new" / "some.xml")
     assert [route.id for route in routes] == ["101", "102", "201", "202"]
-    said = capsys.readouterr().out
-    assert "4 routes of 2 scenario types, seed 3" in said
-    lengths = np.array([lay_route(route).length_m for route in routes])
-    assert f"mean {lengths.mean():.1f} m" in said
+    assert "4 routes of 2 scenario types, seed 3" in capsys.readouterr().out
     with pytest.raises(SystemExit, match="1"):
         main([str(tmp_path / "no.xml"), "--seed", "1000"])
     assert "seed 1000 draws no routes" in capsys.readouterr().err

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
-from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.weathers import WEATHERS, named_weather, weather_name
+from pytest_drive_robust.simulators.embedded.weathers import WEATHERS, weather_name
 
 FRONT = CameraSpec("front", width_px=192, height_px=108)
 TOWN = town()
@@ -53,12 +52,10 @@ def test_every_value_is_one_that_the_leaderboard_knows() -> None:
         assert -180.0 <= weather.sun_azimuth_angle <= 360.0
 
 
-def test_names_are_found_both_ways_and_unknown_ones_get_the_nearest() -> None:
+def test_every_weather_has_its_name() -> None:
     for name in WEATHERS:
-        assert weather_name(named_weather(name)) == name
+        assert weather_name(WEATHERS[name]) == name
     assert weather_name(Weather(wetness=12.5)) == "its own"
-    with pytest.raises(UnknownNameError, match="Did you mean 'clear night'"):
-        named_weather("clear nigth")
 
 
 def test_no_two_weathers_look_alike() -> None:

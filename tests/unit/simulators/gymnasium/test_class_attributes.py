@@ -10,7 +10,6 @@ from highway_env.vehicle.behavior import IDMVehicle
 from highway_env.vehicle.kinematics import Vehicle
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.gymnasium import gymnasium_simulator
 from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
@@ -60,12 +59,8 @@ def test_the_environment_keeps_its_own_values_from_call_to_call():
     with own.inside():
         IDMVehicle.DISTANCE_WANTED = 7.5
     assert values() == before
-    assert own.written == ("IDMVehicle.DISTANCE_WANTED",)
     with own.inside():
         assert IDMVehicle.DISTANCE_WANTED == 7.5
-    own.begin()
-    with own.inside():
-        assert values() == before
 
 
 def test_values_come_back_when_the_environment_raises():
@@ -78,7 +73,6 @@ def test_values_come_back_when_the_environment_raises():
 
     with pytest.raises(OSError, match="lost"):
         write_and_fail()
-    assert own.written == ("IDMVehicle.COMFORT_ACC_MAX",)
     assert values() == before
 
 
@@ -99,16 +93,4 @@ def test_classes_that_are_defined_meanwhile_keep_what_they_say():
         class Tractor(IDMVehicle):
             MAX_SPEED = 8.0
 
-    own.check()
     assert Tractor.MAX_SPEED == 8.0
-
-
-def test_other_code_that_changes_classes_during_an_episode_is_found(monkeypatch):
-    simulator = gymnasium_simulator(SimulatorOptions(), "merge-v0")
-    simulator.reset(simulator.routes()[0], seed=0, cameras=[])
-    monkeypatch.setattr(IDMVehicle, "TIME_WANTED", 0.1)
-    with pytest.raises(SimulationError, match=r"IDMVehicle\.TIME_WANTED"):
-        simulator.score()
-    monkeypatch.undo()
-    simulator.score()
-    simulator.close()

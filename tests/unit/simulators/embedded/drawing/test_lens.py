@@ -14,8 +14,8 @@ from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
-from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 
 CAMERA = CameraSpec("front", width_px=160, height_px=96)

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.truth import LaneKind, LaneMap
 from pytest_drive_robust.jit.kernels import uncached_entry
-from pytest_drive_robust.simulators.embedded.drawing.canvas import Canvas
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 from pytest_drive_robust.simulators.embedded.drawing.furniture import Furniture
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools, lamp_boxes, lamp_places
-from pytest_drive_robust.simulators.embedded.drawing.view import CameraView
 
 NOTHING = np.zeros((0, 6))
 CAMERA = CameraSpec("front", width_px=160, height_px=96)

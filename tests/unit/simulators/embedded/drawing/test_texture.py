@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.drawing.paint import (
     Region,
     paint_ground,
 )
-from pytest_drive_robust.simulators.embedded.drawing.texture import TextureCache, pack_sheet, unpack
+from pytest_drive_robust.simulators.embedded.drawing.texture import ground_texture, pack_sheet, unpack
 
 REGION = Region(-20.0, -20.0, 400, 400, 0.1)
 
@@ -45,27 +45,16 @@ def test_the_dashes_of_a_shared_line_are_drawn_once() -> None:
 
 
 def test_equal_maps_share_one_texture_and_other_maps_do_not() -> None:
-    cache = TextureCache()
-    first = cache.texture(town(), around())
-    assert cache.texture(town(), around()) is first
+    first = ground_texture(town(), around())
+    assert ground_texture(town(), around()) is first
     repainted = town()
     lanes = (replace(repainted.lanes[0], left_line="solid"), *repainted.lanes[1:])
-    assert cache.texture(replace(repainted, lanes=lanes), around()) is not first
-    assert cache.texture(town(), around() + 50.0) is not first
-
-
-def test_the_cache_forgets_what_was_used_longest_ago() -> None:
-    cache = TextureCache(2)
-    points = [around()[:5] + 10.0 * k for k in range(3)]
-    first, second = (cache.texture(town(), p) for p in points[:2])
-    assert cache.texture(town(), points[0]) is first
-    cache.texture(town(), points[2])
-    assert cache.texture(town(), points[0]) is first
-    assert cache.texture(town(), points[1]) is not second
+    assert ground_texture(replace(repainted, lanes=lanes), around()) is not first
+    assert ground_texture(town(), around() + 50.0) is not first
 
 
 def test_levels_show_the_same_ground_at_half_the_resolution() -> None:
-    texture = TextureCache().texture(town(), around())
+    texture = ground_texture(town(), around())
     pictures = []
     for first, columns, rows, *_ in texture.levels[:2].astype(int):
         pictures.append(unpack(texture.texels[first : first + columns * rows].reshape(rows, columns)).astype(float))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scenario_driver import collisions, drawn, staged
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
@@ -178,3 +178,9 @@ def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> 
             for i in range(len(cars)):
                 near = np.hypot(cars[:i, 0] - cars[i, 0], cars[:i, 1] - cars[i, 1]) < 8.0
                 assert all(overlap(*cars[i], *other)[0] == 0.0 for other in cars[:i][near])
+
+
+def test_bicycles_ride_on_their_own_lane_beside_the_cars() -> None:
+    for number in range(len(SCENARIOS["CrossingBicycleFlow"].sites)):
+        world = World(drawn("CrossingBicycleFlow", number), seed=0)
+        assert {int(k) for m in file_flows(world) for k in world.state.actor_ints[m, c.I_KIND]} == {ActorKind.BICYCLE}

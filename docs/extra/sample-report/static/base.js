@@ -1,0 +1,128 @@
+"use strict";
+/* What every view uses: data that scripts hand over, elements, links, numbers and words. */
+const driveRobust = (() => {
+  const given = new Map();
+  const waiting = new Map();
+  const views = new Map();
+
+  /* Called by the scripts in data/. */
+  function give(name, data) {
+    given.set(name, data);
+    const settle = waiting.get(name);
+    if (settle) settle.resolve(data);
+  }
+
+  /* Return a promise of the data of data/NAME.js. A page on a disk may load scripts, and nothing else. */
+  function load(name) {
+    if (given.has(name)) return Promise.resolve(given.get(name));
+    if (waiting.has(name)) return waiting.get(name).promise;
+    const settle = {};
+    settle.promise = new Promise((resolve, reject) => { settle.resolve = resolve; settle.reject = reject; });
+    waiting.set(name, settle);
+    const script = document.createElement("script");
+    script.src = `data/${name}.js`;
+    script.onerror = () => settle.reject(new Error(`data/${name}.js is not there`));
+    document.head.append(script);
+    return settle.promise;
+  }
+
+  const NS = "http://www.w3.org/2000/svg";
+  const SVG = new Set(["svg", "g", "path", "line", "circle", "rect", "text", "polyline", "polygon", "title", "desc"]);
+
+  /* Make an element: h("a", {href: "#/"}, "text", child). All text is put in as text, never as markup. */
+  function h(name, attributes, ...children) {
+    const svg = SVG.has(name) || name === "svg:a";
+    const element = svg ? document.createElementNS(NS, name.replace("svg:", "")) : document.createElement(name);
+    for (const [key, value] of Object.entries(attributes || {})) {
+      if (value === null || value === undefined || value === false) continue;
+      if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+      else if (key === "vars") for (const [word, number] of Object.entries(value)) element.style.setProperty(`--${word}`, number);
+      else element.setAttribute(key, value === true ? "" : String(value));
+    }
+    for (const child of children.flat(Infinity)) {
+      if (child === null || child === undefined || child === false) continue;
+      element.append(child instanceof Node ? child : String(child));
+    }
+    return element;
+  }
+
+  /* --- links: #/view/part/part?name=value --- */
+  function link(parts, query) {
+    const path = parts.map((part) => encodeURIComponent(part)).join("/");
+    const words = Object.entries(query || {}).filter(([, value]) => value !== "" && value !== null && value !== undefined);
+    const search = new URLSearchParams(words.map(([key, value]) => [key, String(value)])).toString();
+    return `#/${path}${search ? `?${search}` : ""}`;
+  }
+
+  function place() {
+    const [path, search] = location.hash.replace(/^#\/?/, "").split("?", 2);
+    const parts = path.split("/").filter(Boolean).map((part) => {
+      try { return decodeURIComponent(part); } catch { return part; }
+    });
+    return { parts, query: new URLSearchParams(search || "") };
+  }
+
+  /* Change what stands behind the question mark without leaving the view. */
+  function keep(query) {
+    const { parts } = place();
+    history.replaceState(null, "", link(parts, query));
+  }
+
+  /* --- numbers and words --- */
+  const MINUS = "\u2212";
+  function fixed(value, decimals) {
+    if (value === null || value === undefined) return "\u2013";
+    const text = Math.abs(value).toFixed(decimals);
+    return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+  }
+  function decimalsOf(metric) {
+    return metric === "RD" || metric === "SR" ? 2 : 1;
+  }
+  function shown(metric, value) {
+    return fixed(value, decimalsOf(metric));
+  }
+  function signed(value, decimals) {
+    return value > 0 ? `+${fixed(value, decimals)}` : fixed(value, decimals);
+  }
+  function between(metric, low, high) {
+    if (low === null && high === null) return "";
+    const word = (value, other) => (value === null ? other : shown(metric, value));
+    return `${word(low, "no bound")} to ${word(high, "no bound")}`;
+  }
+  function seconds(value) {
+    return `${fixed(value, 1)} s`;
+  }
+  function duration(value) {
+    if (value < 120) return `${Math.round(value)} s`;
+    return value < 7200 ? `${Math.round(value / 60)} min` : `${fixed(value / 3600, 1)} h`;
+  }
+  function counted(count, word) {
+    return `${count} ${word}${count === 1 ? "" : "s"}`;
+  }
+
+  const VERDICTS = {
+    pass: { sign: "\u2713", word: "pass" },
+    fail: { sign: "\u2717", word: "fail" },
+    inconclusive: { sign: "~", word: "open" },
+    error: { sign: "!", word: "error" },
+    "-": { sign: "\u00b7", word: "not judged" },
+  };
+  function badge(verdict) {
+    const known = VERDICTS[verdict] || VERDICTS["-"];
+    return h("span", { class: `badge ${verdict === "-" ? "none" : verdict}` }, h("span", { "aria-hidden": "true" }, known.sign), " ", known.word);
+  }
+
+  function tell(text) {
+    document.getElementById("told").textContent = text;
+  }
+
+  /* Return a scrolling frame around a wide table; it can be reached by keyboard. */
+  function scroller(label, ...children) {
+    return h("div", { class: "scroller", role: "region", "aria-label": label, tabindex: "0" }, children);
+  }
+
+  return {
+    give, load, given, views, h, link, place, keep, fixed, shown, signed, between, seconds, duration, counted, badge,
+    decimalsOf, tell, scroller, VERDICTS,
+  };
+})();

@@ -1,0 +1,131 @@
+"use strict";
+/* Small plots as SVG: an interval against a limit, evidence route by route, clean against perturbed. */
+driveRobust.charts = (() => {
+  const { h, shown, between, counted } = driveRobust;
+
+  /* Return [low, high] of an axis that shows all values, with some air. */
+  function extent(values, metric) {
+    const known = values.filter((value) => value !== null && value !== undefined && Number.isFinite(value));
+    let [low, high] = [Math.min(...known), Math.max(...known)];
+    if (metric === "DS" || metric === "comfort") [low, high] = [0, 100];
+    if (metric === "SR") [low, high] = [0, 1];
+    if (metric === "RD") [low, high] = [Math.max(Math.min(low, 0), -1), 1];
+    if (high - low < 1e-9) { low -= 1; high += 1; }
+    return [low, high];
+  }
+
+  function ticks(low, high, count) {
+    const rough = (high - low) / count;
+    const power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 2.5, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
+    const found = [];
+    for (let value = Math.ceil(low / step) * step; value <= high + 1e-9; value += step) found.push(Math.abs(value) < 1e-9 ? 0 : value);
+    return found;
+  }
+
+  /* An interval, the value in it and the limit, on one line. */
+  function bullet(item) {
+    if (item.value === null) return h("span", { class: "soft" }, "\u2013");
+    const [low, high] = extent([item.value, item.low, item.high, item.limit], item.metric);
+    const [width, height] = [150, 22];
+    const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
+    const words = `${item.metric} ${shown(item.metric, item.value)}, interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shown(item.metric, item.limit)}`;
+    const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
+    return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
+      h("title", {}, words),
+      h("rect", { class: "forbidden", x: item.comparison === "<=" ? x(item.limit) : 4, y: 7, width: Math.max(0, item.comparison === "<=" ? width - 4 - x(item.limit) : x(item.limit) - 4), height: 8 }),
+      h("line", { class: "axis", x1: 4, x2: width - 4, y1: 11, y2: 11 }),
+      h("line", { class: "interval", x1: x(from), x2: x(to), y1: 11, y2: 11 }),
+      h("line", { class: "limit", x1: x(item.limit), x2: x(item.limit), y1: 3, y2: 19 }),
+      h("circle", { class: "value", cx: x(item.value), cy: 11, r: 4.5 }));
+  }
+
+  function frame(width, height, margin, label, words) {
+    return h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label }, h("desc", {}, words || ""));
+  }
+
+  /* How the value and its interval changed with every route that was read. */
+  function growth(item) {
+    const [width, height, margin] = [640, 300, { left: 68, right: 16, top: 14, bottom: 44 }];
+    const points = item.growth.filter((point) => point[1] !== null);
+    if (!points.length) return null;
+    const all = points.flatMap((point) => point.slice(1)).concat([item.limit, item.lenient]);
+    const [low, high] = extent(all, item.metric);
+    const last = points[points.length - 1][0];
+    const x = (count) => margin.left + (last > 1 ? (count - 1) / (last - 1) : 0.5) * (width - margin.left - margin.right);
+    const y = (value) => margin.top + (1 - (Math.min(Math.max(value, low), high) - low) / (high - low)) * (height - margin.top - margin.bottom);
+    const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shown(item.metric, item.limit)}`;
+    const svg = frame(width, height, margin, label);
+    for (const value of ticks(low, high, 5)) {
+      svg.append(h("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: y(value), y2: y(value) }),
+        h("text", { class: "tick", x: margin.left - 8, y: y(value) + 4, "text-anchor": "end" }, shown(item.metric, value)));
+    }
+    for (const count of (last > 1 ? ticks(1, last, 8) : [1]).map(Math.round).filter((value, at, list) => value >= 1 && list.indexOf(value) === at)) {
+      svg.append(h("text", { class: "tick", x: x(count), y: height - margin.bottom + 18, "text-anchor": "middle" }, count));
+    }
+    svg.append(h("text", { class: "label", x: (margin.left + width - margin.right) / 2, y: height - 6, "text-anchor": "middle" }, "routes read"));
+    const [top, bottom] = item.comparison === "<=" ? [margin.top, y(item.limit)] : [y(item.limit), height - margin.bottom];
+    svg.append(h("rect", { class: "forbidden", x: margin.left, y: top, width: width - margin.left - margin.right, height: Math.max(0, bottom - top) }));
+    const bounded = points.filter((point) => point[2] !== null || point[3] !== null);
+    if (bounded.length > 1) {
+      const upper = bounded.map((point) => `${x(point[0])},${y(point[3] === null ? high : point[3])}`);
+      const lower = bounded.map((point) => `${x(point[0])},${y(point[2] === null ? low : point[2])}`).reverse();
+      svg.append(h("polygon", { class: "band", points: [...upper, ...lower].join(" ") }));
+    }
+    svg.append(h("line", { class: "limit", x1: margin.left, x2: width - margin.right, y1: y(item.limit), y2: y(item.limit) }));
+    if (item.lenient !== null && item.lenient >= low && item.lenient <= high) {
+      svg.append(h("line", { class: "lenient", x1: margin.left, x2: width - margin.right, y1: y(item.lenient), y2: y(item.lenient) }),
+        h("text", { class: "note", x: width - margin.right, y: y(item.lenient) + (item.comparison === "<=" ? -5 : 15), "text-anchor": "end" }, "limit and margin"));
+    }
+    svg.append(h("text", { class: "note strong", x: width - margin.right, y: y(item.limit) + (item.comparison === "<=" ? 15 : -5), "text-anchor": "end" }, `limit ${shown(item.metric, item.limit)}`),
+      h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
+    for (const point of points) {
+      svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },
+        h("title", {}, `after ${counted(point[0], "route")}: ${shown(item.metric, point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
+    }
+    return svg;
+  }
+
+  /* Clean score across, perturbed score up; each point is a link. `pairs` are [clean, perturbed, link, words]. */
+  function scatter(pairs, label) {
+    const [width, height, margin] = [400, 400, { left: 58, right: 14, top: 14, bottom: 46 }];
+    const x = (value) => margin.left + (value / 100) * (width - margin.left - margin.right);
+    const y = (value) => margin.top + (1 - value / 100) * (height - margin.top - margin.bottom);
+    const svg = h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": label });
+    for (const value of [0, 25, 50, 75, 100]) {
+      svg.append(h("line", { class: "grid", x1: x(value), x2: x(value), y1: y(0), y2: y(100) }), h("line", { class: "grid", x1: x(0), x2: x(100), y1: y(value), y2: y(value) }),
+        h("text", { class: "tick", x: x(value), y: height - margin.bottom + 18, "text-anchor": "middle" }, value),
+        h("text", { class: "tick", x: margin.left - 8, y: y(value) + 4, "text-anchor": "end" }, value));
+    }
+    svg.append(h("line", { class: "diagonal", x1: x(0), y1: y(0), x2: x(100), y2: y(100) }),
+      h("text", { class: "label", x: (x(0) + x(100)) / 2, y: height - 6, "text-anchor": "middle" }, "clean driving score"),
+      h("text", { class: "label", transform: `translate(13 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
+    const seen = new Map();
+    for (const [clean, perturbed, href, words] of pairs) {
+      const spot = `${Math.round(clean / 3)} ${Math.round(perturbed / 3)}`;
+      const again = seen.get(spot) || 0;
+      seen.set(spot, again + 1);
+      // points that would lie on each other stand in a small spiral
+      const [dx, dy] = [3.2 * Math.sqrt(again) * Math.cos(again * 2.4), 3.2 * Math.sqrt(again) * Math.sin(again * 2.4)];
+      svg.append(h("svg:a", { href, "aria-label": words }, h("circle", { class: perturbed < clean - 0.5 ? "pair lost" : "pair", cx: x(clean) + dx, cy: y(perturbed) + dy, r: 5 }, h("title", {}, words))));
+    }
+    return svg;
+  }
+
+  /* A change with its interval around zero. `good` says in which direction it gets better. */
+  function change(values, reach, good, words) {
+    const [width, height] = [150, 22];
+    const x = (value) => width / 2 + (Math.min(Math.max(value, -reach), reach) / reach) * (width / 2 - 5);
+    const [mean, low, high] = values;
+    const worse = good > 0 ? high < 0 : low > 0;
+    const better = good > 0 ? low > 0 : high < 0;
+    return h("svg", { class: `bullet ${worse ? "fail" : better ? "pass" : "inconclusive"}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
+      h("title", {}, words),
+      h("line", { class: "axis", x1: 5, x2: width - 5, y1: 11, y2: 11 }),
+      h("line", { class: "limit", x1: width / 2, x2: width / 2, y1: 3, y2: 19 }),
+      h("line", { class: "interval", x1: x(low), x2: x(high), y1: 11, y2: 11 }),
+      h("circle", { class: "value", cx: x(mean), cy: 11, r: 4.5 }));
+  }
+
+  return { bullet, growth, scatter, change };
+})();

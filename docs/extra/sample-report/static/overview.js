@@ -1,0 +1,142 @@
+"use strict";
+/* The first view: what holds, what is broken, how each agent did under each setting, what ran. */
+driveRobust.requirementLink = (item, query) => driveRobust.link(["requirement", item.agent, item.requirement], query);
+driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
+
+driveRobust.views.set("", (() => {
+  const { h, link, shown, between, duration, counted, badge, scroller } = driveRobust;
+  const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
+
+  function render(parts, query) {
+    const run = driveRobust.given.get("run");
+    const items = [...run.requirements].sort((one, other) => driveRobust.verdictOrder.indexOf(one.verdict) - driveRobust.verdictOrder.indexOf(other.verdict));
+    return {
+      title: "Overview",
+      nodes: [
+        h("h1", {}, headline(run)),
+        h("p", { class: "lead" }, what(run)),
+        run.comparison ? h("p", { class: `callout ${run.comparison.regressed || run.comparison.refused ? "bad" : "good"}` }, h("a", { href: link(["compare"]) }, run.comparison.conclusion)) : null,
+        items.length ? h("section", {}, h("h2", {}, "Requirements"), requirements(items)) : null,
+        h("section", { id: "matrix" }, matrix(run, query.get("metric") || (agentsOf(run).length > 1 ? "RD" : "all"))),
+        broken(run),
+        notes(run),
+        facts(run),
+      ],
+    };
+  }
+
+  function headline(run) {
+    const total = run.requirements.length;
+    const count = (verdict) => run.requirements.filter((item) => item.verdict === verdict).length;
+    if (!total) return run.rows.length ? "Nothing was judged" : "Nothing was driven";
+    const parts = [count("pass") === total ? (total === 1 ? "The requirement holds" : `All ${total} requirements hold`) : `${count("pass")} of ${counted(total, "requirement")} ${total === 1 ? "holds" : "hold"}`];
+    if (count("fail")) parts.push(`${count("fail")} broken`);
+    if (count("error")) parts.push(`${count("error")} not judged`);
+    if (count("inconclusive")) parts.push(`${count("inconclusive")} open`);
+    if (run.rows.some((row) => row.finished < row.needed)) parts.push("but the run ended early");
+    return parts.join(", ");
+  }
+
+  function agentsOf(run) {
+    return [...new Set(run.rows.map((row) => row.agent))];
+  }
+
+  function what(run) {
+    const episodes = driveRobust.episodes.own();
+    const driven = episodes.reduce((sum, item) => sum + item.seconds, 0);
+    const wall = episodes.reduce((sum, item) => sum + item.wall, 0);
+    const settings = new Set(run.rows.map((row) => row.setting)).size;
+    const agents = agentsOf(run);
+    const who = agents.length === 1 ? agents[0] : counted(agents.length, "agent");
+    return `${who} on ${counted(new Set(episodes.map((item) => item.route)).size, "route")} under ${counted(settings, "setting")}: ${counted(episodes.length, "episode")}, ${duration(driven)} of driving in ${duration(wall)} of computing.`;
+  }
+
+  function requirements(items) {
+    return scroller("Requirements", h("table", { class: "list requirements" },
+      h("thead", {}, h("tr", {}, ["verdict", "requirement", "agent", "value", "against the limit", "routes"].map((name) => h("th", { scope: "col", class: name === "value" || name === "routes" ? "number" : null }, name)))),
+      h("tbody", {}, items.map((item) => h("tr", {},
+        h("td", {}, badge(item.verdict)),
+        h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, item.requirement)),
+        h("td", { class: "who" }, item.agent),
+        h("td", { class: "number" }, shown(item.metric, item.value)),
+        h("td", { class: "drawn" }, driveRobust.charts.bullet(item)),
+        h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013"))))));
+  }
+
+  /* Return 0 (bad) to 1 (good) of a value, null where the metric has no scale of its own. */
+  function goodness(metric, value) {
+    if (value === null || value === undefined) return null;
+    const scale = { DS: [0, 100], SR: [0, 1], RD: [0.6, 0], comfort: [0, 100], efficiency: [0, 100] }[metric];
+    return scale ? Math.min(Math.max((value - scale[0]) / (scale[1] - scale[0]), 0), 1) : null;
+  }
+
+  function cell(row, metric) {
+    if (!row) return h("td", { class: "number soft" }, "\u2013");
+    const value = row.numbers[metric];
+    const share = goodness(metric, value);
+    const interval = row.intervals[metric];
+    const words = [`${row.agent} under ${row.setting}: ${metric} ${shown(metric, value)}`];
+    if (interval) words.push(`${between(metric, ...interval)} on routes like these`);
+    words.push(`${row.routes} of ${counted(row.planned, "route")}`);
+    const empty = value === null || value === undefined;
+    const inside = [shown(metric, value), interval ? h("span", { class: "range" }, ` ${between(metric, ...interval)}`) : null];
+    return h("td", { class: `number heat${share === null ? " flat" : share < 0.5 ? " low" : ""}`, title: words.join(", "), vars: share === null ? {} : { share: `${Math.round(Math.abs(share - 0.5) * 200)}%` } },
+      empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
+  }
+
+  function matrix(run, metric) {
+    const agents = agentsOf(run);
+    const settings = [...new Set(run.rows.map((row) => row.setting))];
+    const names = ["all", ...ALL];
+    const choice = h("div", { class: "choice", role: "group", "aria-label": "Metric" }, names.map((name) => h("a", { href: link([], { metric: name }), class: name === metric ? "here" : null, "aria-current": name === metric ? "true" : null }, name === "all" ? "all metrics" : name)));
+    const of = (agent, setting) => run.rows.find((row) => row.agent === agent && row.setting === setting);
+    const head = [h("div", { class: "head" }, h("h2", {}, "Agents and settings"), choice)];
+    const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? ` ${run.metrics[metric].meaning}` : " intervals, where a verdict did not need all routes, in small figures");
+    if (metric === "all") {
+      const several = agents.length > 1;
+      return [head, scroller("Agents and settings", h("table", { class: "matrix" },
+        h("thead", {}, h("tr", {}, several ? h("th", { scope: "col" }, "agent") : null, h("th", { scope: "col" }, "setting"), ALL.map((name) => h("th", { scope: "col", class: "number" }, name)), h("th", { scope: "col", class: "number" }, "routes"), h("th", { scope: "col" }, "verdict"))),
+        h("tbody", {}, run.rows.map((row) => h("tr", {}, several ? h("td", {}, row.agent) : null, h("th", { scope: "row" }, row.setting, row.privileged ? h("span", { class: "soft", title: "this agent sees ground truth" }, " *") : null), ALL.map((name) => cell(row, name)),
+          h("td", { class: "number" }, routesOf(row)), h("td", {}, badge(row.verdict))))))), legend];
+    }
+    return [head, scroller("Agents and settings", h("table", { class: "matrix" },
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "setting"), agents.map((agent) => h("th", { scope: "col", class: "number" }, agent)))),
+      h("tbody", {}, settings.map((setting) => h("tr", {}, h("th", { scope: "row" }, setting), agents.map((agent) => cell(of(agent, setting), metric))))))), legend];
+  }
+
+  function routesOf(row) {
+    if (row.finished < row.needed) return `${row.finished} of ${row.needed}`;
+    return row.routes < row.planned ? `${row.routes} of ${row.planned}` : String(row.routes);
+  }
+
+  function broken(run) {
+    const clusters = (run.clusters || []).slice(0, 5);
+    if (!clusters.length) return null;
+    const total = driveRobust.episodes.own().filter((item) => item.cluster >= 0).length;
+    const most = clusters[0].episodes.length;
+    return h("section", {}, h("h2", {}, "What goes wrong most"),
+      h("ul", { class: "bars" }, clusters.map((cluster, number) => h("li", {}, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence), h("span", { class: "barline", vars: { share: `${(100 * cluster.episodes.length) / most}%` } }), h("span", { class: "number" }, cluster.episodes.length)))),
+      h("p", {}, h("a", { href: link(["failures"]) }, `${counted(total, "failure")} of ${counted(run.clusters.length, "kind")}`)));
+  }
+
+  function notes(run) {
+    const lines = [...run.searches, ...run.notes];
+    return lines.length ? h("section", {}, h("h2", {}, "To know"), h("ul", {}, lines.map((line) => h("li", {}, line)))) : null;
+  }
+
+  function facts(run) {
+    const options = run.options;
+    const made = [run.stored.date, run.stored.commit].filter(Boolean).join(", ");
+    const rows = [
+      ["run", [run.label, made].filter(Boolean).join(", ")],
+      ["simulator", options.simulator], ["routes", options.routes], ["seeds", options.seeds.join(", ")],
+      ["reading", options.reading ?? "paper"], ["metrics", options.metrics], ["verdicts", `${options.verdict}, margin ${options.margin}, alpha ${options.alpha}${options.correction === "none" ? "" : `, ${options.correction}`}`],
+      ["stopped when standing", options.stuck_stop_s ? `${options.stuck_stop_s} s` : "no"],
+      ...Object.entries(run.agents).map(([name, item]) => [name, [item.distribution, item.source && `code ${item.source}`, item.weights && `weights ${item.weights}`].filter(Boolean).join(", ")]),
+      ...Object.entries(run.versions),
+    ];
+    return h("section", {}, h("h2", {}, "What ran"), h("dl", { class: "facts" }, rows.filter(([, value]) => value !== "").map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
+  }
+
+  return { render };
+})());

@@ -1,0 +1,426 @@
+"use strict";
+/* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
+driveRobust.views.set("episode", (() => {
+  const { h, link, place, fixed, seconds } = driveRobust;
+  const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
+  const KINDS = {
+    collisions_pedestrian: "hit a pedestrian", collisions_vehicle: "hit a vehicle", collisions_layout: "hit an obstacle",
+    red_light: "ran a red light", stop_infraction: "ran a stop sign", yield_emergency_vehicle_infractions: "did not yield",
+    scenario_timeouts: "scenario out of time", outside_route_lanes: "outside its lanes", route_dev: "off the route",
+    vehicle_blocked: "blocked", route_timeout: "out of time", min_speed_infractions: "too slow",
+  };
+
+  function coloursNow() {
+    const style = getComputedStyle(document.documentElement);
+    const get = (name) => style.getPropertyValue(`--${name}`).trim();
+    const names = ["ground", "road", "pavement", "cycleway", "crossing", "line", "route", "building", "outline", "vehicle", "person",
+      "obstacle", "dirt", "emergency", "siren", "plan", "target", "told", "wrong", "clean", "perturbed", "ink", "faint", "rule", "page"];
+    const colours = Object.fromEntries(names.map((name) => [name, get(name)]));
+    colours.lamps = [get("green"), get("yellow"), get("red"), get("red")];
+    return colours;
+  }
+
+  async function render(parts, query) {
+    const [agent, setting, route, seed] = parts;
+    const { episodes } = driveRobust;
+    const episode = episodes.find(query.get("run") === "before" ? 1 : 0, agent, setting, route, Number(seed));
+    if (!episode) return { title: "No such episode", nodes: [h("h1", {}, "No such episode"), h("p", {}, `This report holds no episode of ${agent} under ${setting} on route ${route} with seed ${seed}.`)] };
+    const beside = companion(episode, query.get("with"));
+    const scenes = await Promise.all([beside, episode].filter(Boolean).map(async (item) => ({ episode: item, data: await episodes.scene(item) })));
+    return page(episode, beside, scenes, Number(query.get("t") || 0));
+  }
+
+  /* The episode beside this one: the one of the run before, its clean twin, or none. */
+  function companion(episode, wish) {
+    const { episodes } = driveRobust;
+    if (wish === "none") return null;
+    if (wish === "before" || wish === "after") {
+      const other = episodes.find(wish === "before" ? 1 : 0, episode.agent, episode.setting, episode.route, episode.seed);
+      if (other) return other;
+    }
+    return episode.twin >= 0 ? episodes.all()[episode.twin] : null;
+  }
+
+  function page(episode, beside, scenes, start) {
+    const { episodes } = driveRobust;
+    const run = driveRobust.given.get("run");
+    const heading = [
+      h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
+      h("h1", {}, `${episode.place.scenario} `, h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
+      h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
+    ];
+    const shown = scenes.filter(({ data }) => data.motion);
+    const player = shown.length ? new Player(shown, beside, start, dtOf(episode, shown)) : null;
+    const film = filmOf(episode, run.films || []);
+    const others = episodes.own().filter((item) => item.route === episode.route && item.agent === episode.agent && item.seed === episode.seed);
+    return {
+      title: `${episode.place.scenario} ${episode.route} under ${episode.setting}`,
+      nodes: [
+        ...heading,
+        player ? player.nodes() : h("p", { class: "notice" }, "No trace of this episode is stored, so there is nothing to replay. Its line below drives it again."),
+        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
+        facts(episode, beside),
+        others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
+      ],
+      start: player ? () => player.start() : null,
+      stop: player ? () => player.stop() : null,
+    };
+  }
+
+  function dtOf(episode, shown) {
+    const own = shown[shown.length - 1];
+    const ticks = (own.data.motion.rows - 1) * own.data.motion.every + 1;
+    return Math.abs(episode.seconds / ticks - 0.05) < 0.01 || ticks < 3 ? 0.05 : episode.seconds / ticks;
+  }
+
+  function filmOf(episode, films) {
+    const words = `${episode.route}-${episode.setting}`.toLowerCase().replace(/[^a-z0-9.]+/g, "-").replace(/^-+|-+$/g, "");
+    return films.find((name) => name === `replay-${words}.mp4`);
+  }
+
+  function facts(episode, beside) {
+    const run = driveRobust.given.get("run");
+    const row = (name, of) => h("tr", {}, h("th", { scope: "row" }, name), [beside, episode].filter(Boolean).map((item) => h("td", {}, of(item))));
+    const command = commandOf(run, episode);
+    return h("section", {},
+      h("h2", {}, "In numbers"),
+      driveRobust.scroller("In numbers", h("table", { class: "facts" },
+        h("thead", {}, h("tr", {}, h("td", {}), [beside, episode].filter(Boolean).map((item) => h("th", { scope: "col" }, titleOf(item, episode))))),
+        h("tbody", {},
+          row("driving score", (item) => fixed(item.ds, 1)),
+          row("route completed", (item) => `${fixed(item.completion, 1)} %`),
+          row("comfort", (item) => (item.comfort === null ? "\u2013" : `${fixed(item.comfort, 0)} %`)),
+          row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
+          row("driven", (item) => seconds(item.seconds)),
+          row("ended", (item) => item.end)))),
+      h("p", {}, "Drive it again: ", h("code", {}, command)));
+  }
+
+  /* The line that drives an episode again, without the options that say what the defaults say. */
+  function commandOf(run, episode) {
+    const { options } = run;
+    const row = run.rows.find((item) => item.agent === episode.agent && item.setting === episode.setting);
+    const words = ["drive-robust", ...(options.plugins || []).flatMap((plugin) => ["-p", plugin]), "replay", episode.route, "--agent", episode.agent, "--setting", episode.setting, "--seed", episode.seed];
+    if (row && row.routesAre === "elsewhere") words.push("--routes", row.routesSpec);
+    if (options.stuck_stop_s) words.push("--stuck-stop", options.stuck_stop_s);
+    if (options.simulator !== "embedded") words.push("--sim", options.simulator);
+    return words.map((word) => quoted(String(word))).join(" ");
+  }
+
+  function quoted(word) {
+    return /^[\w@%+=:,./-]+$/.test(word) ? word : `"${word.replace(/["\\$`]/g, "\\$&")}"`;
+  }
+
+  function titleOf(item, episode) {
+    if (item.run !== episode.run || (item.run === 1)) return item.run === 1 ? `before: ${item.setting}` : `now: ${item.setting}`;
+    return item.setting;
+  }
+
+  class Player {
+    constructor(shown, beside, start, dt) {
+      this.dt = dt;
+      const own = shown[shown.length - 1].episode;
+      this.panes = shown.map(({ episode, data }) => ({
+        episode, role: episode === own && (shown.length > 1 || episode.twin >= 0) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
+      }));
+      this.own = this.panes.find((pane) => pane.episode === own);
+      this.twin = this.panes.find((pane) => pane !== this.own) || null;
+      this.length = Math.max(...this.panes.map((pane) => pane.scene.ticks));
+      this.tick = Math.min(Math.max(start / dt, 0), this.length);
+      this.speed = 1;
+      this.scale = 7;
+      this.showPlan = true;
+      this.playing = false;
+      this.frames = 0;
+      this.marks = this.marksOf();
+    }
+
+    marksOf() {
+      const marks = [];
+      const own = this.own.episode;
+      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
+      for (const pane of this.panes) {
+        for (const event of pane.episode.events) {
+          marks.push({ second: event.second, words: `${event.detail || KINDS[event.kind] || event.kind}`, kind: pane.role, pane });
+        }
+        marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });
+      }
+      return marks.sort((one, other) => one.second - other.second);
+    }
+
+    nodes() {
+      const two = this.panes.length > 1;
+      this.paneNodes = this.panes.map((pane) => this.paneNode(pane));
+      this.range = h("input", { type: "range", min: 0, max: this.length, step: 1, value: Math.round(this.tick), "aria-label": "Time", oninput: () => this.seek(Number(this.range.value)) });
+      this.clock = h("output", { class: "clock" });
+      this.playButton = h("button", { type: "button", class: "primary play", onclick: () => this.toggle() }, "Play");
+      const speed = h("select", { "aria-label": "Speed", onchange: (event) => { this.speed = Number(event.target.value); } }, SPEEDS.map((value) => h("option", { value, selected: value === 1 }, `${value}\u00d7`)));
+      this.speedSelect = speed;
+      const zoom = h("input", { type: "range", min: 2, max: 20, step: 0.5, value: this.scale, "aria-label": "Zoom", oninput: (event) => { this.scale = Number(event.target.value); this.draw(); } });
+      const plan = h("label", { class: "check" }, h("input", { type: "checkbox", checked: true, onchange: (event) => { this.showPlan = event.target.checked; this.draw(); } }), "plan");
+      this.linkButton = h("button", { type: "button", onclick: () => this.copy() }, "Copy link");
+      this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
+      this.cursor = h("div", { class: "cursor" });
+      this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
+      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
+      return h("div", { class: "player" },
+        h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
+        h("div", { class: "controls", role: "group", "aria-label": "Player" },
+          this.playButton,
+          h("button", { type: "button", "aria-label": "One tick back", onclick: () => this.step(-1) }, "\u2039"),
+          h("button", { type: "button", "aria-label": "One tick on", onclick: () => this.step(1) }, "\u203a"),
+          h("button", { type: "button", onclick: () => this.next(-1) }, "Last mark"),
+          h("button", { type: "button", onclick: () => this.next(1) }, "Next mark"),
+          this.clock, speed, h("label", { class: "zoom" }, "zoom", zoom), plan, this.linkButton),
+        this.range,
+        this.stripFrame,
+        this.legend(two),
+        h("div", { class: "below" },
+          h("section", {}, h("h2", {}, "What happened"), this.events),
+          h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
+    }
+
+    legend(two) {
+      const item = (name, words) => h("li", {}, h("span", { class: `swatch ${name}`, "aria-hidden": "true" }), words);
+      return h("ul", { class: "legend" },
+        two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
+        item("route", "route"), item("plan", "the agent's plan"),
+        this.own.episode.spans.length ? item("span", "a failure is at work") : null,
+        this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
+    }
+
+    paneNode(pane) {
+      pane.canvas = h("canvas", { role: "img", "aria-label": `${pane.episode.setting}, from above` });
+      pane.speedNode = h("span", { class: "speed" });
+      pane.toldNode = h("span", { class: "told" });
+      pane.state = h("span", { class: "state" });
+      pane.bars = ["throttle", "brake"].map((name) => ({ name, bar: h("span", { class: `bar ${name}` }) }));
+      pane.steer = h("span", { class: "needle" });
+      return h("figure", { class: `pane ${pane.role}` },
+        h("figcaption", {}, h("strong", {}, titleOf(pane.episode, this.own.episode)), " ", h("span", { class: "soft" }, pane.episode.scored ? `DS ${fixed(pane.episode.ds, 1)}` : "not scored")),
+        h("div", { class: "view" }, pane.canvas, pane.state, pane.scene.tracks ? null : h("span", { class: "no-tracks" }, "other road users were not recorded")),
+        h("div", { class: "dash" }, pane.speedNode, pane.toldNode,
+          pane.bars.map(({ name, bar }) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, bar))),
+          h("span", { class: "meter" }, h("span", { class: "label" }, "steer"), h("span", { class: "track" }, pane.steer))));
+    }
+
+    stripWords() {
+      const own = this.own.episode;
+      return `Speed, throttle, brake and steering over ${seconds(own.seconds)}. ${own.story}.`;
+    }
+
+    start() {
+      this.colours = coloursNow();
+      this.resizer = new ResizeObserver(() => this.fit());
+      this.panes.forEach((pane) => this.resizer.observe(pane.canvas));
+      this.resizer.observe(this.strips);
+      this.onKey = (event) => this.key(event);
+      this.onTheme = () => { this.colours = coloursNow(); this.fit(); };
+      document.addEventListener("keydown", this.onKey);
+      document.addEventListener("drive-robust-theme", this.onTheme);
+      this.fit();
+      driveRobust.player = this;
+    }
+
+    stop() {
+      this.playing = false;
+      this.resizer.disconnect();
+      document.removeEventListener("keydown", this.onKey);
+      document.removeEventListener("drive-robust-theme", this.onTheme);
+      driveRobust.player = null;
+    }
+
+    fit() {
+      const ratio = Math.min(window.devicePixelRatio || 1, 2);
+      for (const canvas of [...this.panes.map((pane) => pane.canvas), this.strips]) {
+        const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
+        if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+      }
+      this.drawStrips(ratio);
+      this.draw();
+    }
+
+    toggle() {
+      this.playing = !this.playing;
+      this.playButton.textContent = this.playing ? "Pause" : "Play";
+      if (!this.playing) { this.remember(); return; }
+      if (this.tick >= this.length) this.tick = 0;
+      let last = null;
+      const frame = (now) => {
+        if (!this.playing) return;
+        if (last !== null) this.tick += ((now - last) / 1000 / this.dt) * this.speed;
+        last = now;
+        this.frames += 1;
+        if (this.tick >= this.length) { this.tick = this.length; this.toggle(); }
+        this.draw();
+        if (this.playing) requestAnimationFrame(frame);
+      };
+      requestAnimationFrame(frame);
+    }
+
+    seek(tick) {
+      this.tick = Math.min(Math.max(tick, 0), this.length);
+      this.draw();
+      this.remember();
+    }
+
+    step(ticks) {
+      if (this.playing) this.toggle();
+      this.seek(Math.round(this.tick) + ticks);
+    }
+
+    next(way) {
+      const now = this.tick * this.dt;
+      const marks = this.marks.filter((mark) => (way > 0 ? mark.second > now + 0.06 : mark.second < now - 0.06));
+      const mark = way > 0 ? marks[0] : marks[marks.length - 1];
+      if (mark) { this.seek(mark.second / this.dt); driveRobust.tell(`${seconds(mark.second)}: ${mark.words}`); }
+    }
+
+    remember() {
+      const { query } = place();
+      query.set("t", (this.tick * this.dt).toFixed(1));
+      driveRobust.keep(Object.fromEntries(query));
+    }
+
+    async copy() {
+      this.remember();
+      try { await navigator.clipboard.writeText(location.href); this.linkButton.textContent = "Copied"; }
+      catch { this.linkButton.textContent = "It is in the address bar"; }
+      setTimeout(() => { this.linkButton.textContent = "Copy link"; }, 1500);
+    }
+
+    drag(event) {
+      const move = (moved) => {
+        const box = this.strips.getBoundingClientRect();
+        this.seek(((moved.clientX - box.left) / box.width) * this.length);
+      };
+      move(event);
+      this.stripFrame.setPointerCapture(event.pointerId);
+      this.stripFrame.onpointermove = move;
+      this.stripFrame.onpointerup = () => { this.stripFrame.onpointermove = null; };
+    }
+
+    key(event) {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const on = event.target.tagName;
+      if (on === "SELECT" || (on === "INPUT" && event.target.type !== "range" && event.target.type !== "checkbox")) return;
+      if (event.key === " " && (on === "BUTTON" || on === "INPUT" || on === "A")) return;
+      if (event.key.startsWith("Arrow") && on === "INPUT" && event.target !== this.range) return;
+      const second = 1 / this.dt;
+      const actions = {
+        " ": () => this.toggle(), k: () => this.toggle(),
+        ArrowLeft: () => this.step(event.shiftKey ? -second : -1), ArrowRight: () => this.step(event.shiftKey ? second : 1),
+        j: () => this.step(-5 * second), l: () => this.step(5 * second),
+        Home: () => this.seek(0), End: () => this.seek(this.length), n: () => this.next(1), p: () => this.next(-1),
+        "+": () => this.faster(1), "-": () => this.faster(-1),
+      };
+      const action = actions[event.key];
+      if (action) { event.preventDefault(); action(); }
+    }
+
+    faster(way) {
+      this.speed = SPEEDS[Math.min(Math.max(SPEEDS.indexOf(this.speed) + way, 0), SPEEDS.length - 1)];
+      this.speedSelect.value = String(this.speed);
+    }
+
+    draw() {
+      if (!this.colours) return;
+      const now = this.tick * this.dt;
+      for (const pane of this.panes) {
+        const over = this.tick > pane.scene.ticks;
+        const tick = Math.min(this.tick, pane.scene.ticks);
+        const [width, height] = [pane.canvas.clientWidth, pane.canvas.clientHeight];
+        if (!width || !height) continue;
+        const twin = pane === this.own && this.twin ? this.twin.scene.at(Math.min(this.tick, this.twin.scene.ticks)) : null;
+        pane.scene.draw(pane.canvas.getContext("2d"), width, height, tick, {
+          colours: this.colours, scale: this.scale, twin, plan: this.showPlan, dt: this.dt,
+          colour: pane.role === "clean" ? this.colours.clean : this.colours.perturbed,
+        });
+        this.dash(pane, tick, now, over);
+      }
+      this.range.value = Math.round(this.tick);
+      this.range.setAttribute("aria-valuetext", seconds(now));
+      this.clock.textContent = `${fixed(now, 2)} s`;
+      this.cursor.style.setProperty("left", `${(100 * this.tick) / this.length}%`);
+    }
+
+    dash(pane, tick, now, over) {
+      const ego = pane.scene.at(tick);
+      const told = pane.scene.told(tick);
+      pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
+      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)}` : "";
+      for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
+      pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
+      const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => span.signal);
+      const words = [...new Set(signals)];
+      if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
+      const event = pane.episode.events.filter((item) => item.second <= now && now - item.second < 3).pop();
+      const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `failure at work: ${words.join(", ")}` : "";
+      if (pane.state.textContent !== text) pane.state.textContent = text;
+      pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
+    }
+
+    drawStrips(ratio) {
+      const context = this.strips.getContext("2d");
+      const [width, height] = [this.strips.clientWidth, this.strips.clientHeight];
+      if (!width) return;
+      context.setTransform(ratio, 0, 0, ratio, 0, 0);
+      context.clearRect(0, 0, width, height);
+      const { colours } = this;
+      const x = (tick) => (tick / this.length) * width;
+      const rows = [["speed", 0.46], ["throttle", 0.18], ["brake", 0.18], ["steer", 0.18]];
+      const fastest = Math.max(5, ...this.panes.flatMap((pane) => [Math.max(...pane.scene.motion.speed) / 100]));
+      for (const span of this.own.episode.spans) {
+        context.fillStyle = colours.perturbed;
+        context.globalAlpha = 0.13;
+        context.fillRect(x(span.first), 0, Math.max(1, x(span.last + 1) - x(span.first)), height);
+        context.globalAlpha = 1;
+      }
+      let top = 0;
+      context.font = "11px system-ui, sans-serif";
+      for (const [name, share] of rows) {
+        const high = height * share;
+        context.strokeStyle = colours.rule;
+        context.lineWidth = 1;
+        context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
+        for (const pane of this.panes) {
+          const { motion } = pane.scene;
+          context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
+          context.lineWidth = 1.5;
+          context.beginPath();
+          for (let row = 0; row < motion.rows; row += 1) {
+            const value = name === "speed" ? motion.speed[row] / 100 / fastest : name === "steer" ? 0.5 - motion.steer[row] / 2000 : motion[name][row] / 1000;
+            context.lineTo(x(row * motion.every + 1), top + high - 2 - value * (high - 4));
+          }
+          context.stroke();
+        }
+        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
+        context.fillStyle = colours.page;
+        context.globalAlpha = 0.8;
+        context.fillRect(3, top + 2, context.measureText(words).width + 7, 15);
+        context.globalAlpha = 1;
+        context.fillStyle = colours.faint;
+        context.fillText(words, 6, top + 13);
+        top += high;
+      }
+      const drawn = new Set();
+      for (const mark of this.marks) {
+        const at = Math.round(x(mark.second / this.dt)) + 0.5;
+        if (drawn.has(at)) continue;
+        drawn.add(at);
+        context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : colours.wrong;
+        context.setLineDash(mark.kind === "parted" ? [4, 3] : []);
+        context.lineWidth = 1.5;
+        context.beginPath();
+        context.moveTo(at, 0);
+        context.lineTo(at, height);
+        context.stroke();
+        context.setLineDash([]);
+      }
+    }
+  }
+
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and last mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
+
+  return { render, KINDS };
+})());

@@ -1,0 +1,77 @@
+"use strict";
+/* One requirement: limit, value, interval, how the evidence grew, the routes behind it. */
+driveRobust.views.set("requirement", (() => {
+  const { h, link, shown, between, counted, badge, seconds, fixed, scroller } = driveRobust;
+  const RULES = { evidence: "judged by evidence, route by route", list: "judged on this list of routes", point: "the value compared with the limit" };
+
+  function render([agent, sentence]) {
+    const run = driveRobust.given.get("run");
+    const item = run.requirements.find((found) => found.agent === agent && found.requirement === sentence);
+    if (!item) return { title: "No such requirement", nodes: [h("h1", {}, "No such requirement"), h("p", {}, sentence)] };
+    const routes = routesOf(item);
+    return {
+      title: item.requirement,
+      nodes: [
+        h("p", { class: "crumbs" }, h("a", { href: link([]) }, "Requirements"), " / ", item.agent),
+        h("h1", {}, badge(item.verdict), " ", item.requirement),
+        h("p", { class: "lead" }, sentenceOf(item)),
+        item.reason ? h("p", { class: "notice" }, item.reason) : null,
+        worst(item, routes),
+        h("div", { class: routes.some(({ twin }) => twin) ? "columns" : "columns single" },
+          item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthWords(item)) : null,
+          scatter(item, routes)),
+        table(item, routes),
+        h("p", { class: "soft" }, `test ${item.nodeid}`),
+      ],
+    };
+  }
+
+  function sentenceOf(item) {
+    if (item.value === null) return "It could not be judged.";
+    const interval = between(item.metric, item.low, item.high);
+    const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
+    return `${item.metric} is ${shown(item.metric, item.value)}${interval ? `, on routes like these ${interval}` : ""}; the limit is ${item.comparison} ${shown(item.metric, item.limit)}. ${routes}, ${RULES[item.rule] || ""}.`;
+  }
+
+  function growthWords(item) {
+    const points = item.growth;
+    return h("details", {}, h("summary", {}, "As a table"), scroller("Evidence", h("table", { class: "list" },
+      h("thead", {}, h("tr", {}, ["routes", item.metric, "from", "to"].map((name) => h("th", { scope: "col", class: "number" }, name)))),
+      h("tbody", {}, points.map((point) => h("tr", {}, h("th", { scope: "row", class: "number" }, point[0]), point.slice(1).map((value) => h("td", { class: "number" }, shown(item.metric, value)))))))));
+  }
+
+  /* The episodes behind the verdict with their twins, in the order in which they were read. */
+  function routesOf(item) {
+    const episodes = driveRobust.episodes.own();
+    const all = driveRobust.episodes.all();
+    return item.order.flatMap((route) => item.seeds.map((seed) => episodes.find((found) => found.agent === item.agent && found.setting === item.setting && found.route === route && found.seed === seed)))
+      .filter(Boolean)
+      .map((episode) => {
+        const twin = episode.twin >= 0 ? all[episode.twin] : null;
+        return { episode, twin, lost: episode.scored && (!twin || twin.scored) ? (twin ? twin.ds : 100) - episode.ds : null };
+      });
+  }
+
+  function worst(item, routes) {
+    const found = routes.filter(({ lost }) => lost > 0.5).sort((one, other) => other.lost - one.lost).slice(0, 3);
+    if (!found.length) return null;
+    return h("section", {}, h("h2", {}, "Worst routes"), h("ul", { class: "cards" }, found.map(({ episode, twin }) => h("li", {},
+      h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
+      h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${fixed(twin.ds, 1)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, `${fixed(episode.ds, 1)}`)),
+      h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; parted at ${seconds(episode.parted)} ${episode.partedBy}` : "")))));
+  }
+
+  function scatter(item, routes) {
+    const pairs = routes.filter(({ twin, episode }) => twin && twin.scored && episode.scored);
+    if (!pairs.length) return null;
+    return h("section", {}, h("h2", {}, "Clean against perturbed"), driveRobust.charts.scatter(pairs.map(({ episode, twin }) => [twin.ds, episode.ds, driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)), `${episode.place.scenario} ${episode.route}: ${fixed(twin.ds, 1)} clean, ${fixed(episode.ds, 1)} perturbed`]), "Driving scores of each route, clean across and perturbed up"),
+      h("p", { class: "soft" }, "Each point is a route: below the line it lost score. A point opens its replay."));
+  }
+
+  function table(item, routes) {
+    if (!routes.length) return null;
+    return h("section", {}, h("h2", {}, `Routes in the order of reading`), driveRobust.episodeTable(routes.map(({ episode }) => episode), { clean: true, numbered: true }));
+  }
+
+  return { render };
+})());

@@ -1,0 +1,56 @@
+"""`drive-robust init`: write a starter suite, its limits and a workflow into somebody's own repository."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.resources import files
+from pathlib import Path
+
+from pytest_drive_robust.cli.tables import say
+from pytest_drive_robust.errors import UsageError
+
+__all__ = ["add_arguments"]
+
+_FOLDER = "robustness"
+_SUITES = ("paper", "minimal")
+_WORKFLOWS = {"github": ".github/workflows/robustness.yml", "gitlab": ".gitlab-ci.yml"}
+_DESCRIPTION = """Writes robustness/test_robustness.py with its limits.txt into the current folder, and with --ci the
+workflow that drives them. A file that exists is never written over: then nothing is written."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `init`."""
+    parser.description = _DESCRIPTION
+    parser.add_argument(
+        "--suite",
+        choices=_SUITES,
+        default=_SUITES[0],
+        help="paper: its eleven settings; minimal: one of each family of failures; default: paper",
+    )
+    parser.add_argument("--ci", choices=tuple(_WORKFLOWS), help="also the workflow of this service")
+    parser.set_defaults(command=_init)
+
+
+def _init(options: argparse.Namespace) -> int:
+    starter = files(__package__) / "starter"
+    wanted = {
+        Path(_FOLDER, "test_robustness.py"): "suite.txt",
+        Path(_FOLDER, "limits.txt"): f"{options.suite}.txt",
+    }
+    if options.ci:
+        wanted[Path(_WORKFLOWS[options.ci])] = f"{options.ci}.yml"
+    there = [str(path) for path in wanted if path.exists() or path.is_symlink()]
+    if there:
+        raise UsageError(
+            f"{', '.join(there)} exist here and are not written over. Move them, or run in another folder."
+        )
+    for path, name in wanted.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
+        say(f"{path}: written")
+    say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-save")
+    say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")
+    return 0

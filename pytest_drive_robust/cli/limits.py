@@ -1,0 +1,64 @@
+"""`drive-robust limits`: propose limits for an agent out of a run that drove it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pytest_drive_robust.cli.tables import say
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.regression.document import read_document, snapshot_of
+from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
+from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
+
+__all__ = ["add_arguments"]
+
+_DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
+it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the
+file, tighten what matters, commit it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `limits`."""
+    parser.description = _DESCRIPTION
+    parser.add_argument("--agent", required=True, metavar="NAME", help="whose limits")
+    parser.add_argument(
+        "--run",
+        default="latest",
+        metavar="RUN",
+        help="a stored run, latest, or the JSON file of a run; default: latest",
+    )
+    parser.add_argument("--out", metavar="FILE", help="a new file; default: limits-AGENT.txt")
+    parser.set_defaults(command=_limits)
+
+
+def _limits(options: argparse.Namespace) -> int:
+    path = Path(options.out or f"limits-{options.agent.replace(':', '-').replace('/', '-')}.txt")
+    if path.exists():
+        raise UsageError(f"{str(path)!r} exists, and limits are reviewed: give another name with --out.")
+    document = read_document(run_file(StoredRuns(home_of(Path.cwd())), options.run))
+    rule = VerdictRule()
+    found = propose_limits(
+        snapshot_of(document, label=options.run),
+        options.agent,
+        perturbations=default_registry().perturbations(),
+        rule=rule,
+    )
+    head = (
+        f"# proposed by drive-robust limits: what {options.agent} showed, and the distance that evidence needs with a "
+        f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"
+    )
+    try:
+        path.write_text(head + "".join(map(_line, found)), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
+    say(f"{path}: {len(found)} limits. Review them, then commit the file.")
+    return 0
+
+
+def _line(item: ProposedLimit) -> str:
+    metric = item.requirement.metric
+    value = metric.format(round(item.value, 6) + 0.0)  # no minus zero
+    return f"{item.requirement!s:50}  # showed {value} on {item.routes} routes, {metric.format(item.spare)} to spare\n"

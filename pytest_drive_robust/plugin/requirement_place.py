@@ -1,0 +1,33 @@
+"""Where the requirement of a test is stated: what annotations, JUnit files and people want to see of a failure."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from pytest_drive_robust.verdict.requirement import Requirement
+
+__all__ = ["place_of"]
+
+
+def place_of(item: pytest.Item) -> tuple[str, int] | None:
+    """Return the file, relative to the root folder, and the line, from 1; None where no sentence is found."""
+    callspec = getattr(item, "callspec", None)
+    values = () if callspec is None else callspec.params.values()
+    written = next((value.written for value in values if isinstance(value, Requirement) and value.written), None)
+    if written is None:
+        return None
+    path, line, sentence = written
+    if path is None:  # a text in the test's module
+        path = item.path
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        stated = re.compile(rf"(?<![\w.]){re.escape(sentence)}(?![\w.])")
+        found = [number for number, text in enumerate(lines, 1) if stated.search(text)]
+        if not found:
+            return None
+        here = item.location[1] or 0
+        line = min(found, key=lambda number: abs(number - here))
+    return Path(os.path.relpath(path, item.config.rootpath)).as_posix(), line

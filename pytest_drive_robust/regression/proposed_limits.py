@@ -1,0 +1,93 @@
+"""Limits that an agent meets with the distance that a verdict from evidence needs, out of a run that drove it.
+
+Evidence passes what is shown to be better than limit + margin, and so many routes tell apart what lies a `resolution`
+from each other. So a limit stands `max(resolution - margin, 0)` beyond the value. A list of fewer routes than evidence
+takes is judged by its value; there the distance is one step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import fmean, stdev
+
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.regression.snapshot import Cell, Snapshot
+from pytest_drive_robust.stats.resolution import resolution
+from pytest_drive_robust.verdict.requirement import Requirement
+
+__all__ = ["ProposedLimit", "propose_limits"]
+
+_STEP = 0.05
+"""Limits are multiples of this share of the range, on the lenient side: a finer one would pretend to know more."""
+_FEWEST_ROUTES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedLimit:
+    """A requirement that the agent meets, the value that it rests on, and how far that lies on the right side."""
+
+    requirement: Requirement
+    value: float
+    spare: float
+    routes: int
+
+
+def propose_limits(
+    run: Snapshot, agent: str, *, perturbations: Mapping[str, type[Perturbation]], rule: VerdictRule
+) -> tuple[ProposedLimit, ...]:
+    """Return a limit for each setting that `agent` was driven under: of DS for the clean one, of RD for the others.
+
+    Left out is what no limit could be broken by (an RD that may be 1, a DS that may be 0) and an RD whose clean driving
+    score says nothing. Raises `UsageError` where nothing is left, and for an agent that is not in the run.
+    """
+    cells = {
+        Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
+    }
+    if not cells:
+        raise UnknownNameError.of("agent", agent, run.agents, hint=f"The run is {run.label!r}.")
+    proposed = [_proposed(setting, cells, rule) for setting in cells]
+    found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)
+    if not found:
+        raise UsageError(
+            f"the run {run.label!r} shows no limit for {agent!r}: expected {_FEWEST_ROUTES} routes or more, driven "
+            f"clean and under failures, and a clean driving score of {rule.clean_floor:g} or more."
+        )
+    return tuple(found)
+
+
+def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule) -> ProposedLimit | None:
+    scores = {route: score.ds for route, score in cells[setting].routes.items()}
+    clean = (
+        {route: score.ds for route, score in cells[setting.baseline].routes.items()}
+        if setting.baseline in cells
+        else {}
+    )
+    shared = [route for route in scores if route in clean]
+    if len(shared) < _FEWEST_ROUTES or fmean(clean[route] for route in shared) < rule.clean_floor:
+        return None
+    count, mean = len(shared), fmean(clean[route] for route in shared)
+    if setting.is_clean:
+        noise = stdev(scores.values())
+        limit = math.floor(round((mean - _spare(count, noise, 100.0, rule)) / (100.0 * _STEP), 6)) * 100.0 * _STEP
+        return (
+            ProposedLimit(Requirement("DS", setting, ">=", limit), mean, mean - limit, count) if limit > 0.0 else None
+        )
+    if setting == setting.baseline:
+        return None
+    kept = fmean(scores[route] for route in shared) / mean
+    noise = stdev(scores[route] - kept * clean[route] for route in shared) / mean
+    limit = math.ceil(round((1.0 - kept + _spare(count, noise, 1.0, rule)) / _STEP, 6)) * _STEP
+    limit = round(max(limit, 0.0), 2)
+    value = 1.0 - kept
+    return ProposedLimit(Requirement("RD", setting, "<=", limit), value, limit - value, count) if limit < 1.0 else None
+
+
+def _spare(count: int, noise: float, scale: float, rule: VerdictRule) -> float:
+    """Return how far from the value the limit stands before it is rounded, in the unit of the metric."""
+    if rule.for_routes(count).kind != "evidence":
+        return scale * _STEP
+    return max(resolution(count, noise, alpha=rule.alpha, scale=scale) - scale * rule.margin, 0.0)

@@ -1,0 +1,113 @@
+"""A stored run as plain objects, and as data frames where a library for them is installed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.results.tables import columns_of
+from pytest_drive_robust.store.events import Judged
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.report.pages.records import Ident
+
+__all__ = ["Run", "read_run"]
+
+_LIBRARIES = ("pandas", "polars")
+
+
+def read_run(run: str | os.PathLike[str] = "latest", *, store: str | os.PathLike[str] | None = None) -> Run:
+    """Return a run: `"latest"`, the name that `--drive-save` gave, or a file of `--drive-json`.
+
+    Traces come from the store of the project, or from the folder `store`; an episode that is not there has an empty
+    one. Raises `UsageError` for what is no run.
+    """
+    folder = None if store is None else Path(store)
+    return Run.of(RunRecords.stored(os.fspath(run), default_registry(), store=folder))
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run. `requirements` are its verdicts, `episodes` what was driven: facts, infractions, traces, tracks.
+
+    `options` is what the user chose, `versions` what drove it.
+    """
+
+    label: str
+    options: Mapping[str, Any]
+    versions: Mapping[str, str]
+    requirements: tuple[Judged, ...]
+    episodes: tuple[EpisodeResult, ...]
+    records: RunRecords = field(repr=False)
+
+    @classmethod
+    def of(cls, records: RunRecords) -> Run:
+        """Return the whole run that was read. Raises `UsageError` for a damaged one."""
+        document = records.document
+        names = {item.name for item in fields(Judged)}
+        try:
+            judged = [
+                Judged(**{**{name: item[name] for name in names & set(item)}, "seeds": tuple(item["seeds"])})
+                for item in document.get("requirements", ())
+            ]
+        except (AttributeError, KeyError, TypeError) as error:
+            raise UsageError(f"the run {records.label!r} is damaged: {type(error).__name__}: {error}.") from None
+        versions = document.get("versions", {})
+        episodes = tuple(records.results.values())
+        return cls(records.label, document["settings"], versions, tuple(judged), episodes, records)
+
+    def select(
+        self,
+        *,
+        agent: str | None = None,
+        setting: str | None = None,
+        route_id: str | None = None,
+        seed: int | None = None,
+    ) -> Run:
+        """Return the same with fewer episodes. Raises `UnknownNameError` for a name that the run does not hold."""
+        kept = self.episodes
+        for name, given in (("agent", agent), ("setting", setting), ("route_id", route_id), ("seed", seed)):
+            if given is None:
+                continue
+            known = {str(getattr(result.episode, name)) for result in kept}
+            if str(given) not in known:
+                raise UnknownNameError.of(f"{name.removesuffix('_id')} in these episodes", str(given), known)
+            kept = tuple(result for result in kept if str(getattr(result.episode, name)) == str(given))
+        return replace(self, episodes=kept)
+
+    def twin(self, result: EpisodeResult) -> EpisodeResult | None:
+        """Return the clean episode of the same agent, route and seed; None for a clean one and where there is none."""
+        return self.records.twin(_ident(result))
+
+    def key(self, result: EpisodeResult) -> str:
+        """Return the name of an episode in the store."""
+        return self.records.keys[_ident(result)]
+
+    def frame(self, table: str = "episodes", *, library: str | None = None) -> Any:
+        """Return `"episodes"`, `"ticks"`, `"infractions"` or `"requirements"` as a data frame.
+
+        `library` is `"pandas"` or `"polars"`; by default the first of them that is installed. Raises `UsageError`
+        where none is, `UnknownNameError` for another table.
+        """
+        columns = columns_of(self, table)
+        if library is not None and library not in _LIBRARIES:
+            raise UnknownNameError.of("data frame library", library, _LIBRARIES)
+        for name in (library,) if library else _LIBRARIES:
+            with suppress(ModuleNotFoundError):
+                return import_module(name).DataFrame(columns)
+        missing = library or "neither pandas nor polars"
+        raise UsageError(f"{missing} is not installed: pip install {library or _LIBRARIES[0]}.")
+
+
+def _ident(result: EpisodeResult) -> Ident:
+    episode = result.episode
+    return episode.agent, episode.setting, episode.route_id, episode.seed

@@ -1,0 +1,223 @@
+"""An episode and its clean twin as viewers show them.
+
+Metres, x to the east, y to the north (that of simulators points south), z up; yaw counter-clockwise from east; seconds
+from the start.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from pytest_drive_robust.domain.geodesy import to_geodetic
+from pytest_drive_robust.domain.result import Given
+from pytest_drive_robust.domain.truth import ActorKind, LightState
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.report.numbers import legible
+from pytest_drive_robust.report.pages.road_map import RoadMaps, map_data
+from pytest_drive_robust.simulators.embedded.actors import SIZES_M
+from pytest_drive_robust.verdict.explain import describe_outcome
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from pytest_drive_robust.domain.result import EpisodeResult
+    from pytest_drive_robust.results.run import Run
+
+    Floats = NDArray[np.float64]
+
+__all__ = ["Box", "Item", "Lines", "Note", "Place", "Pose", "Scene", "Shapes", "Values", "scenes_of"]
+
+Colour = tuple[int, int, int]
+
+_EGO = {"clean": (31, 119, 196), "perturbed": (221, 107, 16)}
+_ROAD, _ROUTE, _ACTOR, _PERSON = (120, 120, 130), (70, 160, 90), (150, 150, 160), (194, 37, 92)
+_LIGHTS = {LightState.GREEN: (47, 158, 68), LightState.YELLOW: (245, 190, 30)}
+_RED = (224, 49, 49)
+_EGO_HEIGHT_M = 1.5
+_PLOTTED = ("speed_mps", "forward_mps2", "right_mps2", "yaw_rate_radps", "throttle", "steer", "brake", "progress_m")
+
+
+class Pose(NamedTuple):
+    """Where the ego's frame is."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+
+class Place(NamedTuple):
+    """A point of the earth; maps of the simulators lie around (0, 0)."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+class Values(dict[str, float]):
+    """Numbers to plot."""
+
+
+class Note(NamedTuple):
+    """Something that happened; `bad` for an infraction."""
+
+    text: str
+    bad: bool
+
+
+class Box(NamedTuple):
+    """One actor; `x_m`, `y_m` are the centre of its ground."""
+
+    name: str
+    pose: Pose
+    size_m: tuple[float, float, float]
+    colour: Colour
+
+
+class Lines(NamedTuple):
+    """Lines on the ground of one colour and width, each (points, 2)."""
+
+    lines: list[Floats]
+    colour: Colour
+    width_m: float
+
+
+class Shapes(NamedTuple):
+    """Everything that a path shows from a moment on; in the frame of the ego `frame`, or the world's where it is ""."""
+
+    boxes: list[Box]
+    lines: list[Lines]
+    frame: str = ""
+
+
+Item = tuple[float, str, "Pose | Place | Values | Note | Shapes"]
+"""From this second on, at this path: `clean/actors`."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What one file shows: episodes by their names, `clean` and `perturbed`, and the world as `map_data` tells it."""
+
+    title: str
+    episodes: dict[str, EpisodeResult]
+    world: dict[str, Any]
+
+    @property
+    def file_name(self) -> str:
+        """The title as the name of a file, without a suffix."""
+        return re.sub(r"[^\w.+-]+", "-", self.title).strip("-")
+
+    def items(self) -> list[Item]:
+        """Return everything in the order of time."""
+        found: list[Item] = [(0.0, "road", Shapes([], self._road()))]
+        for name, result in self.episodes.items():
+            found += [*self._ego(name, result), *self._around(name, result), *_notes(name, result)]
+        return sorted(found, key=lambda item: item[0])
+
+    def _road(self) -> list[Lines]:
+        route = [_points(self.world["route"])] if self.world else []
+        lines = [_points([*corners, *corners[:2]]) for corners in self.world.get("crossings", ())]
+        for _, junction, width, left, right, centre in self.world.get("lanes", ()):
+            if not junction and len(centre) > 2:
+                sides = [side for line, side in ((left, 0.005), (right, -0.005)) if line]
+                lines += [_beside(_points(centre), side * width) for side in sides]
+        return [Lines(lines, _ROAD, 0.12), Lines(route, _ROUTE, 0.12)]
+
+    def _ego(self, name: str, result: EpisodeResult) -> Iterator[Item]:
+        """Yield the ego at the end of each tick, and what it was told of its place."""
+        length, width = (size / 100.0 for size in self.world.get("ego", (490, 185)))
+        box = Box(name, Pose(0.0, 0.0, 0.0), (length, width, _EGO_HEIGHT_M), _EGO[name])
+        yield 0.0, f"{name}/ego", Shapes([box], [], frame=name)
+        names = result.trace.COLUMNS
+        for number, row in enumerate(result.trace.rows.tolist(), 1):
+            ego, second = dict(zip(names, row, strict=True)), number * result.dt_s
+            yield second, f"{name}/ego", Pose(ego["x_m"], -ego["y_m"], -ego["yaw_rad"])
+            yield second, f"{name}/location", Place(*to_geodetic(ego["x_m"], ego["y_m"]))
+            yield second, f"{name}/state", Values({key: ego[key] for key in _PLOTTED})
+        for row in () if result.given is None else result.given.rows[:, : len(Given.COLUMNS)].tolist():
+            yield row[0] * result.dt_s, f"{name}/told", Place(*to_geodetic(row[1], row[2]))
+
+    def _around(self, name: str, result: EpisodeResult) -> Iterator[Item]:
+        """Yield actors and stop lines several times a second, and plans from where the ego was then."""
+        tracks, row = result.tracks, 0
+        if tracks is None:
+            return
+        seen: list[list[Box]] = [[] for _ in tracks.lights]
+        for actor, kind, length, width, first, count in tracks.actors.tolist():
+            colour = _PERSON if kind in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE) else _ACTOR
+            size = (length / 100.0, width / 100.0, SIZES_M[ActorKind(kind)][2])
+            for place, (x, y, yaw, _) in enumerate(tracks.motion[row : row + count].tolist(), first):
+                pose = Pose(x / 100.0, -y / 100.0, -yaw / 1000.0)
+                seen[place].append(Box(f"{ActorKind(kind).name.lower()} {actor}", pose, size, colour))
+            row += count
+        stops = [_across(*stop[:4]) for stop in self.world.get("stops", ())]
+        for place, lights in enumerate(tracks.lights.tolist()):
+            colours = [_LIGHTS.get(LightState(light), _RED) for light in lights]
+            lines = [Lines([stop], colour, 0.4) for stop, colour in zip(stops, colours, strict=False)]
+            yield place * tracks.every_ticks * result.dt_s, f"{name}/actors", Shapes(seen[place], lines)
+        places, row = np.column_stack(result.trace.columns("x_m", "y_m", "yaw_rad")), 0
+        for tick, path, targets, speeds in tracks.plans.tolist():
+            ahead, right = (tracks.points[row : row + (path or targets or speeds)] / 10.0).T
+            row += path + targets + speeds
+            x, y, yaw = places[min(max(tick - 1, 0), len(places) - 1)]
+            east = x + ahead * np.cos(yaw) - right * np.sin(yaw)
+            south = y + ahead * np.sin(yaw) + right * np.cos(yaw)
+            line = Lines([np.column_stack((east, -south))], _EGO[name], 0.25)
+            yield tick * result.dt_s, f"{name}/plan", Shapes([], [line])
+
+
+def scenes_of(run: Run) -> Iterator[Scene]:
+    """Yield a scene for each episode under a failure, and for each clean one that is the twin of none.
+
+    Raises `UsageError` where no episode of the run has its trace.
+    """
+    twins = {id(run.twin(result)) for result in run.episodes}
+    shown = [result for result in run.episodes if id(result) not in twins and len(result.trace.rows)]
+    if not shown:
+        raise UsageError("none of these episodes is in the store. Name it with --episodes, or drive them again.")
+    maps = RoadMaps(run.records.simulator)
+    try:
+        for result in shown:
+            episode, twin = result.episode, run.twin(result)
+            truth = maps.truth(run.records.route(episode.route_id), episode.seed)
+            episodes = {"clean": result} if twin is None else {"perturbed": result}
+            if twin is not None and len(twin.trace.rows):
+                episodes = {"clean": twin, **episodes}
+            words = (episode.route_id, result.scenario, episode.setting, episode.agent, f"seed {episode.seed}")
+            yield Scene(legible(" ".join(words)), episodes, {} if truth is None else map_data(truth))
+    finally:
+        maps.close()
+
+
+def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:
+    """Yield failures that begin, infractions and the end."""
+    dt_s, path = result.dt_s, f"{name}/log"
+    for span in result.schedule:
+        yield span.first_tick * dt_s, path, Note(legible(f"{span.perturbation} begins in {span.signal}"), bad=False)
+    for item in result.infractions:
+        yield item.tick * dt_s, path, Note(legible(f"{item.kind.value}: {item.detail}"), bad=True)
+    yield result.game_s, path, Note(legible(describe_outcome(result)), bad=False)
+
+
+def _points(centimetres: list[int]) -> Floats:
+    """Return x, y, x, y, ... (y to the south) as (points, 2) in metres."""
+    points: Floats = np.array(centimetres, float).reshape(-1, 2) * (0.01, -0.01)
+    return points
+
+
+def _beside(points: Floats, left_m: float) -> Floats:
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    moved: Floats = points + left_m * np.column_stack((-along[:, 1], along[:, 0]))
+    return moved
+
+
+def _across(x_cm: int, y_cm: int, heading_mrad: int, width_cm: int) -> Floats:
+    """Return the ends of a line across a lane."""
+    yaw, half_m = -heading_mrad / 1000.0, width_cm / 200.0
+    left = np.array((-np.sin(yaw), np.cos(yaw))) * half_m
+    ends: Floats = _points([x_cm, y_cm]) + np.array((left, -left))
+    return ends

@@ -1,0 +1,135 @@
+"""What a scenario has set: lights, sources that send one car after the other, what triggers set off."""
+
+from __future__ import annotations
+
+from pytest_drive_robust.arithmetic.compiled import hypot
+from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
+from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
+
+__all__ = ["fill_flows", "run_flows", "run_script", "set_lights"]
+
+JUNCTION_M, STOPPING_MPS2 = 30.0, 3.0
+_GREEN = int(LightState.GREEN)
+_STOP_SIGN = int(LightState.STOP_SIGN)
+
+
+@inner
+def run_flows(world: WorldArrays) -> None:
+    """Let each source send its next car once the last one is farther away than the drawn gap."""
+    for f in range(len(world.flows)):
+        flow, whole = world.flows[f], world.flow_ints[f]
+        latest = whole[c.FI_LATEST]
+        on_road = latest >= 0 and world.actor_ints[latest, c.I_ACTIVE] == 1
+        if on_road and world.actors[latest, c.A_S] - flow[c.F_SOURCE_S] < flow[c.F_NEXT_GAP_M]:
+            continue
+        slot = -1
+        for k in range(whole[c.FI_FIRST_SLOT], whole[c.FI_LAST_SLOT]):
+            if world.actor_ints[k, c.I_ACTIVE] == 0:
+                slot = k
+                break
+        if slot < 0:
+            continue
+        _spawn(world, f, slot, flow[c.F_SOURCE_S])
+
+
+@inner
+def _spawn(world: WorldArrays, f: int, slot: int, s: float) -> None:
+    flow, whole = world.flows[f], world.flow_ints[f]
+    actor = world.actors[slot]
+    lat = flow[c.F_LAT]
+    actor[c.A_S], actor[c.A_LAT], actor[c.A_V], actor[c.A_ACCEL] = s, lat, flow[c.F_SPEED], 0.0
+    actor[c.A_TARGET_V], actor[c.A_TARGET_LAT], actor[c.A_END_S] = flow[c.F_SPEED], lat, flow[c.F_SINK_S]
+    actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = path_pose(world, whole[c.FI_PATH], s, lat)
+    world.actor_ints[slot, c.I_ACTIVE] = 1
+    world.actor_ints[slot, c.I_STUN] = 0
+    world.actor_ints[slot, c.I_LAST_HIT] = -100000
+    whole[c.FI_LATEST] = slot
+    flow[c.F_NEXT_GAP_M] = world.flow_gaps[f, whole[c.FI_DRAWN] % world.flow_gaps.shape[1]]
+    whole[c.FI_DRAWN] += 1
+
+
+@inner
+def fill_flows(world: WorldArrays) -> None:
+    """Fill every flow at the start, from its sink back to its source."""
+    for f in range(len(world.flows)):
+        flow, whole = world.flows[f], world.flow_ints[f]
+        s = flow[c.F_SINK_S] - 5.0
+        for slot in range(whole[c.FI_FIRST_SLOT], whole[c.FI_LAST_SLOT]):
+            if s < flow[c.F_SOURCE_S]:
+                break
+            _spawn(world, f, slot, s)
+            if _runs_red_light(world, whole[c.FI_PATH], slot, s):
+                world.actor_ints[slot, c.I_ACTIVE] = 0
+            s -= flow[c.F_NEXT_GAP_M]
+
+
+@inner
+def _runs_red_light(world: WorldArrays, path: int, slot: int, s: float) -> bool:
+    """Return whether a driver who obeys lights starts where he cannot stop for a red one, or within its junction."""
+    line = world.path_stop_line[path]
+    if line < 0 or world.actor_ints[slot, c.I_OBEYS_LIGHTS] == 0 or world.lights[line] == _GREEN:
+        return False
+    v, before = world.actors[slot, c.A_V], world.path_stop_s[path] - s - 0.5 * world.actors[slot, c.A_LENGTH]
+    return bool(-JUNCTION_M < before < 0.5 * v * v / STOPPING_MPS2)
+
+
+@inner
+def set_lights(world: WorldArrays) -> None:
+    """Set every light to the phase of its program that has come since the scenario started; stop signs stay."""
+    since = -1.0 if world.clock[1] < 0 else (world.clock[0] - world.clock[1]) * world.dt_s
+    for k in range(len(world.lights)):
+        if world.stop_is_light[k] == 0:
+            world.lights[k] = _STOP_SIGN
+        elif since < 0.0:
+            world.lights[k] = world.light_before[k]
+        else:
+            phases = world.light_until_s.shape[1]
+            phase = 0
+            while phase < phases - 1 and since >= world.light_until_s[k, phase]:
+                phase += 1
+            world.lights[k] = world.light_states[k, phase]
+
+
+@inner
+def _fires(world: WorldArrays, i: int) -> bool:
+    """Return whether the trigger of actor i has come, after the scenario started."""
+    if world.clock[1] < 0:
+        return False
+    actor = world.actors[i]
+    kind = world.actor_ints[i, c.I_TRIGGER]
+    if kind == c.TRIGGER_PROGRESS:
+        return bool(world.route_s[world.criteria_ints[c.CI_PROGRESS]] >= actor[c.A_TRIGGER_PROGRESS_M])
+    if kind == c.TRIGGER_ARRIVAL:
+        away = hypot(world.ego[c.EGO_X] - actor[c.A_TRIGGER_X], world.ego[c.EGO_Y] - actor[c.A_TRIGGER_Y])
+        v = world.ego[c.EGO_V]
+        return bool(away < actor[c.A_TRIGGER_M] or (v > 0.5 and away / v < actor[c.A_TRIGGER_TTA_S]))
+    return True
+
+
+@inner
+def run_script(world: WorldArrays, i: int) -> None:
+    """Advance what a trigger sets off: waiting -> delayed -> script -> done."""
+    actor, whole = world.actors[i], world.actor_ints[i]
+    phase = whole[c.I_PHASE]
+    if phase == c.PHASE_WAITING and _fires(world, i):
+        phase, actor[c.A_TIMER_S] = c.PHASE_DELAYED, actor[c.A_DELAY_S]
+    if phase == c.PHASE_DELAYED:
+        actor[c.A_TIMER_S] -= world.dt_s
+        if actor[c.A_TIMER_S] <= 0.0:
+            phase, actor[c.A_TIMER_S] = c.PHASE_SCRIPT, actor[c.A_SCRIPT_S]
+            if whole[c.I_ACTIVE] == 2:
+                whole[c.I_ACTIVE] = 1
+                actor[c.A_V] = 0.0 if whole[c.I_MODE] == c.MODE_STATIC else world.ego[c.EGO_V]
+            scale = world.ego[c.EGO_V] if whole[c.I_RELATIVE] == 1 else 1.0
+            actor[c.A_TARGET_V] = actor[c.A_SCRIPT_V] * scale
+            actor[c.A_TARGET_LAT] = actor[c.A_SCRIPT_LAT]
+            actor[c.A_SYNC_M] = 0.0
+    elif phase == c.PHASE_SCRIPT:
+        actor[c.A_TIMER_S] -= world.dt_s
+        if actor[c.A_TIMER_S] <= 0.0:
+            phase = c.PHASE_DONE
+            actor[c.A_TARGET_V] = actor[c.A_AFTER_V]
+    whole[c.I_PHASE] = phase

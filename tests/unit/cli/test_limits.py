@@ -1,0 +1,45 @@
+"""`drive-robust limits` on stored runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from stored_runs import store_run
+
+from pytest_drive_robust import requirements
+from pytest_drive_robust.cli.main import main
+
+pytestmark = pytest.mark.usefixtures("home")
+
+
+def proposed(*arguments: str) -> list[str]:
+    assert main(["limits", "--agent", "driver", *arguments]) == 0
+    return list(map(str, requirements(Path("limits-driver.txt").read_text(encoding="utf-8"))))
+
+
+def test_they_keep_the_distance_that_evidence_needs() -> None:
+    store_run("a", factor=0.8)
+    # DS 74 on 40 routes with a spread of 27.5 is told apart from what lies 13 below; 10 of that is the margin
+    assert proposed() == ["DS under clean >= 70", "RD under 200 ms latency <= 0.20"]
+
+
+def test_a_run_is_named_or_the_latest(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a", factor=0.5)
+    store_run("b")
+    assert proposed("--run", "a")[1] == "RD under 200 ms latency <= 0.50"
+    assert "limits-driver.txt: 2 limits" in capsys.readouterr().out
+
+
+def test_a_file_that_exists_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    Path("limits-driver.txt").write_text("mine")
+    assert main(["limits", "--agent", "driver"]) == 4
+    assert Path("limits-driver.txt").read_text() == "mine"
+    assert "--out" in capsys.readouterr().err
+
+
+def test_an_agent_that_is_not_there_is_refused_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    assert main(["limits", "--agent", "drivr"]) == 4
+    assert "Did you mean 'driver'?" in capsys.readouterr().err
