@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from numba.core.registry import cpu_target
 
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 # Imported now, not where they are used: pytester forgets what a nested pytest imported, but numpy and scipy refuse to

@@ -19,8 +19,6 @@ from pytest_drive_robust.arithmetic.series import (
     small_sinh,
 )
 
-__all__ = ["atan", "atan2", "cos", "exp", "hypot", "log", "power", "sin", "sinh"]
-
 Floats = NDArray[np.float64]
 
 _quiet = np.errstate(all="ignore")  # branches that are computed and not chosen

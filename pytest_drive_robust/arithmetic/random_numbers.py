@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["RandomNumbers", "box_muller"]
-
 Item = TypeVar("Item")
 
 _UNIT = 2.0**-53

@@ -12,19 +12,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = [
-    "LARGEST_ANGLE_RAD",
-    "arctangent",
-    "cosine",
-    "exponential",
-    "logarithm",
-    "nearest_whole",
-    "quarter_turns",
-    "sine",
-    "small_sinh",
-    "wrap_angle",
-]
-
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 
 LARGEST_ANGLE_RAD = 1.0e6

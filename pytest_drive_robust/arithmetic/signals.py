@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["interpolate", "mean", "moving_sum"]
-
 
 def mean(values: Sequence[float] | Floats) -> float:
     """Return the mean of at least one value, independent of their order to the last bit (the sum is exact)."""

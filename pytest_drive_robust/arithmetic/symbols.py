@@ -19,8 +19,6 @@ from pytest_drive_robust.arithmetic import scalars, series
 from pytest_drive_robust.jit.cache import KernelCache
 from pytest_drive_robust.jit.resolutions import remembered_resolutions
 
-__all__ = ["numba_type"]
-
 _PARTS = ("hypot", "wrap_angle")  # short: they become part of the kernel
 _CPU: Any = cpu_target
 _DOUBLE = ir.DoubleType()

@@ -11,9 +11,6 @@ from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import Blessing
 from pytest_drive_robust.regression.blessing import bless
 
-__all__ = ["add_arguments"]
-
-
 _DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
 the bit on any machine, with any version of Python and of libraries that we allow, for agents that promise it
 (classical, constant, expert, random, reactive). What other agents compute depends on the processor and on those

@@ -11,8 +11,6 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.testing import check_agent
 
-__all__ = ["add_arguments"]
-
 _TICK_CAP = 200
 
 

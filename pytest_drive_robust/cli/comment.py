@@ -16,8 +16,6 @@ from urllib.request import Request, urlopen
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["add_arguments"]
-
 _DESCRIPTION = """Puts FILE, what pytest wrote to GITHUB_STEP_SUMMARY, on the pull request of a GitHub workflow. Another
 run changes the same comment. Without a token, or where GitHub refuses it, nothing is written and the exit code is 0:
 the verdict is pytest's."""

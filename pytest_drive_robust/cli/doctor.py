@@ -7,8 +7,6 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.doctor import examine
 
-__all__ = ["add_arguments"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `doctor`."""

@@ -22,8 +22,6 @@ from pytest_drive_robust.results.table_files import write_csv_tables, write_parq
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import read_episode
 
-__all__ = ["add_arguments"]
-
 _OFFICIAL = "bench2drive"
 _WRITERS: Mapping[str, Callable[[Run, Path], Iterable[Path]]] = {
     "csv": write_csv_tables,

@@ -9,8 +9,6 @@ from pathlib import Path
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["add_arguments"]
-
 _FOLDER = "robustness"
 _SUITES = ("paper", "minimal")
 _WORKFLOWS = {"github": ".github/workflows/robustness.yml", "gitlab": ".gitlab-ci.yml"}

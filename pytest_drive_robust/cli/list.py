@@ -9,8 +9,6 @@ from pytest_drive_robust.cli.tables import print_table
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import KINDS, default_registry
 
-__all__ = ["add_arguments"]
-
 _LISTS = (*KINDS, "routes")
 
 

@@ -13,8 +13,6 @@ from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.registry.plugins import register_names_of
 from pytest_drive_robust.registry.registry import default_registry
 
-__all__ = ["COMMANDS", "main"]
-
 COMMANDS = {
     "init": "write a starter suite, its limits and a workflow into your repository",
     "list": "what is there, and where it comes from",

@@ -6,8 +6,6 @@ import argparse
 
 from pytest_drive_robust.options.table import OPTIONS
 
-__all__ = ["add_pytest_option", "default_of"]
-
 
 def add_pytest_option(parser: argparse.ArgumentParser, flag: str, *, help: str = "") -> None:
     """Add `--sim` with metavar, default and help of `--drive-sim`."""

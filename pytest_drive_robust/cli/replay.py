@@ -33,8 +33,6 @@ from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 from pytest_drive_robust.simulators.routes import own_routes, routes_for
 from pytest_drive_robust.verdict.explain import first_divergence
 
-__all__ = ["add_arguments"]
-
 _SUFFIXES = (".mp4", ".png")
 _DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
 was given, the view from above with its plan, speed and controls, infractions, the first divergence. Without an encoder

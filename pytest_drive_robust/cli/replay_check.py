@@ -16,8 +16,6 @@ from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode
 
-__all__ = ["Before", "before_of", "read_episode_file"]
-
 Words = tuple[str, str, str, int]
 """Agent, route id, setting, seed."""
 

@@ -17,8 +17,6 @@ from pytest_drive_robust.regression.runs import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes
 
-__all__ = ["add_arguments"]
-
 _DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
 run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there
 are listed, but cannot be replayed."""

@@ -16,8 +16,6 @@ from pytest_drive_robust.simulators.embedded.route_scene import describe_paramet
 from pytest_drive_robust.simulators.embedded.route_sheet import draw_tile, lay_sheets
 from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["check_routes", "draw_routes"]
-
 
 def check_routes(spec: str, routes: Sequence[Route]) -> int:
     """Print a row for every route that can be driven; then raise one error that names all others."""

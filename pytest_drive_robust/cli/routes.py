@@ -13,8 +13,6 @@ from pytest_drive_robust.simulators.embedded.routes import named_routes, set_nam
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import resolve_routes
 
-__all__ = ["add_arguments", "print_sets"]
-
 _DEFAULT_SET = default_of("--drive-routes")
 
 

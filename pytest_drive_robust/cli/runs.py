@@ -12,8 +12,6 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.runs import StoredRuns, home_of
 
-__all__ = ["add_arguments"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `runs list`."""

@@ -18,8 +18,6 @@ from pytest_drive_robust.metrics.episodes import require_mode
 from pytest_drive_robust.report.official_score import score_as_json, score_text
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
-__all__ = ["add_arguments"]
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `score`."""

@@ -14,8 +14,6 @@ from pytest_drive_robust.regression.runs import home_of
 from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
 
-__all__ = ["add_arguments"]
-
 _MEGA = 1e6
 
 

@@ -10,8 +10,6 @@ from typing import Literal
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["LEFT", "RIGHT", "print_table", "say"]
-
 _WIDTH = 100
 """Where the output is no terminal."""
 

@@ -12,8 +12,6 @@ from contextlib import suppress
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
 
-__all__ = ["add_arguments"]
-
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _AGENTS = ("expert", "reactive", "classical", "constant", "random")
 

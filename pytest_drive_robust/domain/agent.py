@@ -10,11 +10,6 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = [
-    "SIGNALS", "Agent", "PlannedPath", "computing_modules", "consumed_signals", "has_portable_bits", "is_privileged",
-    "offers_lockstep",
-]  # fmt: skip
-
 SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
 """Every signal that an agent can declare in `consumes`."""
 

@@ -22,8 +22,6 @@ from types import MappingProxyType
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["RIGS", "rig", "rig_names"]
-
 _FRONT = CameraSpec("front", 0.80, 0.0, 1.60, 0.0, fov_deg=70.0, width_px=1600, height_px=900)
 _FRONT_LEFT = replace(_FRONT, name="front_left", x_m=0.27, y_m=-0.55, yaw_deg=-55.0)
 _FRONT_RIGHT = replace(_FRONT, name="front_right", x_m=0.27, y_m=0.55, yaw_deg=55.0)

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-__all__ = ["Control"]
-
 
 @dataclass(frozen=True, slots=True)
 class Control:

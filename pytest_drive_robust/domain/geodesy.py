@@ -9,8 +9,6 @@ import math
 
 from pytest_drive_robust.arithmetic import scalars
 
-__all__ = ["EARTH_RADIUS_M", "GeodeticPlace", "to_geodetic", "to_metric"]
-
 EARTH_RADIUS_M = 6378137.0
 
 

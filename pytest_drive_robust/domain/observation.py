@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Pixels = NDArray[np.uint8]
 
-__all__ = ["CameraSpec", "Compass", "Gps", "Image", "Imu", "Observation", "Speed"]
-
 _LARGEST_SIDE_PX = 4096
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-__all__ = ["End", "Infraction", "InfractionKind", "Outcome"]
-
 
 class Outcome(str, Enum):
     """Whose doing the end of the episode is."""

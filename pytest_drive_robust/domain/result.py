@@ -16,19 +16,6 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int32]
 
-__all__ = [
-    "CONTROL",
-    "MACHINE_FACTS",
-    "EpisodeResult",
-    "Given",
-    "Injection",
-    "Reception",
-    "Touch",
-    "Trace",
-    "Tracks",
-    "merged_versions",
-]
-
 MACHINE_FACTS = {
     "machine libm": "C library",
     "machine numpy": "numpy",

@@ -9,8 +9,6 @@ from enum import IntEnum
 
 from pytest_drive_robust.domain.geodesy import GeodeticPlace
 
-__all__ = ["GlobalPlan", "PlanPoint", "RoadOption", "Route", "ScenarioSpec", "TriggerPoint", "Waypoint", "Weather"]
-
 _TURN_RAD = math.radians(35.0)
 _MAX_GAP_M = 50.0
 

@@ -12,19 +12,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = [
-    "ActorKind",
-    "ActorState",
-    "EgoState",
-    "GroundTruth",
-    "Lane",
-    "LaneKind",
-    "LaneMap",
-    "LightState",
-    "StopLine",
-    "WorldState",
-]
-
 
 class ActorKind(IntEnum):
     """What an actor is; decides its looks and the class of a collision with it."""

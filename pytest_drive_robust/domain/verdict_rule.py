@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["VERDICT_KINDS", "VerdictRule"]
-
 VERDICT_KINDS = ("auto", "evidence", "list", "point")
 _FEWEST_FOR_EVIDENCE = 20
 _TOP_SCORE = 100.0

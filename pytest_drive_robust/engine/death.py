@@ -13,8 +13,6 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.engine.shared_state import CUT_OFF, StateReading
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
-__all__ = ["Blame", "Cause", "Death", "Explanation", "explain", "place_of_fault"]
-
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
 _LINE = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
 _LONGEST_LINE = 200

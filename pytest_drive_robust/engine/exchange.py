@@ -20,8 +20,6 @@ from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["Exchange", "T", "Take"]
-
 _EXIT_S = 2.0
 """How long a process may take to end, after it said where it is; only those take all of it that do not end at all."""
 _POLL_S = 0.02

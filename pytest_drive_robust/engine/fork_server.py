@@ -31,8 +31,6 @@ from pytest_drive_robust.engine.messages import refusal
 from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 
-__all__ = ["ForkServer", "NoWorkerError", "Stopped"]
-
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
 _POLL_S = 0.1

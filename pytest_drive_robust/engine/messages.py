@@ -20,11 +20,6 @@ from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 
-__all__ = [
-    "BATCH", "DRIVE", "SALVAGE", "TOKEN_BYTES", "WorkerRequest", "answer_bytes", "read_answer", "receive", "refusal",
-    "refusal_bytes",
-]  # fmt: skip
-
 DRIVE, BATCH, SALVAGE = "drive", "batch", "salvage"
 """What a worker is asked for: an episode, one among others, the score of a recorded one."""
 TOKEN_BYTES = 16

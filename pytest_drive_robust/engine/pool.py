@@ -12,8 +12,6 @@ from pytest_drive_robust.runner.executors import Driver, LocalExecutor
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.fork_server import ForkServer
 
-__all__ = ["ProcessExecutor"]
-
 
 class ProcessExecutor(LocalExecutor):
     """Drives in `slots` worker processes, which live until the run ends or an episode breaks them.

@@ -25,8 +25,6 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.runner.episode.loop import Watch
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
-__all__ = ["CUT_OFF", "Phase", "SharedState", "StateReading", "shared_file"]
-
 CUT_OFF = 71
 """The exit code of a worker that can no longer answer, because its agent closed the connection."""
 _READING = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it

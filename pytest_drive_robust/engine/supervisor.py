@@ -20,8 +20,6 @@ from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["Stopped", "Supervisor"]
-
 _Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
 _SALVAGE_S = 600.0
 

@@ -17,8 +17,6 @@ from multiprocessing.connection import Connection, wait
 from pytest_drive_robust.engine.shared_state import SharedState, shared_file
 from pytest_drive_robust.engine.worker_setup import Limits
 
-__all__ = ["WorkerProcess"]
-
 _EXIT_S = 0.5
 _MOST_OUTPUT_BYTES = 1 << 24
 _FORK_S = 30.0

@@ -16,8 +16,6 @@ from pytest_drive_robust.registry.plugins import call_hook, imported_from
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
-__all__ = ["Limits", "WorkerSetup"]
-
 _THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",

@@ -7,11 +7,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Bytes2", "Bytes3", "Floats", "Floats1", "Floats2", "Floats3", "Ints", "Ints1", "Ints2", "Mask2", "Packed",
-    "Packed1", "Packed2", "Pixels",
-]  # fmt: skip
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Pixels = NDArray[np.uint8]

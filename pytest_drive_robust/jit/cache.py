@@ -29,8 +29,6 @@ from numba.core.dispatcher import Dispatcher
 
 from pytest_drive_robust.jit.kernels import Kernel
 
-__all__ = ["KernelCache", "cache_folder", "content_digest"]
-
 _UNUSED_S = 60 * 24 * 3600.0
 
 

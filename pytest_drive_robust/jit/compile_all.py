@@ -16,8 +16,6 @@ from pytest_drive_robust.jit.cache import cache_folder
 from pytest_drive_robust.jit.kernels import ENTRIES, Kernel
 from pytest_drive_robust.jit.signatures import argument_types
 
-__all__ = ["Compilation", "compile_all", "missing_functions"]
-
 Tell = Callable[[int, int], None]
 _WHOLE = 128
 """Added to the number of a group: it is in the cache. There are fewer groups."""

@@ -15,8 +15,6 @@ from numba import types
 from pytest_drive_robust.jit.cache import KernelCache
 from pytest_drive_robust.jit.libraries import PartCompiler, WholeCompiler
 
-__all__ = ["cached_entry", "inner", "uncached_entry"]
-
 
 def cached_entry(function: Callable[..., Any]) -> Any:
     """Return the dispatcher of an entry point that is kept in the cache."""

@@ -9,8 +9,6 @@ import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-__all__ = ["ENTRIES", "Kernel", "entry", "inner", "uncached_entry"]
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

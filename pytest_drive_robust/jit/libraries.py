@@ -26,8 +26,6 @@ from numba.core.typed_passes import NativeLowering
 
 from pytest_drive_robust.jit.resolutions import remembered_resolutions
 
-__all__ = ["TESTED", "PartCompiler", "WholeCompiler", "is_tested"]
-
 TESTED = ((0, 60), (0, 68))
 """The oldest and the newest release of numba for which the pipelines are known to work."""
 

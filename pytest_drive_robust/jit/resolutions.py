@@ -14,8 +14,6 @@ from typing import Any
 from numba.core import targetconfig
 from numba.core.types.functions import BaseFunction
 
-__all__ = ["remembered_resolutions"]
-
 _BASE: Any = BaseFunction
 _RESOLVE: Any = BaseFunction.get_call_type
 _KNOWN: dict[Any, tuple[Any, Any, Any]] = {}

@@ -8,8 +8,6 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import numba
 import numpy as np
 
-__all__ = ["argument_types", "numba_type"]
-
 types: Any = numba.types
 
 _SCALARS: dict[object, Any] = {float: types.float64, int: types.int64, bool: types.boolean}

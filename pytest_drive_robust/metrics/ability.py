@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.episodes import mean, mean_over_routes, require_scorable
+from pytest_drive_robust.metrics.episodes import mean_over_routes, require_scorable
 from pytest_drive_robust.metrics.score import is_success
-
-__all__ = ["ABILITIES", "abilities", "mean_ability"]
 
 
 def _types(names: str) -> frozenset[str]:

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["COMFORT_QUIRKS", "Motion", "comfort", "comfort_of", "parabola_filter"]
-
 FORWARD_MPS2 = (-4.05, 2.40)
 LATERAL_MPS2 = (-4.89, 4.89)
 JERK_MPS3 = (-8.37, 8.37)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.episodes import mean, require_scorable, values_by_route
+from pytest_drive_robust.metrics.episodes import require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
-
-__all__ = ["EpisodePair", "pair_up", "paired_driving_scores", "robustness_degradation"]
 
 EpisodePair = tuple[EpisodeResult, EpisodeResult]
 """The clean and the perturbed episode of one (route, seed)."""

@@ -6,10 +6,9 @@ Source: Bench2Drive, criterion `MinimumSpeedRouteTest` (one value per twentieth 
 
 from __future__ import annotations
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.episodes import mean, require_mode, require_scorable
-
-__all__ = ["LARGEST_RATIO_PCT", "efficiency"]
+from pytest_drive_robust.metrics.episodes import require_mode, require_scorable
 
 LARGEST_RATIO_PCT = 1000.0
 """The official tool drops larger values: they come from traffic that stands."""

@@ -12,8 +12,6 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, UnknownNameError
 
-__all__ = ["MODES", "mean", "mean_over_routes", "require_mode", "require_scorable", "values_by_route"]
-
 MODES = ("bench2drive", "fixed")
 """`bench2drive` repeats the official tools bug by bug, `fixed` repairs them; each metric says where they differ."""
 

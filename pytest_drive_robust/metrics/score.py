@@ -13,8 +13,6 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.episodes import require_scorable
 
-__all__ = ["PENALTIES", "driving_score", "is_success", "penalty"]
-
 PENALTIES: Mapping[InfractionKind, float] = MappingProxyType(
     {
         InfractionKind.COLLISION_PEDESTRIAN: 0.5,

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import abilities, mean_ability
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
-from pytest_drive_robust.metrics.episodes import mean, mean_over_routes, require_mode, require_scorable, values_by_route
+from pytest_drive_robust.metrics.episodes import mean_over_routes, require_mode, require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score, is_success
-
-__all__ = ["Summary", "summarize"]
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Protocol
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.degradation import paired_driving_scores, robustness_degradation
 from pytest_drive_robust.metrics.efficiency import efficiency
-from pytest_drive_robust.metrics.episodes import mean, require_mode, require_scorable, values_by_route
+from pytest_drive_robust.metrics.episodes import require_mode, require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score, is_success
-
-__all__ = ["METRICS", "EpisodeValue", "Metric", "MetricFunction"]
 
 
 class MetricFunction(Protocol):

@@ -11,8 +11,6 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
 from pytest_drive_robust.options.parsers import gigabytes, one_of, time_limit_s
 
-__all__ = ["ExecutionOptions", "available_cores"]
-
 _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 

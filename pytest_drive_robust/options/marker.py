@@ -11,8 +11,6 @@ from pytest_drive_robust.errors import UsageError, nearest
 from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.perturbations.readings import DriveReading
 
-__all__ = ["MarkerOptions"]
-
 
 class _Mark(Protocol):
     """The part of `pytest.Mark` that is read here."""

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple, Protocol
 
 from pytest_drive_robust.options.table import OPTIONS, Option
 
-__all__ = ["GivenText", "OptionSource", "combined", "option", "options_of", "read_fields", "was_given"]
-
 _OPTIONS, _PARSE = "options", "parse"
 
 

@@ -11,19 +11,6 @@ from pathlib import Path
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.option import GivenText
 
-__all__ = [
-    "check_seeds",
-    "gigabytes",
-    "one_of",
-    "seconds",
-    "seed_list",
-    "share",
-    "store_folder",
-    "time_limit_s",
-    "writable_file",
-    "writable_folder",
-]
-
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 

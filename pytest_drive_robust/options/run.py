@@ -19,8 +19,6 @@ from pytest_drive_robust.options.parsers import (
 from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
-__all__ = ["DEFAULT_ROUTES", "DEFAULT_SIMULATOR", "DEFAULT_STORE", "RunOptions"]
-
 DEFAULT_ROUTES = OPTIONS["--drive-routes"].default
 DEFAULT_SIMULATOR = OPTIONS["--drive-sim"].default
 DEFAULT_STORE = OPTIONS["--drive-store"].default

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["OPTIONS", "Option"]
-
 
 class Option(NamedTuple):
     """One command line option with the ini key of the same meaning. The command line wins.

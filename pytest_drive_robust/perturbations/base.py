@@ -42,8 +42,6 @@ from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = ["BUILTIN", "Perturbation", "RunningStack", "Setting"]
-
 
 @dataclass
 class Perturbation:

@@ -12,8 +12,6 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import NO_CAMERA, Draws, EpisodeContext
 from pytest_drive_robust.perturbations.severity import checked_choice, checked_number, refusal, whole_ticks
 
-__all__ = ["BurstFrameDrop", "BurstSchedule"]
-
 
 @dataclass
 class BurstFrameDrop(Perturbation):

@@ -22,8 +22,6 @@ from pytest_drive_robust.errors import PerturbationError
 if TYPE_CHECKING:
     Four = tuple[float, float, float, float]
 
-__all__ = ["NO_CAMERA", "Draws", "EpisodeContext", "Spans", "cameras_by_name"]
-
 _BLOCK_TICKS = 256  # one call of numpy serves 12.8 s at 20 Hz
 _UNIT = 2.0**-53  # a float in [0, 1) from the upper 53 bits of a word
 _PERSON = b"drive-robust v1"  # sets our keys apart from every other use of the hash; change it to change all numbers

@@ -10,8 +10,6 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.severity import checked_flag, checked_number
 
-__all__ = ["GpsNoise", "SpeedNoise"]
-
 
 @dataclass
 class GpsNoise(Perturbation):

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.observation import Pixels
 
-__all__ = ["FrameBlend"]
-
 
 @dataclass
 class FrameBlend(Perturbation):

@@ -21,8 +21,6 @@ from pytest_drive_robust.perturbations.severity import (
     whole_ticks,
 )
 
-__all__ = ["InferenceLatency"]
-
 
 @dataclass
 class InferenceLatency(Perturbation):

@@ -19,8 +19,6 @@ from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.perturbations.sentences import brackets, render_value
 from pytest_drive_robust.perturbations.severity import whole_ticks
 
-__all__ = ["Ladder", "failure_word", "ladder_of"]
-
 _LONGEST_DELAY_S = 1.0
 
 

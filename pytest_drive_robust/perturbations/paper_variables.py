@@ -8,8 +8,6 @@ from typing import Generic, TypeVar
 
 from pytest_drive_robust.errors import PerturbationError, UsageError, nearest
 
-__all__ = ["perturbations_from"]
-
 _P = TypeVar("_P")
 
 _GPS_LEVELS_M = {"medium": 5.0, "severe": 15.0}

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.observation import Pixels
 
-__all__ = ["PartialObservation", "blurred"]
-
 _GRAY = 128
 _TAPS = (20, 20, 19, 17, 15, 13, 10, 7, 6, 4, 3, 2, 1, 0, 1)
 """Right half of OpenCV's Gaussian of 31 taps (sigma 5) in 256ths, its rounding errors carried on from the outside."""

@@ -38,8 +38,6 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["READINGS", "DriveReading"]
-
 READINGS = ("paper", "released")
 """Every reading, the default first."""
 

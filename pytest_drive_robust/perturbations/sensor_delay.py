@@ -11,8 +11,6 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.context import NO_CAMERA, EpisodeContext, Spans
 from pytest_drive_robust.perturbations.severity import checked_number, delay_ticks, whole_ticks
 
-__all__ = ["SensorDelay"]
-
 _EGO_SIGNALS = ("gps", "compass", "imu", "speed")
 
 

@@ -21,22 +21,6 @@ from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = [
-    "CLEAN",
-    "Spoken",
-    "Template",
-    "brackets",
-    "kebab_name",
-    "parse",
-    "parse_stack",
-    "parse_value",
-    "preset",
-    "render",
-    "render_value",
-    "split_outside_quotes",
-    "templates_of",
-]
-
 CLEAN = "clean"
 """The sentence of the empty stack."""
 

@@ -8,17 +8,6 @@ from collections.abc import Iterable
 
 from pytest_drive_robust.errors import PerturbationError, nearest
 
-__all__ = [
-    "checked_choice",
-    "checked_count",
-    "checked_flag",
-    "checked_number",
-    "checked_numbers",
-    "delay_ticks",
-    "refusal",
-    "whole_ticks",
-]
-
 _ROUNDING = 1e-9  # 100 ms / 50 ms must be 2 ticks, although 0.1 / 0.05 may come out a hair below 2
 
 

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.runner.scheduler import Observer
     from pytest_drive_robust.store.base import EpisodeStore
 
-__all__ = ["activate"]
-
 
 def activate(config: pytest.Config) -> None:
     """Decide what this process does, and register only that. Raises `UsageError`."""

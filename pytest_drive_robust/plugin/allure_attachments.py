@@ -16,8 +16,6 @@ from pytest_drive_robust.report.failure import replay_command, worst_episode
 from pytest_drive_robust.report.plots import scores_svg, speeds_svg
 from pytest_drive_robust.runner.campaign import Judgement
 
-__all__ = ["attach"]
-
 
 def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> None:
     """Attach what there is to see to the current test, where allure-pytest writes a report.

@@ -22,8 +22,6 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
-__all__ = ["BENCH2DRIVE", "RESULTS", "backend_for", "external_options", "is_external"]
-
 RESULTS = "results"
 """What stands for a simulator, and for an agent without a name, with `--drive-results`."""
 BENCH2DRIVE = "bench2drive"

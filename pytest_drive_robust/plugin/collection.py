@@ -15,8 +15,6 @@ from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, Scope
 from pytest_drive_robust.store.events import Advised
 from pytest_drive_robust.verdict.requirement import Requirement, by_evidence
 
-__all__ = ["CollectionPlugin"]
-
 
 class CollectionPlugin:
     """In every process that runs tests: plans the episodes of the selected tests.

@@ -11,8 +11,6 @@ from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
 
-__all__ = ["NOT_JUDGED", "DrivingPlugin"]
-
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
 

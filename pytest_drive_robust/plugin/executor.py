@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.runner.executors import Executor
 
-__all__ = ["executor_of"]
-
 
 def executor_of(
     config: pytest.Config,

@@ -9,8 +9,6 @@ import pytest
 if TYPE_CHECKING:
     from pytest_drive_robust.plugin.judging import Drive, DriveContext
 
-__all__ = ["DRIVE_CONTEXT", "FIXTURES", "NEEDS_FLAG", "drive", "drive_agent"]
-
 NEEDS_FLAG = "needs --drive-robust"
 DRIVE_CONTEXT = pytest.StashKey["DriveContext"]()
 """In `config.stash` only where `--drive-robust` was given and this process drives."""

@@ -17,8 +17,6 @@ from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
 from pytest_drive_robust.store.journal import JournalReader
 
-__all__ = ["IdleWorkerPlugin", "stop_idle_workers"]
-
 _STOP = "stop"
 _BUSY = "busy"
 

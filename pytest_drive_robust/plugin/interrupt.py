@@ -8,8 +8,6 @@ from types import FrameType
 
 import pytest
 
-__all__ = ["InterruptPlugin"]
-
 
 class InterruptPlugin:
     """Ignores the second Ctrl-C of a run; the third interrupts as ever.

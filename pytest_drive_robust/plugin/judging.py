@@ -32,16 +32,6 @@ from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
 
-__all__ = [
-    "INCONCLUSIVE",
-    "BrokenRequirementError",
-    "Drive",
-    "DriveContext",
-    "Estimate",
-    "NotJudgedError",
-    "marker_options",
-]
-
 INCONCLUSIVE = "drive_inconclusive"
 """The property of a test whose verdict is open, with its first line."""
 

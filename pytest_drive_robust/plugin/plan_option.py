@@ -11,8 +11,6 @@ from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading
 from pytest_drive_robust.store.base import EpisodeStore
 
-__all__ = ["PlanPlugin", "check_plan_alone"]
-
 
 def check_plan_alone(config: pytest.Config) -> None:
     """Raise `UsageError` where workers collect, so that this process knows no test."""

@@ -14,8 +14,6 @@ from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import resolve_routes
 
-__all__ = ["ProbePlugin"]
-
 
 class ProbePlugin:
     """Probes in the one process that people look at, when `--drive-probe` was given."""

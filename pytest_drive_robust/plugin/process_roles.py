@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-__all__ = ["is_controller", "is_worker"]
-
 
 def is_worker(config: pytest.Config) -> bool:
     """Return True in a worker of pytest-xdist."""

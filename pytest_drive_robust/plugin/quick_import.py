@@ -9,8 +9,6 @@ from contextlib import contextmanager
 
 from _pytest.assertion.rewrite import AssertionRewritingHook
 
-__all__ = ["quick_import"]
-
 
 @contextmanager
 def quick_import() -> Iterator[None]:

@@ -17,8 +17,6 @@ from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import Judged
 
-__all__ = ["RegressionChecks"]
-
 
 class RegressionChecks:
     """Checks a finished run. Made before anything is driven, so that a reference that is not there costs nothing.

@@ -14,8 +14,6 @@ from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 
-__all__ = ["ReportingPlugin", "every_test_ran", "header"]
-
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
 _NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")

@@ -10,8 +10,6 @@ import pytest
 
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["place_of"]
-
 
 def place_of(item: pytest.Item) -> tuple[str, int] | None:
     """Return the file, relative to the root folder, and the line, from 1; None where no sentence is found."""

@@ -23,8 +23,6 @@ from pytest_drive_robust.store.events import Event
 if TYPE_CHECKING:
     from pytest_drive_robust.plugin.xdist import SharedRunRecord
 
-__all__ = ["LocalRunRecord", "RunOutputs"]
-
 _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
     "Select tests that use the drive fixture, or leave --drive-robust out."

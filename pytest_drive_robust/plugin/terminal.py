@@ -9,8 +9,6 @@ from typing import Any, TextIO
 
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
 
-__all__ = ["UncapturedScreen", "progress_for"]
-
 
 class UncapturedScreen:
     """Writes where pytest itself writes, also while a test runs and its output is captured.

@@ -10,8 +10,6 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 
-__all__ = ["ProblemCourier", "note_problem", "problems_of", "raise_as_pytests", "refuse_problems", "usage_error_in"]
-
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 _OUTPUT = "drive_robust_problems"
 

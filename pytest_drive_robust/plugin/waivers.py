@@ -9,8 +9,6 @@ import pytest
 from pytest_drive_robust.plugin.judging import BrokenRequirementError
 from pytest_drive_robust.regression.waivers import Waivers
 
-__all__ = ["WaivingPlugin"]
-
 
 class WaivingPlugin:
     """Applies the waivers in every process that runs tests."""

@@ -25,12 +25,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.progress import Progress
     from pytest_drive_robust.store.base import EpisodeStore
 
-__all__ = [
-    "ControllerPlugin",
-    "join_run",
-    "start_run",
-]
-
 _INPUT = "drive_robust_folder"
 _POLL_S = 0.2
 

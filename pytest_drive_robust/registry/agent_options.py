@@ -9,8 +9,6 @@ from typing import Any
 
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 
-__all__ = ["ConfiguredFactory", "are_options", "configured"]
-
 _BETWEEN = "+"
 _FLAGS = {"true": True, "false": False}
 

@@ -14,8 +14,6 @@ from pathlib import Path
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError
 from pytest_drive_robust.registry.agent_options import configured
 
-__all__ = ["Entry", "definition_of", "from_entry_points", "from_reference", "is_reference"]
-
 
 @dataclass(frozen=True, slots=True)
 class Entry:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["call_hook", "imported_from", "naming_plugins", "plugin_source", "plugin_words", "register_names_of"]
-
 _HOOK = "pytest_drive_robust_register"
 _CONFTEST = "conftest.py"
 

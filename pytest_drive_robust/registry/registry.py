@@ -27,8 +27,6 @@ from pytest_drive_robust.registry.agent_options import are_options
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
-__all__ = ["KINDS", "AgentFactories", "AgentFactory", "Registry", "SimulatorFactory", "default_registry"]
-
 AgentFactory = Callable[[], Agent]
 """A class or function that makes a new agent, called without arguments."""
 SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[SimulatorOptions, str], Simulator]

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["DEFAULT_ALLOWANCES", "Allowance", "parse_allowances"]
-
 _TOPS = {"DS": 100.0, "SR": 1.0, "RD": 1.0}
 _EXPECTED = "expected a drop of DS or SR (ds:-5%, ds:-3, sr:-0.05) or a rise of RD (rd:+0.05)"
 

@@ -18,8 +18,6 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import RouteScore
 
-__all__ = ["SCHEMA", "Baseline", "BlessedRoute", "Blessing", "Place", "baseline_file", "merge", "read_baseline"]
-
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away."""
 

@@ -18,8 +18,6 @@ from pytest_drive_robust.regression.baselines import (
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["Blessed", "bless", "blessed_snapshot"]
-
 
 @dataclass(frozen=True, slots=True)
 class Blessed:

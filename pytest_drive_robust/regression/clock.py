@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from datetime import date, datetime, timezone
 
-__all__ = ["now", "today"]
-
 
 def today() -> date:
     """Return the local date: a waiver ends at the owner's midnight."""

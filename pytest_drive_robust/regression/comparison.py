@@ -17,8 +17,6 @@ from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.stats.judges import VerdictKind
 
-__all__ = ["compare"]
-
 Pair = tuple[RouteScore, RouteScore]
 
 

@@ -17,8 +17,6 @@ from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.verdict.explain import describe_outcome
 
-__all__ = ["episode_of", "read_document", "snapshot_of"]
-
 _SCHEMA = 1
 """The `schema` of the runs that are understood here."""
 

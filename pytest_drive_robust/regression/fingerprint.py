@@ -19,8 +19,6 @@ from typing import Literal, get_args
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.options.parsers import one_of
 
-__all__ = ["AgentPrint", "Fingerprint", "Mismatch", "MismatchPolicy", "mismatches", "parse_policy"]
-
 MismatchPolicy = Literal["default", "warn", "refuse"]
 Kind = Literal["simulator", "routes", "versions", "agent"]
 

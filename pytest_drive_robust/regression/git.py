@@ -5,8 +5,6 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-__all__ = ["author", "commit"]
-
 _PATIENCE_S = 10.0
 
 

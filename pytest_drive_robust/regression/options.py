@@ -12,8 +12,6 @@ from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_pol
 from pytest_drive_robust.regression.references import BASELINES
 from pytest_drive_robust.regression.runs import AUTO, check_run_name
 
-__all__ = ["RegressionOptions"]
-
 
 def _save(given: GivenText) -> str:
     return given.text if given.text in ("", AUTO) else check_run_name(given.text, source=given.flag)

@@ -9,8 +9,6 @@ from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, Mi
 from pytest_drive_robust.regression.rises import Quartet, Rise, rise_of
 from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
 
-__all__ = ["CellComparison", "Comparison", "Finding", "Flip", "Numbers", "Terms"]
-
 _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 
 

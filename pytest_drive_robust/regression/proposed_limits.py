@@ -19,8 +19,6 @@ from pytest_drive_robust.regression.snapshot import Cell, Snapshot
 from pytest_drive_robust.stats.resolution import resolution
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["ProposedLimit", "propose_limits"]
-
 _STEP = 0.05
 """Limits are multiples of this share of the range, on the lenient side: a finer one would pretend to know more."""
 _FEWEST_ROUTES = 2

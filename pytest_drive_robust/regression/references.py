@@ -23,8 +23,6 @@ from pytest_drive_robust.regression.document import read_document, snapshot_of
 from pytest_drive_robust.regression.runs import AUTO, StoredRuns, run_file
 from pytest_drive_robust.regression.snapshot import Snapshot
 
-__all__ = ["BASELINES", "References"]
-
 BASELINES = Path("suites", "baselines")
 """Where baselines are, below the home of a project."""
 _BASELINE = "baseline"

@@ -9,8 +9,6 @@ from statistics import fmean
 
 from pytest_drive_robust.stats.intervals import jackknife_interval
 
-__all__ = ["Quartet", "Rise", "rise_of"]
-
 _Sums = tuple[float, float, float, float]
 
 

@@ -11,8 +11,6 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["AUTO", "StoredRuns", "check_run_name", "home_of", "run_file"]
-
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
 _RESERVED = (AUTO, "latest", "baseline")

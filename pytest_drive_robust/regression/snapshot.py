@@ -8,8 +8,6 @@ from statistics import fmean
 
 from pytest_drive_robust.regression.fingerprint import Fingerprint
 
-__all__ = ["Cell", "CellKey", "RouteScore", "Snapshot", "Taken"]
-
 CellKey = tuple[str, str]
 """(agent, setting), the setting as its sentence."""
 

@@ -24,8 +24,6 @@ from pytest_drive_robust.stats.evidence import (
 )
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
 
-__all__ = ["MARGIN", "judge_drop", "judge_rise", "kind_for"]
-
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
 

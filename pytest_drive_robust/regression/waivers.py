@@ -33,8 +33,6 @@ else:
 if TYPE_CHECKING:
     from pytest_drive_robust.store.events import Judged
 
-__all__ = ["Waiver", "Waivers", "read_waivers"]
-
 
 @dataclass(frozen=True, slots=True)
 class Waiver:

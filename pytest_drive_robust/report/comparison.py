@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.regression.rises import Rise
     from pytest_drive_robust.regression.snapshot import RouteScore
 
-__all__ = ["comparison_text", "conclusion"]
-
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 

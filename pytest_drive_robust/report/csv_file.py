@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult
 
-__all__ = ["COLUMNS", "csv_text", "episode_fields", "write_csv"]
-
 COLUMNS = (
     "agent",
     "setting",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions
     from pytest_drive_robust.verdict.evaluate import Verdict
 
-__all__ = ["failure_text", "replay_command", "value_text", "worst_episode"]
-
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
     """Return the whole message: value and limit, summaries, worst routes, and the command that replays the worst."""

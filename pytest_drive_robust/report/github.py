@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
     from pytest_drive_robust.store.events import Judged
 
-__all__ = ["VARIABLE", "append_step_summary", "step_summary"]
-
 VARIABLE = "GITHUB_STEP_SUMMARY"
 """Where GitHub Actions says which file to append to."""
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
-__all__ = ["SCHEMA", "episode_as_json", "json_text", "run_as_json", "write_json"]
-
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away, not when one is added."""
 _SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "episodes", "agent_errors")

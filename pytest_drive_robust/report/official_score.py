@@ -10,8 +10,6 @@ from pytest_drive_robust.bench2drive.results.safe_json import shown
 if TYPE_CHECKING:
     from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 
-__all__ = ["score_as_json", "score_text"]
-
 _MOST_IDS = 30
 
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["plan_text"]
-
 
 def plan_text(
     requests: Iterable[EpisodeRequest],

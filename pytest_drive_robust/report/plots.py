@@ -11,8 +11,6 @@ from pytest_drive_robust.metrics.score import driving_score
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
 
-__all__ = ["scores_svg", "speeds_svg"]
-
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
 _CLEAN, _PERTURBED = "#1f77c4", "#dd6b10"
 _STYLE = "font:12px sans-serif;fill:#444;background:#fff"

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from rich.live import Live
     from rich.table import Table
 
-__all__ = ["LiveProgress", "PlainProgress", "Progress", "ProgressState", "Screen"]
-
 _REDRAW_S = 0.2
 _PLAIN_S = 3.0
 _HEARTBEAT_S = 30.0

@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult, merged_versions
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import paired_driving_scores
-from pytest_drive_robust.metrics.episodes import mean, values_by_route
+from pytest_drive_robust.metrics.episodes import values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
@@ -28,8 +29,6 @@ from pytest_drive_robust.store.events import (
     Troubled,
     Used,
 )
-
-__all__ = ["RunResult", "SettingRow", "mixed_machines"]
 
 Interval = tuple[float, float]
 Lookup = Callable[[str], "EpisodeResult | None"]

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
-__all__ = ["columns_of", "footnotes", "numbers_of", "run_summary"]
-
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")

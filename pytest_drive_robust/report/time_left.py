@@ -15,8 +15,6 @@ from collections.abc import Callable, Collection, Iterable
 
 from pytest_drive_robust.store.events import Awaited, Event, Finished, Judged, Read, Started
 
-__all__ = ["EpisodeCosts", "LikelyEpisodes", "Pace"]
-
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
 _USUAL_FACTOR = 1.3

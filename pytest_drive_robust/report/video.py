@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     Pixels = NDArray[np.uint8]
 
-__all__ = ["EXTRA", "has_encoder", "write_png", "write_video"]
-
 EXTRA = "pytest-drive-robust[video]"
 """What to install for videos."""
 

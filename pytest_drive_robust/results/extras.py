@@ -7,8 +7,6 @@ from types import ModuleType
 
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["require"]
-
 
 def require(module: str, extra: str) -> ModuleType:
     """Import a module of an optional dependency. Raises `UsageError` with the command that installs it."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.results.run import Run
     from pytest_drive_robust.results.scene import Box, Lines, Scene
 
-__all__ = ["write_mcap"]
-
 _WORLD = "world"
 _INFO, _ERROR = 2, 4
 _ALL = 1

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.results.run import Run
     from pytest_drive_robust.results.scene import Item, Scene, Shapes
 
-__all__ = ["write_rrd"]
-
 _PLOTS = ("speed_mps", "steer", "brake")
 
 

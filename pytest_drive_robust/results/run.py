@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.pages.records import Ident
 
-__all__ = ["Run", "read_run"]
-
 _LIBRARIES = ("pandas", "polars")
 
 

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["Box", "Item", "Lines", "Note", "Place", "Pose", "Scene", "Shapes", "Values", "scenes_of"]
-
 Colour = tuple[int, int, int]
 
 _EGO = {"clean": (31, 119, 196), "perturbed": (221, 107, 16)}

@@ -15,8 +15,6 @@ from pytest_drive_robust.store.whole_file import whole_file
 if TYPE_CHECKING:
     from pytest_drive_robust.results.run import Run
 
-__all__ = ["write_csv_tables", "write_parquet_tables"]
-
 _EPISODES_AT_ONCE = 100
 _WORDS = ("key", "agent", "setting", "route_id")
 

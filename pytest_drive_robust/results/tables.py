@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.results.run import Run
 
-__all__ = ["TABLES", "Columns", "columns_of"]
-
 Columns = Mapping[str, Sequence[Any]]
 
 _NAMES = ("key", "agent", "setting", "route_id", "seed")

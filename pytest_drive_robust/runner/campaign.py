@@ -20,8 +20,6 @@ from pytest_drive_robust.store.events import Planned, Spared, Troubled, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Campaign", "Judgement"]
-
 Results = tuple[EpisodeResult, ...]
 
 

@@ -26,8 +26,6 @@ from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch, admit
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["DRIVEN_AGAIN", "EpisodeDriver", "make_agent"]
-
 _Ended = Generator[tuple[EpisodeRequest, EpisodeResult], None, None]
 DRIVEN_AGAIN = 2
 """How often an episode is driven again when its end was not the agent's doing."""

@@ -18,8 +18,6 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
-__all__ = ["Driver", "Executor", "InlineExecutor", "LocalExecutor", "factory_offers_lockstep"]
-
 _MOST_WORDS = 2000
 """Characters of what a broken episode printed that are kept for people."""
 _MOST_EPISODES = 5

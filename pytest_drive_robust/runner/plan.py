@@ -17,11 +17,6 @@ from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, pertu
 from pytest_drive_robust.stats.judges import Judge, VerdictKind, judge_by
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = [
-    "EpisodeRequest", "Reading", "RouteRequests", "Scope", "first_of_each_agent", "planned_order", "routes_in_order",
-]  # fmt: skip
-
-
 _FIRST = 3
 """How many episodes of an agent tell about what they cost: their lengths differ by a factor of three."""
 

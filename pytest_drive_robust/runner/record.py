@@ -11,8 +11,6 @@ from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["asked", "awaited", "judged", "not_judged", "read", "searched"]
-
 
 def asked(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[Asked, ...]:
     """Return what is asked for: the setting, and its clean twins as a setting of their own."""

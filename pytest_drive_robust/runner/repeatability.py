@@ -16,8 +16,6 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
-__all__ = ["drive_twice", "drives_compared"]
-
 
 def drives_compared(first: EpisodeResult, second: EpisodeResult) -> str:
     """Return what two drives of one clean episode show, as a sentence."""

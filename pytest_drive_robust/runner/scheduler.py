@@ -12,10 +12,9 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import BudgetSpentError
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.store.base import Claim, EpisodeStore
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.claims import Claim
 from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started
-
-__all__ = ["Observer", "Scheduler"]
 
 _POLL_S = 0.05
 """How long to sleep at most: another process may have finished what we wait for, and the display wants to move."""

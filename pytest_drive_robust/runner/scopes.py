@@ -18,8 +18,6 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.store.events import Identified
 
-__all__ = ["Scopes"]
-
 
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.

@@ -14,8 +14,6 @@ from pytest_drive_robust.domain.route import GlobalPlan, Route
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 
-__all__ = ["EpisodeScore", "Simulator", "SimulatorOptions"]
-
 
 @dataclass(frozen=True, slots=True)
 class SimulatorOptions:

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, load_routes, named_routes, set_names
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes
+from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, named_routes, set_names
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
     from pytest_drive_robust.simulators.base import Simulator
 
     OwnRoutes = Callable[[Sequence[str]], tuple[Route, ...]]
-
-__all__ = ["default_spec", "own_routes", "resolve_routes", "routes_for", "ships"]
 
 
 def own_routes(simulator: Simulator) -> OwnRoutes | None:

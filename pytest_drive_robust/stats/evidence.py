@@ -23,20 +23,6 @@ from typing import Literal
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.quantiles import student_t_chance
 
-__all__ = [
-    "BETS",
-    "EARLY_SHARE",
-    "FEWEST_FOR_T",
-    "Decision",
-    "LinearForms",
-    "Wealth",
-    "degradation_forms",
-    "fail_p_value",
-    "mean_below_zero_p",
-    "mean_forms",
-    "share_of",
-]
-
 Decision = Literal["pass", "fail", "inconclusive"]
 
 BETS = (0.2, 0.5, 0.9)

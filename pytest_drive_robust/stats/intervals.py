@@ -21,15 +21,6 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p
 from pytest_drive_robust.stats.quantiles import normal_quantile, student_t_quantile
 
-__all__ = [
-    "evidence_interval",
-    "jackknife_interval",
-    "mean_evidence_interval",
-    "mean_interval",
-    "ratio_interval",
-    "share_interval",
-]
-
 _EVERYTHING = (-math.inf, math.inf)
 _LARGEST_RD = 1.0
 _STEPS = 36

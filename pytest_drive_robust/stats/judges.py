@@ -31,18 +31,6 @@ from pytest_drive_robust.stats.evidence import (
     share_of,
 )
 
-__all__ = [
-    "EvidenceJudge",
-    "GateVerdict",
-    "Judge",
-    "ListJudge",
-    "PointJudge",
-    "VerdictKind",
-    "gate",
-    "judge_by",
-    "read_until_decided",
-]
-
 VerdictKind = Literal["evidence", "list", "point"]
 
 _ROUNDING = 1e-9

@@ -9,8 +9,6 @@ from __future__ import annotations
 import functools
 import math
 
-__all__ = ["normal_quantile", "student_t_chance", "student_t_quantile"]
-
 
 def normal_quantile(chance: float) -> float:
     """Return what a standard normal variable stays below with this chance, 0..1 without the ends."""

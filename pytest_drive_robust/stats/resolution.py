@@ -13,8 +13,6 @@ from typing import Literal
 from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
-__all__ = ["USUAL_NOISE", "Advice", "advise", "resolution", "routes_needed"]
-
 USUAL_NOISE = 0.45
 """The noise of RD for an agent that we know nothing about."""
 

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["any_wrong", "holm", "late_fails"]
-
 
 def any_wrong(alpha: float, count: int) -> float:
     """Return the chance that at least one of `count` independent verdicts at their limits fails wrongly.

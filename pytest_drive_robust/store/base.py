@@ -8,8 +8,6 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.claims import Claim
 
-__all__ = ["Claim", "EpisodeStore", "MemoryStore", "ends_reusable", "is_reusable"]
-
 
 class EpisodeStore(Protocol):
     """Finished episodes by key, and who drives which missing one."""

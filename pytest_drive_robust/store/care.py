@@ -18,8 +18,6 @@ from pytest_drive_robust.store.index import IndexedEpisode, indexed_episodes
 from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, decode_record
 from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
 
-__all__ = ["Damage", "Statistics", "Swept", "set_aside", "statistics", "sweep", "verify"]
-
 _DAY_S = 86_400.0
 
 

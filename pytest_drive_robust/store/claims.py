@@ -19,8 +19,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-__all__ = ["Claim", "Claims"]
-
 
 class Claim:
     """The right to drive one episode. `release` it, at the latest when its result was put; twice does no harm."""

@@ -9,27 +9,6 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any, get_args
 
-__all__ = [
-    "Advised",
-    "Asked",
-    "Awaited",
-    "Compiling",
-    "Event",
-    "Finished",
-    "Identified",
-    "Judged",
-    "Planned",
-    "Read",
-    "Reused",
-    "Searched",
-    "Spared",
-    "Started",
-    "Troubled",
-    "Used",
-    "event_from_json",
-    "event_to_json",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Planned:

@@ -26,8 +26,6 @@ from pytest_drive_robust.store.record import (
 )
 from pytest_drive_robust.store.record_files import RecordFiles
 
-__all__ = ["FolderStore"]
-
 State = tuple[int, int, int]
 
 

@@ -16,8 +16,6 @@ from typing import Any
 from pytest_drive_robust.store.record import CorruptRecordError, EpisodeRecord, decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
 
-__all__ = ["IndexedEpisode", "indexed_episodes"]
-
 _FILE = "index.sqlite"
 _VERSION = 1
 _COLUMNS = "key, state, size, run, agent, route_id, setting, seed, outcome, end, wall_s, problem"

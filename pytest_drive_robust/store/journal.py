@@ -6,8 +6,6 @@ from pathlib import Path
 
 from pytest_drive_robust.store.events import Event, event_from_json, event_to_json
 
-__all__ = ["JournalReader", "JournalWriter"]
-
 
 class JournalWriter:
     """Appends the events of one process; each is on disk as soon as it happened, also when the process dies next."""

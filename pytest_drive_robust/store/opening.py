@@ -11,8 +11,6 @@ from pytest_drive_robust.store.base import EpisodeStore, MemoryStore
 if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions
 
-__all__ = ["new_run_name", "open_store"]
-
 
 def new_run_name() -> str:
     """Return a name that no other run has."""

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.result import Given, Trace
 
-__all__ = ["StoredGiven", "StoredTrace", "pack", "unpack", "unpack_columns"]
-
 _LEVEL = 4
 """Of zlib. A trace of 600 ticks takes one or two milliseconds; higher levels save a few percent for thrice the time."""
 

@@ -29,16 +29,6 @@ from pytest_drive_robust.domain.result import EpisodeResult, Injection, Receptio
 from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 
-__all__ = [
-    "FORMAT_VERSION",
-    "CorruptRecordError",
-    "EpisodeRecord",
-    "OtherFormatError",
-    "decode_episode",
-    "decode_record",
-    "encode_episode",
-]
-
 FORMAT_VERSION = 1
 """Grows when the meaning of the bytes changes. It is a part of every key."""
 

@@ -11,8 +11,6 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.store.whole_file import make_folder_synced, write_whole
 
-__all__ = ["SUFFIX", "RecordFiles", "read_episode", "write_episode"]
-
 SUFFIX = ".episode"
 
 _CACHE_TAG = "Signature: 8a477f597d28d172789f06886806bc55\n# Episodes that pytest-drive-robust drove: safe to delete.\n"

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int32]
 
-__all__ = ["VERSION", "StoredTracks", "differences", "int_planes", "pack_tracks", "second_differences", "unpack_tracks"]
-
 VERSION = 1
 _HEAD = struct.Struct("<8I")
 _LEVEL = 3

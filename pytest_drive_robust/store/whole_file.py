@@ -15,8 +15,6 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["make_folder_synced", "whole_file", "write_whole"]
-
 _NO_SYNC = frozenset({errno.EINVAL, errno.EBADF, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EISDIR})
 """What file systems and systems that cannot sync a folder say."""
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)

@@ -23,8 +23,6 @@ from pytest_drive_robust.testing.driving import drive, feed, first_difference, o
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport
 
-__all__ = ["check_agent"]
-
 _EPISODE_TICKS = 120
 _OTHER_LENGTH_M = 45.0
 _SLOWEST_ACT_S = 5.0

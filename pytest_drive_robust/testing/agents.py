@@ -9,8 +9,6 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 
-__all__ = ["RecordingAgent", "ScriptedAgent"]
-
 
 class ScriptedAgent:
     """Drives by a script: a function of the observation, or a list of controls whose last one holds to the end.

@@ -16,8 +16,6 @@ from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.testing.agents import RecordingAgent
 
-__all__ = ["drive", "feed", "first_difference", "observation_digest"]
-
 
 def drive(
     agent: Agent, simulator: Simulator, *, route: Route, seed: int, setting: Setting | None = None

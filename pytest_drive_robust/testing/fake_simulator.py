@@ -29,8 +29,6 @@ from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["FakeSimulator", "fake_route"]
-
 _WHEELBASE_M = 2.8
 _LARGEST_STEER_RAD = 0.6
 _ROAD_HALF_WIDTH_M = 10.0

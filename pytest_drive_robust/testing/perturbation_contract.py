@@ -13,8 +13,6 @@ from pytest_drive_robust.testing.driving import first_difference, observation_di
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport
 
-__all__ = ["check_perturbation"]
-
 _TICKS = 80
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 

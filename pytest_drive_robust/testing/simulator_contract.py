@@ -16,8 +16,6 @@ from pytest_drive_robust.testing.driving import drive, first_difference, observa
 from pytest_drive_robust.testing.fake_simulator import fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport
 
-__all__ = ["check_simulator"]
-
 _TICKS = 60
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 10 + [Control(brake=0.2)] * 20

@@ -26,8 +26,6 @@ from pytest_drive_robust.stats.intervals import (
 from pytest_drive_robust.verdict.explain import WorstRoute, worst_routes
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Decide", "Verdict", "evaluate", "immunity", "measure", "require_touched"]
-
 
 @dataclass(frozen=True, slots=True)
 class Verdict:

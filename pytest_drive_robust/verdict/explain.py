@@ -10,8 +10,6 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score
 
-__all__ = ["Divergence", "WorstRoute", "describe_outcome", "first_divergence", "worst_routes"]
-
 _DISTANCE_M = 0.5
 _SPEED_MPS = 1.0
 _NOT_DRIVEN = "not driven"

@@ -15,8 +15,6 @@ from pytest_drive_robust.perturbations.ladder import Ladder
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
 from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 
-__all__ = ["ALPHA", "Answer", "Bracket", "SearchRule", "SeverityProbe", "bisect", "contradictions", "largest"]
-
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
 ALPHA = 0.1

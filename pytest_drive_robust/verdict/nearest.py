@@ -13,8 +13,6 @@ from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import render_value, templates_of
 from pytest_drive_robust.verdict.requirement import metric_names
 
-__all__ = ["nearest_sentence"]
-
 Known = Mapping[str, type[Perturbation]]
 
 _LIMITS = {"RD": "0.30", "SR": "0.50", "DS": "40", "efficiency": "80", "comfort": "20"}

@@ -26,17 +26,6 @@ from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-__all__ = [
-    "MarginRequirement",
-    "Requirement",
-    "Unjudged",
-    "Written",
-    "by_evidence",
-    "known_metric",
-    "metric_names",
-    "requirement",
-]
-
 ANY_TICK_S = 0.05
 """Any will do where a ladder is built for its field and unit, not for its steps."""
 

@@ -14,8 +14,6 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.nearest import nearest_sentence
 from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, Written, known_metric
 
-__all__ = ["DEFAULT_LIMIT", "parse_requirement", "requirements"]
-
 Known = Mapping[str, type[Perturbation]]
 
 _FORM = "METRIC under SETTING <= LIMIT"

@@ -18,8 +18,6 @@ from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
 from pytest_drive_robust.verdict.evaluate import Decide
 from pytest_drive_robust.verdict.requirement import Requirement
 
-__all__ = ["Fails", "MinimalFailure", "minimal_failing", "minimal_failure"]
-
 Fails = Callable[[Setting], "bool | str"]
 """Does the agent fail under this setting? True or `"fail"` says so; anything else, `"inconclusive"` too, does not."""
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forks")

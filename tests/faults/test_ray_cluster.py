@@ -29,7 +29,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.executors import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.testing import fake_route
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from heeding_interrupts import heed_interrupts
 from patience import PATIENCE_S
 
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.testing import fake_route
 

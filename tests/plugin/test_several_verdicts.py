@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 BROKEN, NEAR, HOLDS = "DS under throttle 0 >= 60", "DS under clean >= 71", "DS under clean >= 20"

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 HOLDS, BROKEN, CLOSE = "DS under clean >= 40", "DS under throttle 0 >= 60", "DS under clean >= 50"

@@ -19,8 +19,6 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 
-__all__ = ["OfficialAgent", "control_of"]
-
 _HOST, _PORT = "localhost", 2000
 """What the leaderboard's own options are when nobody says otherwise. Nothing listens there."""
 _EPISODES = itertools.count()

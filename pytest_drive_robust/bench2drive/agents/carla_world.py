@@ -16,8 +16,6 @@ from pytest_drive_robust.domain.control import Control
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.observation import Observation
 
-__all__ = ["ActorList", "Hero", "HeroWorld", "show_world"]
-
 _PROVIDER = "srunner.scenariomanager.carla_data_provider"
 _CLOCK = "srunner.scenariomanager.timer"
 

@@ -18,8 +18,6 @@ from pytest_drive_robust.bench2drive.agents.stand_ins.finder import install_stan
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
-__all__ = ["OfficialAgentFactory", "leaderboard_agent"]
-
 _SYNTAX = "expected leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config"
 _LOOKS_LIKE_A_FILE = re.compile(r".*[/\\].*|.+\.[A-Za-z]\w*")
 _METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")

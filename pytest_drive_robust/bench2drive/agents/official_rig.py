@@ -10,8 +10,6 @@ from typing import Any
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["CAMERA", "GNSS", "IMU", "LIDAR", "MAP", "RADAR", "SPEEDOMETER", "OfficialRig", "Sensor", "read_rig"]
-
 CAMERA = "sensor.camera.rgb"
 GNSS = "sensor.other.gnss"
 IMU = "sensor.other.imu"

@@ -15,8 +15,6 @@ import numpy as np
 from pytest_drive_robust.bench2drive.agents.roads import Road, roads_of
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 
-__all__ = ["opendrive_of"]
-
 _TYPES: Mapping[LaneKind, str] = {
     LaneKind.DRIVING: "driving",
     LaneKind.PARKING: "parking",

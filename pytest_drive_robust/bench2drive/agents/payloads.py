@@ -44,8 +44,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.observation import Image, Observation
 
-__all__ = ["InputData", "Payloads", "frame_number", "game_time_s"]
-
 InputData = dict[str, tuple[int, Any]]
 
 _DT_S = 0.05

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["detections", "sweep"]
-
 _CHANNELS = 64
 _LOWEST_DEG, _HIGHEST_DEG = -30.0, 10.0
 _LIDAR_REACH_M = 85.0

@@ -9,8 +9,6 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import Lane
 
-__all__ = ["Road", "roads_of"]
-
 _ALIGNED_M = 1.0
 """Lanes belong to one road when they begin and end beside each other to this accuracy."""
 

@@ -20,8 +20,6 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["main"]
-
 _USAGE_ERROR = 4
 _INTERRUPTED = 130
 

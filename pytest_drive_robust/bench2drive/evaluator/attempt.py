@@ -14,8 +14,6 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.guard import MARK, kill_marked, marked, read_process
 
-__all__ = ["Attempt", "Patience", "attempt"]
-
 _GUARD = Path(__file__).with_name("guard.py")
 _SERVER_SIGN = b"-carla-rpc-port="
 _POLL_S = 0.1

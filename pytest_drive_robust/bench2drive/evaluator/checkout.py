@@ -10,8 +10,6 @@ from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["Checkout"]
-
 _EVALUATOR = Path("leaderboard/leaderboard/leaderboard_evaluator.py")
 _ROUTES = Path("leaderboard/data/bench2drive220.xml")
 _SERVER = "CarlaUE4.sh"

@@ -15,8 +15,6 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["DoctorCheck", "carla_version", "checkout_version", "examine"]
-
 _CARLA = "0.9.15"
 _LARGE_MAPS = ("Town12", "Town13")
 _SEAMS = {

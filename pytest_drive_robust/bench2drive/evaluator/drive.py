@@ -21,8 +21,6 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import BUILTIN, Setting
 
-__all__ = ["DrivenRoute", "EvaluatorSetup", "RunFolder", "drive_route", "setting_as_json"]
-
 _INJECT = Path(__file__).with_name("inject.py")
 _REFUSED = 78
 _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")

@@ -30,8 +30,6 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
-__all__ = ["AGENT_PREFIX", "Bench2DriveExecutor", "read_agent"]
-
 AGENT_PREFIX = "leaderboard:"
 
 

@@ -18,8 +18,6 @@ import sys
 import time
 from pathlib import Path
 
-__all__ = ["MARK", "kill_marked", "main", "marked", "read_process"]
-
 MARK = "PDR_ATTEMPT"
 _LONGEST_S = 20.0
 _POLL_S = 0.1

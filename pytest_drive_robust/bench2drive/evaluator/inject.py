@@ -54,8 +54,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["InjectionPlan", "Injector", "SettingRefusedError", "install", "main", "plan_from", "wrap"]
-
 DEBUG_CAMERAS = ("bev",)
 DT_S = 0.05
 REFUSED = 78

@@ -13,8 +13,6 @@ from collections.abc import Iterable, Mapping
 
 from pytest_drive_robust.domain.result import EpisodeResult
 
-__all__ = ["MAPS_FOLDER", "TOWNS", "map_text", "routes_text"]
-
 MAPS_FOLDER = ("CarlaUE4", "Content", "Carla", "Maps", "OpenDrive")
 """Below CARLA_ROOT."""
 _LENGTH_M = 1000.0

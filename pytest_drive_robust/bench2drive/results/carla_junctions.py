@@ -19,8 +19,6 @@ from pytest_drive_robust.errors import UsageError
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route
 
-__all__ = ["junction_shares"]
-
 _MAPS = ("CarlaUE4", "Content", "Carla", "Maps")
 _BEYOND_WAYPOINTS = 8
 _STEP_M = 1.0

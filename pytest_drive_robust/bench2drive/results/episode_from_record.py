@@ -21,8 +21,6 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.score import PENALTIES
 from pytest_drive_robust.store.record_files import read_episode
 
-__all__ = ["EPISODE_FILE", "episode_of", "lane_shares_pct"]
-
 EPISODE_FILE = "drive_robust.episode"
 """Beside the log of a route: the whole episode of our exports, every tick of it."""
 _NO_TICKS = Trace(np.zeros((0, len(Trace.COLUMNS))))

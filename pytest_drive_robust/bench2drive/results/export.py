@@ -28,8 +28,6 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["CARLA_FOLDER", "Exported", "export_run"]
-
 Find = Callable[[str], "EpisodeResult | None"]
 
 CARLA_FOLDER = "carla"

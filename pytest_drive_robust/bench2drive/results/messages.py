@@ -10,18 +10,6 @@ from pytest_drive_robust.bench2drive.results.official_record import SPEED_LIST, 
 from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.errors import UsageError
 
-__all__ = [
-    "LARGEST_PCT",
-    "lanes_message",
-    "official_ratios_pct",
-    "official_speed_pct",
-    "outside_lanes_pct",
-    "place_of",
-    "ratios_pct",
-    "speed_message",
-    "speed_pct",
-]
-
 # The same language as the official `\b\d+\.?\d*%`, which takes quadratic time on long rows of digits.
 _OFFICIAL = re.compile(r"\b\d+(?:\.\d*)?%")
 _NUMBER = r"(?<![\w.+-])([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"

@@ -20,8 +20,6 @@ from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
 
-__all__ = ["FILE_NAME", "TICK_S", "Comforts", "log_text", "logged_trace"]
-
 Floats = NDArray[np.float64]
 
 FILE_NAME = "metric_info.json"

@@ -15,8 +15,6 @@ from pytest_drive_robust.bench2drive.results.safe_json import finite, shown
 from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["EXTENSION", "LISTS", "SPEED_LIST", "STATUSES", "OfficialRecord", "read_record"]
-
 STATUSES: Mapping[str, tuple[Outcome, End]] = MappingProxyType(
     {
         "Completed": (Outcome.COMPLETED, End.COMPLETED),

@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.bench2drive.results.messages import official_ratios_pct, ratios_pct
 from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
@@ -34,16 +35,7 @@ from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
-from pytest_drive_robust.metrics.episodes import mean, require_mode
-
-__all__ = [
-    "OFFICIAL_ROUTES",
-    "AbilityRate",
-    "OfficialTotals",
-    "official_efficiency",
-    "score_results",
-    "undecided_routes",
-]
+from pytest_drive_robust.metrics.episodes import require_mode
 
 OFFICIAL_ROUTES = 220
 """What the official merge tool divides by, whatever was driven."""

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.perturbations.base import Setting
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["OutsideScopes"]
-
 
 class OutsideScopes(Scopes):
     """As `Scopes`, over the routes of an executor that has routes of its own (`supply`).

@@ -12,8 +12,6 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch, Trace
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["episode_from_fields", "fields_of"]
-
 
 def fields_of(result: EpisodeResult) -> dict[str, Any]:
     """Return an episode as a `--drive-json` file tells it, with the seconds of inference."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.bench2drive.results.episode_from_record import lane_shares_pct
 from pytest_drive_robust.bench2drive.results.messages import (
     LARGEST_PCT,
@@ -18,9 +19,6 @@ from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROU
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
-from pytest_drive_robust.metrics.episodes import mean
-
-__all__ = ["notes_on"]
 
 _SAME = 1e-9
 _COMFORT = {

@@ -10,8 +10,6 @@ from pytest_drive_robust.bench2drive.results.official_record import OfficialReco
 from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ResultSet", "read_results"]
-
 _MERGED = "merged.json"
 _RECORDS = "records"
 

@@ -9,8 +9,6 @@ from typing import NoReturn
 
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["finite", "is_empty", "read_json", "shown"]
-
 _LARGEST_BYTES = 1 << 30
 _SHOWN_CHARACTERS = 120
 

@@ -19,8 +19,6 @@ from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["ResultsExecutor", "ResultsSource", "parse_results", "read_setting"]
-
 _MOST_SHOWN = 10
 _OUTER_COMMA = re.compile(r",(?![^()]*\))")
 _UP_TO_OUTER_EQUALS = re.compile(r"(?:\([^()]*\)|[^=(])*")

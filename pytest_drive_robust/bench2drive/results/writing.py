@@ -14,8 +14,6 @@ from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score, penalty
 
-__all__ = ["record_of", "results_document"]
-
 _SCORES = ("score_composed", "score_route", "score_penalty")
 _VALUES = {
     "Collisions with pedestrians": InfractionKind.COLLISION_PEDESTRIAN,

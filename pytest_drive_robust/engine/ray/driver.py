@@ -25,8 +25,6 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.ray.worker import ClusterRequest, drive_on_node
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["main"]
-
 _POLL_S = 1.0
 _CONNECT_S = 10.0
 _LOST_NODES = 2

@@ -27,8 +27,6 @@ from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key.canonical_text import SESSION
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
-__all__ = ["RayExecutor", "needs_of"]
-
 _LOCAL = "local"
 """The address of a cluster of our own on this machine, which ends with the run."""
 _SAID_BYTES = 2_000

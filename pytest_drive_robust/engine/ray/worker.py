@@ -20,8 +20,6 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.episode.stored_controls import bare_result
 
-__all__ = ["ClusterRequest", "drive_on_node", "setup_on_node"]
-
 
 @dataclass(frozen=True, slots=True)
 class ClusterRequest:

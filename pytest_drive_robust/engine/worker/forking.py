@@ -32,9 +32,7 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.simulators.routes import resolve_routes
 
 if TYPE_CHECKING:
-    from pytest_drive_robust.simulators.embedded.compiling import Compilation
-
-__all__ = ["serve_forks", "serve_in_new_python"]
+    from pytest_drive_robust.jit.compile_all import Compilation
 
 _LARGEST_MESSAGE_BYTES = 1 << 16
 _MOST_DESCRIPTORS = 8

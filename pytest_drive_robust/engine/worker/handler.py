@@ -25,8 +25,6 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result, driv
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Reply", "RequestHandler"]
-
 
 class Reply(NamedTuple):
     """The result of the request with this token; `is_last` when nothing is under way any more."""

@@ -21,8 +21,6 @@ from typing import Any, NamedTuple
 
 from pytest_drive_robust.engine.worker.system import child_processes, resident_bytes
 
-__all__ = ["Leftovers", "read_process_state", "restore_process_state"]
-
 _MOST_FILES = 100
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")

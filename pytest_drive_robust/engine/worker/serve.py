@@ -21,8 +21,6 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.episode import contract
 from pytest_drive_robust.runner.episode.machine import machine_facts
 
-__all__ = ["serve"]
-
 _FATAL = (signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL)
 _PRIVATE_FROM = 600
 """Our descriptors get numbers from here on, out of the way of code that closes the low ones."""

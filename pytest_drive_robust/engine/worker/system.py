@@ -12,8 +12,6 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["adopt_orphans", "child_processes", "die_with_parent", "limit_memory", "no_core_files", "resident_bytes"]
-
 _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 _POLL_S = 0.5

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.failures.road import Road
 
-__all__ = ["Cluster", "clusters_of", "sentence_of"]
-
 _RECENT_S = 2.0
 _MOSTLY = 0.9
 """A failure at work for a larger share of the episode tells nothing about the moment."""

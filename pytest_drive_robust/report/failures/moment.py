@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["Moment", "first_failure", "manoeuvre"]
-
 _WHAT = {
     InfractionKind.COLLISION_PEDESTRIAN: "Hit a pedestrian",
     InfractionKind.COLLISION_VEHICLE: "Hit a vehicle",

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["LaneView", "Road"]
-
 _OUTSIDE_M = 0.5
 """As the criterion of the leaderboard counts it."""
 _WINDOW_ROWS = 25

@@ -14,26 +14,6 @@ if TYPE_CHECKING:
     Pixels = NDArray[np.uint8]
     Colour = tuple[int, int, int]
 
-__all__ = [
-    "BACKGROUND",
-    "CLEAN",
-    "DIM",
-    "GOOD",
-    "HEIGHT",
-    "INK",
-    "MARK",
-    "PANEL",
-    "PERTURBED",
-    "WIDTH",
-    "WRONG",
-    "Rectangle",
-    "bar",
-    "fill",
-    "text",
-    "text_width",
-    "wrapped",
-]
-
 WIDTH, HEIGHT = 1280, 720
 BACKGROUND: Colour = (16, 18, 22)
 PANEL: Colour = (34, 38, 46)

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.top_view import GroundPicture
     from pytest_drive_robust.runner.replay.recording import Tape, TapeTick
 
-__all__ = ["EpisodePane"]
-
 _FRESH_S = 1.5
 """For so long an infraction is shouted, then it is only told."""
 _FRAME: Colour = (90, 96, 106)

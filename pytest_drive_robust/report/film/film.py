@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.film.canvas import Colour, Pixels
     from pytest_drive_robust.runner.replay.recording import Tape
 
-__all__ = ["Film"]
-
 _BANNER_S = 1.5
 
 

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.runner.replay.recording import Tape
 
-__all__ = ["Story", "StoryEvent", "story_of"]
-
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
 _STILL_MPS = 0.05

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["AREA", "Strips"]
-
 AREA = Rectangle(0, 466, 1280, 254)
 _LEFT, _RIGHT = 118, 1264
 _FAILURE = Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)

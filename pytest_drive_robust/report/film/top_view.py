@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-__all__ = ["PATH", "ROUTE", "SPEED_POINT", "TARGET_POINT", "GroundPicture", "draw_from_above", "is_misplaced"]
-
 ROUTE: Colour = (178, 160, 255)
 PATH: Colour = (255, 40, 40)
 TARGET_POINT: Colour = (40, 110, 255)

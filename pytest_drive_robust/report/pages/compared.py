@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.regression.snapshot import RouteScore
     from pytest_drive_robust.report.pages.records import Ident, RunRecords
 
-__all__ = ["comparison_data", "flipped"]
-
 
 def comparison_data(comparison: Comparison) -> dict[str, Any]:
     """Return everything about a comparison; of one that is refused no settings, but why."""

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
     from pytest_drive_robust.report.pages.records import Ident, RunRecords
 
-__all__ = ["EpisodeTable"]
-
 _PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
 """What is found only when the whole way is added up happened at no particular place."""
 

@@ -13,8 +13,6 @@ from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence
 if TYPE_CHECKING:
     from pytest_drive_robust.report.pages.records import RunRecords
 
-__all__ = ["growth", "reading_order"]
-
 _MOST_POINTS = 30
 """An interval over hundreds of routes takes milliseconds: of long readings not every step is computed."""
 

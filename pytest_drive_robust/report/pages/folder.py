@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.regression.outcome import Comparison
     from pytest_drive_robust.report.pages.records import RunRecords
 
-__all__ = ["MARK", "check_folder", "write_pages"]
-
 MARK = "drive-robust-report.txt"
 """Lies in every folder that we wrote: only such a one is written over."""
 _PARTS = ("index.html", "data", "static", "films", MARK)

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.result import EpisodeResult
 
-__all__ = ["UNTOUCHED", "VERSION", "motion_text", "tracks_text"]
-
 VERSION = 1
 UNTOUCHED = -1_000_000
 _HEAD = struct.Struct("<4I")

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["Ident", "RunRecords", "stored_episodes"]
-
 Ident = tuple[str, str, str, int]
 """(agent, setting, route id, seed)."""
 

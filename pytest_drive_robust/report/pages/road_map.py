@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import GroundTruth, Lane
     from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["RoadMaps", "map_data"]
-
 _MARGIN_M = 90.0
 _TOLERANCE_M = 0.05
 _LINES = {"none": 0, "striped": 1, "solid": 2}

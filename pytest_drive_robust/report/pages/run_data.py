@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.report.pages.records import RunRecords
     from pytest_drive_robust.report.pages.road_map import RoadMaps
 
-__all__ = ["run_data"]
-
 _OPEN = "neither broken nor within its margin is shown"
 
 

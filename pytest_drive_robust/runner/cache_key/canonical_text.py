@@ -20,8 +20,6 @@ from typing import Any
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
 
-__all__ = ["SESSION", "canonical_text", "code_of", "digest_of", "perturbation_sources"]
-
 SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
 """Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
 

@@ -45,8 +45,6 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.store.events import Identified
 from pytest_drive_robust.store.record import FORMAT_VERSION
 
-__all__ = ["agent_identity", "identify", "identity_of", "route_digest", "simulator_identity", "weights_digest"]
-
 _DECIDING = tuple(
     f"pytest_drive_robust.{name}"
     for name in (

@@ -22,11 +22,6 @@ from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
 
-__all__ = [
-    "UnknownSourceError", "code_digest", "file_of", "file_of_name", "hex_of", "imported_versions", "module_digest",
-    "source_digest", "versions_of",
-]  # fmt: skip
-
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """What belongs to the code of a package; weights are named by the agent."""

@@ -14,10 +14,6 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import AgentError
 
-__all__ = [
-    "BLAMED", "agent_act", "agent_act_batch", "agent_cameras", "agent_consumes", "agent_plan", "agent_reset", "blame",
-]  # fmt: skip
-
 BLAMED: tuple[type[BaseException], ...] = (Exception, SystemExit)
 """What is the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a timeout is pytest's: both
 derive from BaseException only and go through. A worker process, which neither reaches, blames the agent for all."""

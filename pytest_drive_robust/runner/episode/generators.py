@@ -13,8 +13,6 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any
 
-__all__ = ["borrowed_generators", "seed_generators"]
-
 
 @contextmanager
 def borrowed_generators(text: str) -> Iterator[None]:

@@ -23,8 +23,6 @@ from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroun
 from pytest_drive_robust.runner.episode.witness import Witness
 from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 
-__all__ = ["RunningEpisode", "Watch", "drive_episode"]
-
 _Given = TypeVar("_Given")
 _OUTCOMES = {
     End.COMPLETED: Outcome.COMPLETED,

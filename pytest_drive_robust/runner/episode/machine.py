@@ -21,8 +21,6 @@ from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, imported_versions, versions_of
 from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["machine_facts", "with_machine"]
-
 _ANY_CODE = ("libm", "numpy")
 """What code may compute with that says nothing."""
 _HEAVY = ("torch", "onnxruntime")

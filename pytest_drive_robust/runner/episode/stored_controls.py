@@ -20,8 +20,6 @@ from pytest_drive_robust.runner.episode.loop import RunningEpisode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["RecordedControls", "StoredControls", "bare_result", "drive_again"]
-
 
 class StoredControls:
     """Gives one control after the other, then raises `IndexError`."""

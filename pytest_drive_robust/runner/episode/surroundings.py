@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int32]
 
-__all__ = ["EVERY_TICKS", "Surroundings"]
-
 EVERY_TICKS = 4
 """5 Hz: between two samples an actor at 20 m/s moves 4 m, which a straight line follows to the centimetre."""
 _PLAN_EVERY_TICKS = 8

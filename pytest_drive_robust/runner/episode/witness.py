@@ -15,8 +15,6 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch
 
-__all__ = ["Witness"]
-
 
 class Witness:
     """The count of one episode. `seen` and `applied` are called once a tick at most and cost a microsecond or two."""

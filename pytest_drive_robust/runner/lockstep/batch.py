@@ -20,8 +20,6 @@ from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
-__all__ = ["ROWS", "WIDTH", "Batch", "Recording", "admit", "check_lockstep", "record"]
-
 ROWS = 4
 """Widths are multiples of this: with one thread they agree to the bit where smaller and uneven batches do not."""
 WIDTH = 8

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.domain.observation import Pixels
 
-__all__ = ["Picture", "Tape", "TapeTick", "difference", "main_camera", "record_episode"]
-
 _VIEW = CameraSpec("front (not given to the agent)", width_px=384, height_px=216)
 _WIDEST_PX = 640
 _JPEG_QUALITY = 92

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 
-__all__ = ["SIZES_M", "ActorSpec", "Arrival", "Cast", "Passing", "Script", "Trigger"]
-
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
     ActorKind.CAR: (4.6, 1.9, 1.5),
     ActorKind.VAN: (5.6, 2.1, 2.3),

@@ -16,8 +16,6 @@ from pytest_drive_robust.simulators.embedded.drawing.looks import paint_of
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground, rectangle
 from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, unpack
 
-__all__ = ["BUILDING", "OUTLINE", "Sketch", "draw_bev", "footprint", "ground_picture"]
-
 Colour = tuple[int, int, int]
 
 BUILDING: Colour = (120, 100, 90)

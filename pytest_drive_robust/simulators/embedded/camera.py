@@ -35,8 +35,6 @@ from pytest_drive_robust.simulators.embedded.drawing.looks import LOOKS, PAINTS,
 from pytest_drive_robust.simulators.embedded.drawing.shade import CLEAR_STEPS_PER_M
 from pytest_drive_robust.simulators.embedded.drawing.texture import GroundTexture, ground_texture
 
-__all__ = ["CameraRig"]
-
 _MOST_PARTS = max(len(parts) for parts in LOOKS.values())
 _FARTHEST_M = 512
 

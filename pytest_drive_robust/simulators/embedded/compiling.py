@@ -10,8 +10,6 @@ from pytest_drive_robust.jit.compile_all import Compilation
 from pytest_drive_robust.jit.kernels import ENTRIES
 from pytest_drive_robust.simulators.embedded import world
 
-__all__ = ["Compilation", "begin_compiling", "compile_kernels", "missing_functions"]
-
 _WITH_KERNELS = (world,)
 """Importing it makes its kernels known."""
 Tell = Callable[[int, int], None]

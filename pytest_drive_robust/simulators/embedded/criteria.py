@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import note
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["finish", "judge", "nearest_lane"]
-
 ROUTE_WINDOW = 3  # the current waypoint and the next two
 COMPLETE_PCT = 99.0
 COMPLETE_M = 10.0

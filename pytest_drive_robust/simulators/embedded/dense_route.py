@@ -27,8 +27,6 @@ from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, 
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
 from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
 
-__all__ = ["DenseRoute", "lay_route"]
-
 _LONGEST_M = 20_000.0
 _OFF_CENTRE_M = 0.1
 """A lane change begins and ends where the route is nearer than this to the centre of a lane."""

@@ -22,8 +22,6 @@ from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
 
-__all__ = ["WorldEnv", "WorldSnapshot"]
-
 Observed = dict[str, NDArray[Any]]
 _TARGET_AHEAD_M = 5.0
 _INFRACTION_COST = 10.0

@@ -21,12 +21,10 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType, Site
 from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 from pytest_drive_robust.simulators.embedded.world import World
-
-__all__ = ["ATTEMPTS", "SEEDS", "TOWNS_PER_SEED", "change_length_m", "draw_route", "draw_routes", "main", "weave"]
 
 ATTEMPTS = 20
 """So often a route is drawn anew when it cannot be laid, staged or started."""

@@ -9,8 +9,6 @@ from pytest_drive_robust.arithmetic.compiled import atan2, hypot
 from pytest_drive_robust.jit.arrays import Floats, Floats2
 from pytest_drive_robust.jit.kernels import entry, inner
 
-__all__ = ["Pose", "arc_lengths", "equal_steps", "moved", "place", "project", "resample"]
-
 Pose = tuple[float, float, float]
 """x and y in metres, heading in radians, clockwise (y points down, as in CARLA)."""
 

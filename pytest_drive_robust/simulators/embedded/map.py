@@ -17,8 +17,6 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resamp
 from pytest_drive_robust.simulators.embedded.towns import Town, build_town
 from pytest_drive_robust.simulators.embedded.towns.lanes import draw_buildings, draw_lanes, stop_lines
 
-__all__ = ["CompiledTown", "Passage", "compile_town", "follow", "join", "lanes_across", "prolonged", "turn_of"]
-
 _ALMOST_ROUND_RAD = math.radians(300.0)
 """Who turned so far has driven round a roundabout."""
 

@@ -10,8 +10,6 @@ from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["distance_to_lanes", "lane_change_side", "match_lanes", "nearest_way"]
-
 _BEYOND_EDGE_M = 0.5
 _SAME_WAY = 0.5
 """Least cosine between the headings of a row and of its lane."""

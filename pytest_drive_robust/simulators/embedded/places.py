@@ -14,8 +14,6 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place,
 from pytest_drive_robust.simulators.embedded.map import Passage, join, prolonged
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
 
-__all__ = ["RoutePlaces"]
-
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
 """Heading of traffic that comes from there, relative to the ego's own way into the junction."""
 _STRAIGHT_RAD = 0.35

@@ -14,9 +14,8 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.map import lanes_across
-from pytest_drive_robust.simulators.embedded.world import DT_S, World
-
-__all__ = ["RouteScene", "describe_parameters", "describe_road", "telling_moment"]
+from pytest_drive_robust.simulators.embedded.state import DT_S
+from pytest_drive_robust.simulators.embedded.world import World
 
 _SHARE_OF_LIMIT = 0.6
 _SLOWEST_MPS, _FASTEST_MPS = 5.0, 14.0

@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.route_scene import RouteScene
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 
-__all__ = ["TILES_PER_SHEET", "draw_tile", "lay_sheets"]
-
 Colour = tuple[int, int, int]
 
 TILES_PER_SHEET = 48

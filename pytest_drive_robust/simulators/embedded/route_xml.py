@@ -16,8 +16,6 @@ from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, 
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official, problems_of
 
-__all__ = ["load_routes", "save_routes"]
-
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
 """Degrees; all others are percentages."""
 _CARLA_DEFAULT = -1.0

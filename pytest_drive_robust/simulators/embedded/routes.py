@@ -12,18 +12,7 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
-
-__all__ = [
-    "ALL_ROUTES",
-    "default_set",
-    "is_shipped",
-    "load_routes",
-    "named_routes",
-    "save_routes",
-    "set_names",
-    "set_summary",
-]
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
 _FOLDER = Path(__file__).parent / "route_files"
 _FILE = _FOLDER / "full.xml"

@@ -15,8 +15,6 @@ from pytest_drive_robust.simulators.embedded.state import DT_S
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["ENDS", "closing_infractions", "end_detail", "score_of"]
-
 ENDS = {
     c.END_COMPLETED: End.COMPLETED,
     c.END_DEVIATED: End.DEVIATED,

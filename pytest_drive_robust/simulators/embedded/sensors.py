@@ -11,8 +11,6 @@ from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.domain.truth import LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
 
-__all__ = ["Sensors"]
-
 
 class Sensors:
     """The rig of one episode. Without cameras nothing is ever drawn. Raises `SimulationError` for impossible ones."""

@@ -25,8 +25,6 @@ from pytest_drive_robust.simulators.embedded.state import DT_S, State
 if TYPE_CHECKING:
     from pytest_drive_robust.simulators.embedded.world import World
 
-__all__ = ["EmbeddedSimulator", "EpisodeSnapshot"]
-
 
 class EpisodeSnapshot(NamedTuple):
     """A moment of an episode: the world it is of, its changing arrays, and the last images of slow cameras."""

@@ -16,8 +16,6 @@ from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, C
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.places import RoutePlaces
 
-__all__ = ["GREEN", "RED", "Program", "Stage", "compile_programs", "green_then_red", "red_then_green"]
-
 _CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 _GAPS = 127  # draws of a flow; they repeat after that
 _LEAST_ROOM_M = 2.0

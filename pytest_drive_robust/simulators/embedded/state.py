@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
-__all__ = ["DT_S", "EVENT_CAPACITY", "State", "Statics"]
-
 DT_S = 0.05
 EVENT_CAPACITY = 256
 

@@ -12,8 +12,6 @@ from itertools import product
 
 from pytest_drive_robust.domain.route import Weather
 
-__all__ = ["WEATHERS", "weather_name"]
-
 _SKIES = {
     "clear": Weather(cloudiness=5.0, wind_intensity=10.0, fog_density=2.0),
     "cloudy": Weather(cloudiness=70.0, wind_intensity=20.0, fog_density=5.0),

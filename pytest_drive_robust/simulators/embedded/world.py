@@ -24,8 +24,6 @@ from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, Scenari
 from pytest_drive_robust.simulators.embedded.stage import RED, Stage, compile_programs
 from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
 
-__all__ = ["DT_S", "EGO_LENGTH_M", "EGO_WIDTH_M", "World"]
-
 EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
 """`vehicle.lincoln.mkz_2020`, the leaderboard's ego."""
 

@@ -13,8 +13,6 @@ import highway_env.vehicle.behavior
 import highway_env.vehicle.dynamics  # noqa: F401 -- classes must exist before they can be watched
 from highway_env.vehicle.objects import RoadObject
 
-__all__ = ["ClassAttributes"]
-
 Values = Mapping[type, Mapping[str, object]]
 
 

@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded.scoring import closing_infractions,
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
-__all__ = ["EpisodeCriteria"]
-
 _WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
 _DEVIATION_ROWS = 5
 _COLLISIONS = {"vehicle": InfractionKind.COLLISION_VEHICLE, "layout": InfractionKind.COLLISION_LAYOUT}

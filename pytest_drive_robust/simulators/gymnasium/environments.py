@@ -24,18 +24,6 @@ from pytest_drive_robust.simulators.gymnasium.live_road import (
     EgoAction,
 )
 
-__all__ = [
-    "RATE_HZ",
-    "ROUTES",
-    "WORKING",
-    "DrivableEnvironment",
-    "Environment",
-    "find_spec",
-    "make_environment",
-    "reset_seed",
-    "routes_of",
-]
-
 Environment = gymnasium.Env[Any, Any]
 
 RATE_HZ = 20

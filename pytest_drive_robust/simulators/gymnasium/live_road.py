@@ -23,17 +23,6 @@ from pytest_drive_robust.simulators.embedded.kernels.ego import (
     WHEELBASE_M,
 )
 
-__all__ = [
-    "ACCELERATION_RANGE_MPS2",
-    "STEERING_RANGE_RAD",
-    "EgoAction",
-    "EgoVehicle",
-    "LiveRoad",
-    "acceleration_and_steering",
-    "action_of",
-    "kind_of",
-]
-
 _HEIGHT_M = {ActorKind.CAR: 1.55, ActorKind.TRUCK: 3.2, ActorKind.BARRIER: 1.0, ActorKind.BICYCLE: 1.7}
 _TRUCK_M, _BICYCLE_M = 7.0, 1.0
 _BRAKING_MPS2 = -0.7

@@ -12,8 +12,6 @@ from highway_env.road.road import RoadNetwork
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["DEFAULT_LIMIT_MPS", "LaneKey", "junction_keys", "read_map", "sample"]
-
 LaneKey = tuple[Any, Any, int]
 """highway-env's name of a lane: from node, to node, number."""
 

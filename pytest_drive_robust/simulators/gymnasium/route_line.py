@@ -19,8 +19,6 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, resample
 from pytest_drive_robust.simulators.gymnasium.road_map import DEFAULT_LIMIT_MPS, LaneKey, sample
 
-__all__ = ["Itinerary", "RouteLine", "draw_line", "itinerary_of"]
-
 _CHANGE_SHARE = 0.8
 _SHORTEST_M = 10.0
 _STEP_M = 0.3

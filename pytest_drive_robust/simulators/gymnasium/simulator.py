@@ -32,8 +32,6 @@ from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
 from pytest_drive_robust.simulators.gymnasium.road_map import junction_keys, read_map
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line, itinerary_of
 
-__all__ = ["GymnasiumSimulator"]
-
 
 @dataclass
 class _Episode:

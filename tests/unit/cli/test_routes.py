@@ -9,7 +9,7 @@ import cv2
 import pytest
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 

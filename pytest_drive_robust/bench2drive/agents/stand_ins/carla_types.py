@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-__all__ = ["Location", "Rotation", "Transform", "Vector3D", "VehicleControl"]
-
 
 @dataclass
 class Vector3D:

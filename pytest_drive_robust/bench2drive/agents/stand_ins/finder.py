@@ -10,14 +10,12 @@ from types import MappingProxyType, ModuleType
 
 from pytest_drive_robust.bench2drive.agents.stand_ins import carla_types, leaderboard_types
 
-__all__ = ["install_stand_ins"]
-
 _MODULES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "agents": (),
         "agents.navigation": (),
         "agents.navigation.local_planner": ("RoadOption",),
-        "carla": tuple(carla_types.__all__),
+        "carla": ("Location", "Rotation", "Transform", "Vector3D", "VehicleControl"),
         "leaderboard": (),
         "leaderboard.autoagents": (),
         "leaderboard.autoagents.autonomous_agent": ("AutonomousAgent", "Track"),

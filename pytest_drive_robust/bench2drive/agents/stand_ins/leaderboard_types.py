@@ -8,17 +8,6 @@ from collections.abc import Sequence
 from enum import Enum, IntEnum
 from typing import Any, ClassVar
 
-__all__ = [
-    "AutonomousAgent",
-    "CarlaDataProvider",
-    "GameTime",
-    "RoadOption",
-    "SensorConfigurationInvalid",
-    "SensorReceivedNoData",
-    "Track",
-    "downsample_route",
-]
-
 _PLAN_GAP_M = 50.0
 """As in Bench2Drive (`leaderboard/autoagents/autonomous_agent.py`); the leaderboard itself keeps one every 200 m."""
 

@@ -13,8 +13,6 @@ from pytest_drive_robust.arithmetic.scalars import cos, power, sin, tan
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
 
-__all__ = ["Air", "sky_rows"]
-
 Colour = tuple[float, float, float]
 
 _DUST: Colour = (206.0, 168.0, 116.0)

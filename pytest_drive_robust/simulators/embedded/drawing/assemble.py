@@ -9,9 +9,6 @@ from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
 
-__all__ = ["assemble"]
-
-
 _ID, _KIND, _X, _Y, _YAW, _SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = range(10)
 """The columns of `WorldState.actors`."""
 _BRAKING, _SIREN = int(ActorState.BRAKING), int(ActorState.SIREN)

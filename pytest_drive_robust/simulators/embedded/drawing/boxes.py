@@ -14,9 +14,6 @@ import numpy as np
 from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["BOX_COLUMNS", "Box", "Material", "box_rows"]
-
-
 X, Y, Z, COS, SIN, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(18)
 INSTANCE = 18
 """Columns: see the fields of `Box`; `COS` and `SIN` are of its yaw, `INSTANCE` is the actor's id or -1."""

@@ -25,8 +25,6 @@ from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, p
 from pytest_drive_robust.simulators.embedded.drawing.shadows import draw_shadows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools
 
-__all__ = ["draw_camera", "find_actors"]
-
 
 @entry
 def draw_camera(

@@ -13,8 +13,6 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BLUE, GLOW, RED, Box, Material, box_rows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import lamp_boxes, lamp_places
 
-__all__ = ["LAMP_COLOURS", "Furniture"]
-
 _WALLS = (
     (168.0, 120.0, 98.0),
     (186.0, 176.0, 156.0),

@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
 from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_TEXEL
 
-__all__ = ["AHEAD", "CLEAR", "DEPTH", "LEVEL", "add_line", "draw_ground", "ground_rows"]
-
 Triple = tuple[float, float, float]
 
 DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5

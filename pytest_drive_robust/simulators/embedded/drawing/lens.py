@@ -15,8 +15,6 @@ from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
 
-__all__ = ["draw_lens"]
-
 _STREAKS_PER_PIXEL = 0.004
 _LENGTH_SHARE = 0.07
 _OPACITY = 0.3

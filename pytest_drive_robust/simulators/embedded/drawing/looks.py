@@ -12,8 +12,6 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Material
 
-__all__ = ["LOOKS", "PAINTS", "Part", "Role", "paint_index", "paint_of", "part_rows"]
-
 Colour = tuple[float, float, float]
 
 

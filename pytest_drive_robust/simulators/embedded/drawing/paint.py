@@ -15,19 +15,6 @@ from pytest_drive_robust.arithmetic.signals import interpolate
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = [
-    "ASPHALT",
-    "BIKING",
-    "GRASS",
-    "KERB",
-    "PARKING",
-    "SIDEWALK",
-    "GroundSheet",
-    "Region",
-    "paint_ground",
-    "rectangle",
-]
-
 Bytes = NDArray[np.uint8]
 
 GRASS, SIDEWALK, KERB, PARKING, ASPHALT, BIKING = range(6)

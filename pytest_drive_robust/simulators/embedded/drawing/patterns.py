@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from pytest_drive_robust.jit.arrays import Packed
 from pytest_drive_robust.jit.kernels import inner
 
-__all__ = ["FLOOR_M", "SILL_M", "WINDOW_HIGH", "facade", "plain", "ribs", "stripes"]
-
 Triple = tuple[float, float, float]
 Pair = tuple[float, float]
 Place = tuple[float, float, float, float, float]

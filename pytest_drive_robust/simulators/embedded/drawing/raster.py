@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 
-__all__ = ["NEAR_M", "bounds", "clip", "draw_faces", "fill", "pick"]
-
 Triple = tuple[float, float, float]
 
 _SMALLEST_PX = 0.75

@@ -24,8 +24,6 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     stripes,
 )
 
-__all__ = ["CLEAR_STEPS_PER_M", "draw_pixels", "pack_pixels"]
-
 Triple = tuple[float, float, float]
 Lens = tuple[float, float, float, float, float, float, float]
 

@@ -14,9 +14,6 @@ from pytest_drive_robust.simulators.embedded.drawing.air import Air
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 from pytest_drive_robust.simulators.embedded.drawing.ground import AHEAD, CLEAR, DEPTH
 
-__all__ = ["draw_shadows", "row_of"]
-
-
 _KIND, _X, _Y, _YAW = WorldState.KIND, WorldState.X, WorldState.Y, WorldState.YAW
 _LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
 _BUILDING, _DIRT = int(ActorKind.BUILDING), int(ActorKind.DIRT)

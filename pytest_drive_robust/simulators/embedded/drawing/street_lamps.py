@@ -16,8 +16,6 @@ from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
 
-__all__ = ["draw_pools", "lamp_boxes", "lamp_places"]
-
 _EVERY_M = 30.0
 _FIRST_M = 12.0
 _BESIDE_M = 0.7

@@ -15,8 +15,6 @@ from pytest_drive_robust.jit.arrays import Bytes2, Floats, Floats1, Floats2, Pac
 from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded.drawing.paint import GroundSheet, Region, paint_ground
 
-__all__ = ["FAR_TEXEL", "GroundTexture", "ground_texture", "pack_sheet", "unpack"]
-
 _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
 _NEAR_TEXEL_M = 0.1

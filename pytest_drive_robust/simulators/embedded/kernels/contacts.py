@@ -10,8 +10,6 @@ from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["contacts", "note", "overlap"]
-
 STUN_TICKS = 40
 SAME_ACTOR_S = 5.0
 SAME_PLACE_M = 5.0

@@ -13,8 +13,6 @@ from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.scenario import run_script
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["idm", "move_actors"]
-
 IDM_GAP_M = 2.0
 IDM_HEADWAY_S = 1.1
 IDM_COMFORT_MPS2 = 2.5

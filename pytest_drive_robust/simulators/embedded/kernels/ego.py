@@ -9,8 +9,6 @@ from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["move_ego"]
-
 WHEELBASE_M = 2.85
 STEER_MAX_RAD = 0.61
 STEER_RATE_RADPS = 0.9

@@ -19,8 +19,6 @@ from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows,
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays, world_arrays
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["actor_rows", "pack_world", "settle", "tick"]
-
 
 @entry
 def pack_world(statics: Statics, state: State) -> WorldArrays:

@@ -10,8 +10,6 @@ from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["ON_PATH_M", "path_pose", "survey"]
-
 ON_PATH_M = 6.0
 """Whoever is farther than this from a line is not on it."""
 

@@ -9,8 +9,6 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-__all__ = ["fill_flows", "run_flows", "run_script", "set_lights"]
-
 JUNCTION_M, STOPPING_MPS2 = 30.0, 3.0
 _GREEN = int(LightState.GREEN)
 _STOP_SIGN = int(LightState.STOP_SIGN)

@@ -19,8 +19,6 @@ from numba.extending import infer_getattr, lower_getattr
 from pytest_drive_robust.jit.signatures import numba_type
 from pytest_drive_robust.simulators.embedded.state import State, Statics
 
-__all__ = ["WorldArrays", "world_arrays"]
-
 
 @structref.register
 class WorldArraysType(types.StructRef):  # type: ignore[misc]

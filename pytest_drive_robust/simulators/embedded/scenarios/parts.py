@@ -15,25 +15,6 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.map import lanes_across
 from pytest_drive_robust.simulators.embedded.stage import Program, Stage, green_then_red, red_then_green
 
-__all__ = [
-    "KMH",
-    "RED_S",
-    "ahead",
-    "cross_traffic",
-    "end_behind_junction",
-    "lights_turn_green",
-    "lights_turn_red",
-    "meeting_point",
-    "oncoming_gaps",
-    "right_hand",
-    "road_edge_m",
-    "rolling_start",
-    "route_flow",
-    "scenery",
-    "side_traffic",
-    "speed",
-]
-
 KMH = 1.0 / 3.6
 """A kilometre per hour in metres per second."""
 

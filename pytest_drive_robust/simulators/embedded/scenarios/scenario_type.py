@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-__all__ = ["SCENARIOS", "Metres", "ScenarioType", "Site", "scenario", "sites"]
-
 Metres = tuple[float, float]
 """A range from which something is drawn, of metres or of whatever its element holds."""
 

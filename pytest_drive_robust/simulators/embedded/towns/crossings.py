@@ -18,8 +18,6 @@ from pytest_drive_robust.simulators.embedded.towns.junction import (
 from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, road
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, Draw, Section, Town
 
-__all__ = ["bike_crossing", "crossing", "grid", "rural_crossing", "rural_tee", "tee"]
-
 _HEADINGS = {name: k * math.pi / 2.0 for k, name in enumerate("ESWN")}
 _TOWN_LIMITS_MPS = [10.0, 11.0, 12.5]
 _COUNTRY_LIMITS_MPS = [16.0, 17.5, 19.0]

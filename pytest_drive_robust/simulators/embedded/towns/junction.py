@@ -13,8 +13,6 @@ from pytest_drive_robust.simulators.embedded.geometry import moved
 from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, road
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, JunctionControl, Town
 
-__all__ = ["Connection", "chains_through", "connect", "control_of", "crosswalk", "draw_arms", "turn_between"]
-
 _RIGHT_ANGLE = math.pi / 2.0
 _OFF_KERB_M = 0.6
 

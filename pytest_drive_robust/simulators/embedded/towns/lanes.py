@@ -14,8 +14,6 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
 from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, Town
 
-__all__ = ["draw_buildings", "draw_lanes", "stop_lines"]
-
 _JOIN_M = 0.5
 """Two lanes follow each other when end and start are nearer than this."""
 _STOP_BEFORE_END_M = 5.0

@@ -16,8 +16,6 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import Pose
 from pytest_drive_robust.simulators.embedded.towns.town import DrawnLane, Section, Town
 
-__all__ = ["PLAIN", "Piece", "advance", "draw_strips", "piece", "retreat", "road", "winding"]
-
 Piece = tuple[float, float]
 """(length in metres, curvature in 1/m, positive to the right)."""
 

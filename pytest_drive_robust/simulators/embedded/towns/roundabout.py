@@ -12,8 +12,6 @@ from pytest_drive_robust.simulators.embedded.towns.junction import draw_arms
 from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, retreat
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, Section, Town
 
-__all__ = ["roundabout"]
-
 _ARMS = "ESWN"
 _QUARTER = math.pi / 2.0
 

@@ -11,8 +11,6 @@ from pytest_drive_robust.simulators.embedded.geometry import Pose, moved
 from pytest_drive_robust.simulators.embedded.towns.pieces import Piece, retreat, road, winding
 from pytest_drive_robust.simulators.embedded.towns.town import Draw, Section, Town
 
-__all__ = ["bend", "entry_ramp", "exit_ramp", "highway", "rural_road", "street"]
-
 _START = (-100.0, 0.0, 0.0)
 _COUNTRY_GAP_M = (8.0, 30.0)
 _WIDTH_M = 3.6

@@ -11,8 +11,6 @@ from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import Pose
 
-__all__ = ["Arm", "Draw", "DrawnLane", "JunctionControl", "Section", "Town"]
-
 
 @dataclass(frozen=True, slots=True)
 class DrawnLane:

@@ -18,8 +18,6 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, smoothed
 
-__all__ = ["RouteCourse", "Shift", "read_course"]
-
 _GAP_M = 7.0
 _LEAST_M, _MOST_M, _FARTHEST_M = 20.0, 5000.0, 1.0e6
 _LONGEST_GAP_M = 500.0

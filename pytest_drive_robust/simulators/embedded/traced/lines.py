@@ -15,18 +15,6 @@ from pytest_drive_robust.arithmetic.signals import mean, moving_sum
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import Pose, arc_lengths, moved, resample
 
-__all__ = [
-    "bridge",
-    "crossing_point",
-    "joined",
-    "local",
-    "prolonged",
-    "reversed_line",
-    "shifted",
-    "smoothed",
-    "straight",
-]
-
 _SIGMA_M = 4.0
 _REACH_M = 12
 _FIT_M = 10.0

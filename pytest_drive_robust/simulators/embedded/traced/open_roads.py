@@ -18,8 +18,6 @@ from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, S
 from pytest_drive_robust.simulators.embedded.traced.lines import prolonged, reversed_line, shifted
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 
-__all__ = ["LANE_M", "draw_street", "trace_road"]
-
 LANE_M = 3.5
 _BEYOND_M = 130.0
 _CHANGE_M = 24.0

@@ -18,8 +18,6 @@ from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined,
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 
-__all__ = ["draw_cut_in", "draw_entry", "draw_exit"]
-
 _BEYOND_M = 160.0
 _BEHIND_M = 120.0
 _CHANGE_S, _CHANGE_M = 2.4, (20.0, 45.0)

@@ -13,8 +13,6 @@ from enum import Enum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import nearest
 
-__all__ = ["SCHEMA", "Place", "Roads", "TypeSchema", "is_official", "problems_of"]
-
 _OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{2}(?:HD)?(?:_Opt)?")
 
 

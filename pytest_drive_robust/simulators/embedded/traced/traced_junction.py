@@ -28,8 +28,6 @@ from pytest_drive_robust.simulators.embedded.traced.lines import (
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 
-__all__ = ["draw_junction"]
-
 _ARM_M = 120.0
 _BIKING_M = 1.6
 _BOX_M = (9.5, 16.0)

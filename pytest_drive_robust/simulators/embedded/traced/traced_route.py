@@ -21,8 +21,6 @@ from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, dr
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
 from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
 
-__all__ = ["TracedRoute", "trace_route"]
-
 _TRIGGER_OFF_M = 25.0
 
 

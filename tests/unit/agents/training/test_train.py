@@ -23,7 +23,7 @@ from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import TRAINING_RIGS
 from drive_robust_agents.training.recipes.recipe import recipe_of
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.simulators.embedded.routes import save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 FAKE = "pytest_drive_robust.testing:FakeSimulator"

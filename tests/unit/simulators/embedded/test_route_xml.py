@@ -16,7 +16,7 @@ from official_like import draw
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
-from pytest_drive_robust.simulators.embedded.routes import load_routes, save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA
 
 NASTY = [

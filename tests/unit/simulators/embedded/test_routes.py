@@ -15,7 +15,8 @@ from pytest_drive_robust.domain.route import RoadOption, Route
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
 from pytest_drive_robust.simulators.embedded.generate import draw_routes, main
-from pytest_drive_robust.simulators.embedded.routes import load_routes, named_routes, save_routes, set_names
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
+from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
 
 ROUTES = named_routes("full")
 GOOD = """<routes><route id="7" town="Street1"><waypoints>

@@ -19,7 +19,7 @@ from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
-from pytest_drive_robust.simulators.embedded.routes import load_routes, save_routes
+from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, is_official
 from pytest_drive_robust.simulators.embedded.traced.traced_route import _trace_route
