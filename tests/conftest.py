@@ -10,37 +10,51 @@ from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
 
+import _pytest.pytester
 import pytest
+from _pytest.pytester import SysModulesSnapshot
 from hypothesis import HealthCheck, settings
-from numba.core.registry import cpu_target
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
-# Imported now, not where they are used: pytester forgets what a nested pytest imported, but numpy and scipy refuse to
-# be imported twice into one process, and of our own classes there must not be two.
-for _name in ("numba", "rich.live", "rich.progress_bar", "rich.table", "scipy.signal", "scipy.special"):
-    importlib.import_module(_name)
+LIBRARIES = (
+    "av",
+    "cv2",
+    "gymnasium",
+    "highway_env",
+    "llvmlite",
+    "numba",
+    "numpy",
+    "onnxruntime",
+    "rich",
+    "scipy",
+    "torch",
+)
+
+
+class _LibrariesStay(SysModulesSnapshot):
+    """pytester forgets what a nested pytest imported, but these libraries refuse to be imported twice into a process.
+
+    Some of their parts are imported where they are first used: numba's while it compiles.
+    """
+
+    def __init__(self, preserve: Callable[[str], bool] | None = None) -> None:
+        super().__init__(
+            lambda name: name.partition(".")[0] in LIBRARIES or (preserve is not None and preserve(name)),
+        )
+
+
+_pytest.pytester.SysModulesSnapshot = _LibrariesStay  # type: ignore[misc]
+
+# Imported now, not where they are used: of our own classes there must not be two.
 for _part in (
-    *(
-        "arithmetic",
-        "domain",
-        "engine",
-        "jit",
-        "metrics",
-        "perturbations",
-        "regression",
-        "report",
-        "runner",
-        "simulators",
-    ),
-    *("store", "stats", "verdict"),
+    *("arithmetic", "domain", "engine", "jit", "metrics", "perturbations", "regression", "report", "runner"),
+    *("simulators", "store", "stats", "verdict"),
 ):
     _package = importlib.import_module(f"pytest_drive_robust.{_part}")
     for _module in pkgutil.walk_packages(_package.__path__, f"{_package.__name__}."):
         importlib.import_module(_module.name)
-
-cpu_target.target_context.refresh()  # imports what numba itself leaves for the first compilation
 
 # A busy machine is no failure, and what passed once passes again: `--hypothesis-profile search` looks for new examples.
 settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
