@@ -2,6 +2,7 @@
 
     overhead    everything around the agent per tick with 12 other vehicles, against `highway-v0`'s own step
     framework   our episode loop against a bare one over the same world and agent; worker processes against this one
+    recording   what the tracks for replays add to driving an episode and making it bytes
     scaling     40 episodes of `classical`: two worker processes to one, `-n 2` against one, Ray against them (wall)
     cached      `suites/paper` when every episode is stored, against a pytest run of one empty test
     judging     a requirement on 10,000 stored episodes, and the table of them
@@ -26,6 +27,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
@@ -34,12 +36,15 @@ from pytest_drive_robust import Setting, requirement
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.engine.pool import ProcessExecutor
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.episode import loop
 from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.surroundings import Surroundings
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -115,6 +120,38 @@ def framework(rounds: int) -> Rows:
         ("drive_episode / bare loop", f"{statistics.median(mine / bare for bare, mine in once):.3f}"),
         ("worker process / this process", f"{statistics.median(shares):.3f}"),
     ]
+
+
+class NoSurroundings(Surroundings):
+    """Sees nothing."""
+
+    def see(self, state: WorldState) -> None: ...
+
+    def see_plan(self, tick: int, agent: Agent) -> None:
+        self.next_plan = 1 << 60
+
+    def tracks(self) -> None:
+        return None
+
+
+def recording(rounds: int) -> Rows:
+    agent = default_registry().agent(AGENT)
+    world = EmbeddedSimulator(OPTIONS)
+    routes = named_routes("dev10")[:4]
+
+    def driven(kind: type[Surroundings]) -> float:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(loop, "Surroundings", kind)
+            start = time.process_time()
+            for route in routes:
+                encode_episode(
+                    drive_episode(world, agent, route=route, setting=Setting.CLEAN, seed=0, agent_name=AGENT)
+                )
+            return time.process_time() - start
+
+    driven(Surroundings)
+    pairs = [(driven(Surroundings), driven(NoSurroundings)) for _ in range(2 * rounds)]
+    return [("with tracks / without", f"{statistics.median(seen / bare for seen, bare in pairs):.3f}")]
 
 
 def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> None:
@@ -287,7 +324,7 @@ def _drive(executor: Executor, requests: list[EpisodeRequest]) -> None:
 
 
 PARTS: dict[str, Callable[[int], Rows]] = {
-    part.__name__: part for part in (overhead, framework, scaling, cached, judging, startup)
+    part.__name__: part for part in (overhead, framework, recording, scaling, cached, judging, startup)
 }
 
 
