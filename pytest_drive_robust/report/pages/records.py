@@ -60,7 +60,7 @@ class RunRecords:
     def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
         """Bring together what the document tells and what `find` gives for a key.
 
-        Raises `UsageError` for a document that lacks what runs have.
+        Raises `UsageError` for a document that lacks what runs have, and where two routes have the same id.
         """
         try:
             items = document["episodes"]
@@ -72,6 +72,12 @@ class RunRecords:
             name = document["settings"]["simulator"]
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
+        if len(results) < len(idents):  # as of two files
+            agent, setting, route_id, _ = next(ident for ident in idents if idents.count(ident) > 1)
+            raise UsageError(
+                f"the run {label!r} holds two routes with the id {route_id!r} for {agent} under {setting}, so they "
+                "cannot be told apart. Give the routes of one file other ids, or drive the files in two runs."
+            )
         simulator = _simulator(registry, name)
         return cls(
             label=label,

@@ -150,6 +150,11 @@ def test_an_episode_without_a_trace_is_listed_and_has_no_motion(tmp_path):
     assert data_of(tmp_path, "route-0")["episodes"] == {"0": ["", ""]}
 
 
+def test_two_routes_of_one_id_are_refused(tmp_path):
+    with pytest.raises(UsageError, match=r"the run 'a run' holds two routes with the id '101' for \S+ under clean"):
+        records(make_result("101"), make_result("102"), make_result("101"))
+
+
 def test_the_road_of_a_route_that_is_not_there_any_more_is_missing_and_nothing_else(tmp_path):
     write_pages(tmp_path, records(make_result("no such route"), spec="gone.xml"))
     assert data_of(tmp_path, "route-0")["maps"] == {}
