@@ -7,18 +7,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, merged_versions
+from pytest_drive_robust.domain.result import EpisodeResult, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
+from pytest_drive_robust.store.episode_fields import result_of
 from pytest_drive_robust.verdict.explain import describe_outcome
 
 _SCHEMA = 1
 """The `schema` of the runs that are understood here."""
+_NOT_YET_TOLD: Mapping[str, Any] = {
+    "speed_ratios_pct": (),
+    "schedule": (),
+    "privileged": False,
+    "junction_passed": False,
+    "versions": {},
+}
+"""What runs lack that were saved before these were told."""
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -108,22 +113,4 @@ def episode_of(item: Mapping[str, Any]) -> EpisodeResult:
 
     Raises `KeyError`, `TypeError` or `ValueError` for an item that lacks what episodes have.
     """
-    return EpisodeResult(
-        episode=Episode(item["agent"], item["route_id"], item["setting"], item["seed"]),
-        scenario=item["scenario"],
-        outcome=Outcome(item["outcome"]),
-        end=End(item["end"]),
-        end_detail=item["end_detail"],
-        route_completion_pct=item["route_completion_pct"],
-        route_length_m=item["route_length_m"],
-        infractions=tuple(
-            Infraction(**{**event, "kind": InfractionKind(event["kind"])}) for event in item["infractions"]
-        ),
-        speed_ratios_pct=tuple(item.get("speed_ratios_pct", ())),
-        ticks=item["ticks"],
-        dt_s=item["dt_s"],
-        wall_s=item["wall_s"],
-        trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
-        schedule=tuple(Injection(**stretch) for stretch in item.get("schedule", ())),
-        privileged=item.get("privileged", False),
-    )
+    return result_of({**_NOT_YET_TOLD, **item})

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.report.run_result import mixed_machines
+from pytest_drive_robust.store.episode_fields import fields_of
 from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -87,33 +88,9 @@ def _row(row: SettingRow) -> dict[str, object]:
 def episode_as_json(key: str, result: EpisodeResult) -> dict[str, object]:
     """Return the record of an episode; of its trajectory only the digest."""
     score, success = _score(result)
-    return {
-        "key": key,
-        "agent": result.episode.agent,
-        "route_id": result.episode.route_id,
-        "scenario": result.scenario,
-        "setting": result.episode.setting,
-        "seed": result.episode.seed,
-        "outcome": result.outcome.value,
-        "end": result.end.value,
-        "end_detail": result.end_detail,
-        "driving_score": score,
-        "success": success,
-        "route_completion_pct": result.route_completion_pct,
-        "route_length_m": result.route_length_m,
-        "infractions": [{**asdict(item), "kind": item.kind.value} for item in result.infractions],
-        "speed_ratios_pct": result.speed_ratios_pct,
-        "ticks": result.ticks,
-        "dt_s": result.dt_s,
-        "game_s": result.game_s,
-        "wall_s": result.wall_s,
-        "privileged": result.privileged,
-        "junction_passed": result.junction_passed,
-        "schedule": [asdict(item) for item in result.schedule],
-        "trace_digest": result.trace.digest,
-        "versions": dict(result.versions),
-        "reception": None if result.reception is None else asdict(result.reception),
-    }
+    told = fields_of(result)
+    del told["inference_s"]  # the wall times of every call: a record of the store has them
+    return {"key": key, **told, "driving_score": score, "success": success, "game_s": result.game_s}
 
 
 def _score(result: EpisodeResult) -> tuple[float | None, bool | None]:

@@ -17,7 +17,7 @@ import hashlib
 import json
 import struct
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
+from pytest_drive_robust.store.episode_fields import plain
 from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 
@@ -37,6 +38,7 @@ _SUM_BYTES = 32
 _LENGTH = struct.Struct("<I")
 _START = len(_MAGIC) + 1 + _SUM_BYTES
 
+_STRUCTURED = ("episode", "outcome", "end", "infractions", "schedule", "versions", "reception")
 _PLAIN = (
     "scenario",
     "end_detail",
@@ -80,7 +82,7 @@ def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None
         packed["tracks"] = pack_tracks(result.tracks)
         tables["tracks"] = np.zeros((len(packed["tracks"]), 1), np.uint8)
     header = {
-        **_header(result),
+        **{name: plain(getattr(result, name)) for name in (*_STRUCTURED, *_PLAIN)},
         "notes": dict(notes or {}),
         "tables": [[name, rows.dtype.str, *rows.shape, len(packed[name])] for name, rows in tables.items()],
         "trace_digest": result.trace.digest,
@@ -158,33 +160,5 @@ def _decoded(data: bytes) -> EpisodeRecord:
 def _reception(fields: dict[str, Any] | None) -> Reception | None:
     if fields is None:
         return None
-    touched = tuple(Touch(**item) for item in fields.pop("touched"))
-    return Reception(touched=touched, **{name: _tuple(value) for name, value in fields.items()})
-
-
-def _tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _header(result: EpisodeResult) -> dict[str, object]:
-    """Return everything but the tables, as plain JSON types."""
-    return {
-        "episode": _fields(result.episode),
-        "outcome": result.outcome.value,
-        "end": result.end.value,
-        "infractions": [{**_fields(item), "kind": item.kind.value} for item in result.infractions],
-        "schedule": [_fields(item) for item in result.schedule],
-        "versions": dict(result.versions),
-        "reception": None if result.reception is None else asdict(result.reception),
-        **{name: _plain(getattr(result, name)) for name in _PLAIN},
-    }
-
-
-def _fields(value: Any) -> dict[str, object]:
-    return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-
-
-def _plain(value: Any) -> object:
-    """Turn numpy scalars into Python numbers: simulators compute with numpy and JSON does not know it."""
-    item = getattr(value, "item", None)
-    return item() if item is not None and getattr(value, "ndim", None) == 0 else value
+    cameras, consumes = tuple(fields["cameras"]), tuple(fields["consumes"])
+    return Reception(cameras, consumes, fields["observations"], tuple(Touch(**item) for item in fields["touched"]))

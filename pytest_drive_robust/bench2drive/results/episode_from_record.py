@@ -7,23 +7,21 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pytest_drive_robust.bench2drive.results.messages import outside_lanes_pct, place_of, ratios_pct
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, logged_trace
 from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, STATUSES, OfficialRecord
-from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
+from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.score import PENALTIES
+from pytest_drive_robust.store.episode_fields import NO_TICKS, result_of
 from pytest_drive_robust.store.record_files import read_episode
 
 EPISODE_FILE = "drive_robust.episode"
 """Beside the log of a route: the whole episode of our exports, every tick of it."""
-_NO_TICKS = Trace(np.zeros((0, len(Trace.COLUMNS))))
 _LANES = InfractionKind.OUTSIDE_LANES.value
 _SHARE_TOLERANCE_PCT = 0.0051
 """The sentences give the share with two digits."""
@@ -60,6 +58,16 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
     )
 
 
+def episode_from_fields(fields: Mapping[str, Any], trace: Trace = NO_TICKS, *, where: str) -> EpisodeResult:
+    """Return what an export or a `--drive-json` file keeps of an episode. Raises `UsageError` for damaged fields."""
+    try:
+        return result_of(fields, trace)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            f"{where} is damaged: {type(error).__name__}: {shown(str(error), quotes=False)}. Export the run again."
+        ) from None
+
+
 def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
     """Return the infractions. A record with something in an unknown list, a failure officially, is refused."""
     unknown = [name for name, messages in record.infractions.items() if messages and name not in LISTS]
@@ -87,7 +95,7 @@ def _own(
 ) -> EpisodeResult:
     """Return what the export kept, when the official part still says the same."""
     where = f"{record.where}: what the export kept"
-    told = episode_from_fields(fields, _NO_TICKS, where=where)
+    told = episode_from_fields(fields, where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
         if given != wanted:
             raise UsageError(f"{record.where} was driven with the {name} {given!a}, but is given for {wanted!a}.")

@@ -15,15 +15,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pytest_drive_robust.bench2drive.results.ability_map import MAPS_FOLDER, TOWNS, map_text, routes_text
-from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_FILE
+from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_FILE, episode_from_fields
 from pytest_drive_robust.bench2drive.results.motion_log import FILE_NAME, log_text
-from pytest_drive_robust.bench2drive.results.own_fields import episode_from_fields
 from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of, results_document
-from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.store.whole_file import write_whole
@@ -95,7 +92,7 @@ def _episode(fields: object, find: Find, *, where: str) -> EpisodeResult:
     """Return the stored episode where there is one with the same ticks, else what the document tells."""
     if not isinstance(fields, dict):
         raise UsageError(f"{where} is damaged: expected an object.")
-    told = episode_from_fields(fields, Trace(np.zeros((0, len(Trace.COLUMNS)))), where=where)
+    told = episode_from_fields(fields, where=where)
     stored = find(str(fields.get("key")))
     if stored is not None and stored.episode == told.episode and stored.trace.digest == fields.get("trace_digest"):
         return stored

@@ -19,6 +19,7 @@ from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json,
 from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
+from pytest_drive_robust.store.episode_fields import NO_TICKS
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def logged_trace(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
     """Return as much of a trace as the log of a record tells: controls and progress are 0; empty without a log."""
     path = _first_log(folders, record)
     if path is None:
-        return Trace(np.zeros((0, len(Trace.COLUMNS))))
+        return NO_TICKS
     log = _read_log(path)
     rows = log.in_order
     motion = _motion_from(rows, log.dt_s)

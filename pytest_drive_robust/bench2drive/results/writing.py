@@ -9,10 +9,10 @@ from typing import Any
 
 from pytest_drive_robust.bench2drive.results.messages import lanes_message, speed_message
 from pytest_drive_robust.bench2drive.results.official_record import EXTENSION, LISTS
-from pytest_drive_robust.bench2drive.results.own_fields import fields_of
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score, penalty
+from pytest_drive_robust.store.episode_fields import fields_of
 
 _SCORES = ("score_composed", "score_route", "score_penalty")
 _VALUES = {

@@ -1,0 +1,114 @@
+"""An episode as plain JSON types and back: every fact of it but its tables of one number a tick."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch, Trace
+
+NO_TICKS = Trace(np.zeros((0, len(Trace.COLUMNS))))
+"""The trace of an episode of which only the facts are known."""
+_TABLES = frozenset({"trace", "given", "tracks"})
+_LARGEST = sys.float_info.max
+
+
+def plain(value: Any) -> Any:
+    """Return plain JSON types: enumerations by value, numpy scalars as Python numbers (simulators compute with numpy).
+
+    Dataclasses become objects.
+    """
+    if is_dataclass(value):
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, Enum):
+        return value.value
+    return value.item() if getattr(value, "ndim", None) == 0 else value
+
+
+def fields_of(result: EpisodeResult) -> dict[str, Any]:
+    """Return an episode as files tell it; of its trajectory only the digest."""
+    facts = [item.name for item in fields(result) if item.name not in {"episode", *_TABLES}]
+    told = {name: plain(getattr(result, name)) for name in facts}
+    return {**plain(result.episode), **told, "trace_digest": result.trace.digest}
+
+
+def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult:
+    """Return the inverse. Raises `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields."""
+    episode = Episode(_text(told["agent"]), _text(told["route_id"]), _text(told["setting"]), _whole(told["seed"]))
+    facts = {name: read(told[name]) for name, read in _FACTS.items() if name in told or name not in _LATER}
+    return EpisodeResult(episode=episode, trace=trace, **facts)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"expected text, got {type(value).__name__}")
+    return value
+
+
+def _truth(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError(f"expected true or false, got {type(value).__name__}")
+    return value
+
+
+def _whole(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 53:
+        raise ValueError("expected a whole number of 0 or more")
+    return value
+
+
+def _number(value: object, *, low: float = 0.0, high: float = _LARGEST) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        raise ValueError("expected a finite number in range")
+    return float(value)
+
+
+def _several(read: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, ...]]:
+    return lambda values: tuple(map(read, values))
+
+
+def _object(cls: type, **readers: Callable[[Any], Any]) -> Callable[[Mapping[str, Any]], Any]:
+    return lambda told: cls(**{name: read(told[name]) for name, read in readers.items()})
+
+
+_coordinate = partial(_number, low=-_LARGEST)
+_infraction = _object(
+    Infraction, kind=InfractionKind, tick=_whole, detail=_text, x_m=_coordinate, y_m=_coordinate, share_pct=_number
+)
+_touch = _object(Touch, signal=_text, ticks=_whole, first_tick=_whole)
+_reception = _object(
+    Reception, cameras=_several(_text), consumes=_several(_text), observations=_whole, touched=_several(_touch)
+)
+_FACTS: Mapping[str, Callable[[Any], Any]] = {
+    "scenario": _text,
+    "outcome": Outcome,
+    "end": End,
+    "end_detail": _text,
+    "route_completion_pct": partial(_number, high=100.0),
+    "route_length_m": _number,
+    "infractions": _several(_infraction),
+    "speed_ratios_pct": _several(_number),
+    "ticks": _whole,
+    "dt_s": _number,
+    "wall_s": _number,
+    "schedule": _several(_object(Injection, perturbation=_text, signal=_text, first_tick=_whole, last_tick=_whole)),
+    "privileged": _truth,
+    "junction_passed": _truth,
+    "versions": lambda told: {_text(name): _text(version) for name, version in told.items()},
+    "inference_s": _several(_number),
+    "reception": lambda told: None if told is None else _reception(told),
+}
+_LATER = ("inference_s", "reception")
+"""What some files leave out."""
