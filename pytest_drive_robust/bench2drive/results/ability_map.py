@@ -10,13 +10,21 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 
+import numpy as np
+
+from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 
 MAPS_FOLDER = ("CarlaUE4", "Content", "Carla", "Maps", "OpenDrive")
 """Below CARLA_ROOT."""
 _LENGTH_M = 1000.0
 _JUNCTION_M = 4.0
+_ASIDE_M = 1.75
+"""The lane lies to the right of the x axis."""
+_ROWS = 9
 TOWNS: Mapping[str, float] = {"JunctionAtStart": 4.0, "JunctionAtEnd": _LENGTH_M - _JUNCTION_M - 3.0}
 """Each made-up town with the metre where its junction begins."""
 
@@ -30,10 +38,10 @@ def routes_text(results: Iterable[EpisodeResult]) -> str:
         route = ElementTree.SubElement(root, "route", id=result.episode.route_id, town=town)
         waypoints = ElementTree.SubElement(route, "waypoints")
         for x_m in (1.0, _LENGTH_M - 1.0):
-            ElementTree.SubElement(waypoints, "position", x=f"{x_m}", y="1.75", z="0.0")
+            ElementTree.SubElement(waypoints, "position", x=f"{x_m}", y=f"{_ASIDE_M}", z="0.0")
         names = {"name": f"{result.scenario}_1", "type": result.scenario}
         scenario = ElementTree.SubElement(ElementTree.SubElement(route, "scenarios"), "scenario", names)
-        ElementTree.SubElement(scenario, "trigger_point", x="1.0", y="1.75", z="0.0", yaw="0.0")
+        ElementTree.SubElement(scenario, "trigger_point", x="1.0", y=f"{_ASIDE_M}", z="0.0", yaw="0.0")
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -41,59 +49,23 @@ def routes_text(results: Iterable[EpisodeResult]) -> str:
 def map_text(town: str) -> str:
     """Return the OpenDRIVE map of a made-up town: one lane from x = 0 to 1000 m."""
     begin_m = TOWNS[town]
-    root = ElementTree.Element("OpenDRIVE")
-    ElementTree.SubElement(root, "header", revMajor="1", revMinor="4", name=town, version="1")
-    _road(root, 1, 0.0, begin_m, junction=-1, before=None, after=("junction", 100))
-    _road(root, 2, begin_m, _JUNCTION_M, junction=100, before=("road", 1), after=("road", 3))
-    rest_m = _LENGTH_M - begin_m - _JUNCTION_M
-    _road(root, 3, begin_m + _JUNCTION_M, rest_m, junction=-1, before=("junction", 100), after=None)
-    junction = ElementTree.SubElement(root, "junction", id="100", name="junction")
-    way = {"id": "0", "incomingRoad": "1", "connectingRoad": "2", "contactPoint": "start"}
-    ElementTree.SubElement(ElementTree.SubElement(junction, "connection", way), "laneLink", {"from": "-1", "to": "-1"})
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-_Link = tuple[str, int] | None
-
-
-def _road(
-    root: ElementTree.Element,
-    number: int,
-    begin_m: float,
-    length_m: float,
-    *,
-    junction: int,
-    before: _Link,
-    after: _Link,
-) -> None:
-    """Add a straight road with one driving lane to the right of its reference line."""
-    length = f"{length_m}"
-    given = {"name": f"road {number}", "length": length, "id": f"{number}", "junction": f"{junction}"}
-    road = ElementTree.SubElement(root, "road", given)
-    links = ElementTree.SubElement(road, "link")
-    for name, link, contact in (("predecessor", before, "end"), ("successor", after, "start")):
-        if link is not None:
-            at = {"elementType": link[0], "elementId": f"{link[1]}"}
-            ElementTree.SubElement(links, name, at | ({"contactPoint": contact} if link[0] == "road" else {}))
-    plan = ElementTree.SubElement(road, "planView")
-    at = {"s": "0.0", "x": f"{begin_m}", "y": "0.0", "hdg": "0.0", "length": length}
-    ElementTree.SubElement(ElementTree.SubElement(plan, "geometry", at), "line")
-    ElementTree.SubElement(ElementTree.SubElement(road, "elevationProfile"), "elevation", _cubic())
-    section = ElementTree.SubElement(ElementTree.SubElement(road, "lanes"), "laneSection", s="0.0")
-    centre = ElementTree.SubElement(section, "center")
-    middle = ElementTree.SubElement(centre, "lane", id="0", type="none", level="false")
-    lane = ElementTree.SubElement(
-        ElementTree.SubElement(section, "right"), "lane", id="-1", type="driving", level="false"
+    ends_m = (0.0, begin_m, begin_m + _JUNCTION_M, _LENGTH_M)
+    lanes = tuple(
+        Lane(
+            index=number,
+            kind=LaneKind.DRIVING,
+            centre=np.column_stack((np.linspace(start_m, end_m, _ROWS), np.full(_ROWS, _ASIDE_M), np.zeros(_ROWS))),
+            width_m=2.0 * _ASIDE_M,
+            speed_limit_mps=13.9,
+            junction=number == 2,
+            left=-1,
+            right=-1,
+            left_same_way=False,
+            right_same_way=False,
+            left_line="solid",
+            right_line="solid",
+            successors=(number + 1,) if number < 3 else (),
+        )
+        for number, (start_m, end_m) in enumerate(pairwise(ends_m), start=1)
     )
-    lane_links = ElementTree.SubElement(lane, "link")
-    for name, link in (("predecessor", before), ("successor", after)):
-        if link is not None and link[0] == "road":
-            ElementTree.SubElement(lane_links, name, id="-1")
-    ElementTree.SubElement(lane, "width", {"sOffset": "0.0", **_cubic(3.5, place=False)})
-    mark = {"sOffset": "0.0", "type": "solid", "material": "standard", "color": "white", "laneChange": "none"}
-    for marked in (middle, lane):
-        ElementTree.SubElement(marked, "roadMark", mark)
-
-
-def _cubic(a: float = 0.0, *, place: bool = True) -> dict[str, str]:
-    return ({"s": "0.0"} if place else {}) | {"a": f"{a}", "b": "0.0", "c": "0.0", "d": "0.0"}
+    return opendrive_of(LaneMap(town, lanes, (), np.zeros((0, 4, 2)), np.zeros((0, 6)))) + "\n"
