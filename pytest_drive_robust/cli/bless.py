@@ -8,8 +8,7 @@ from pathlib import Path
 
 from pytest_drive_robust.cli.compare import add_baselines, references_of
 from pytest_drive_robust.regression import clock, git
-from pytest_drive_robust.regression.baselines import Blessing
-from pytest_drive_robust.regression.blessing import bless
+from pytest_drive_robust.regression.baselines import Blessing, bless
 
 _DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
 the bit on any machine, with any version of Python and of libraries that we allow, for agents that promise it

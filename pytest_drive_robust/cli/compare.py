@@ -14,8 +14,7 @@ from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.regression.outcome import Terms
-from pytest_drive_robust.regression.references import References
-from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.regression.references import References, home_of
 from pytest_drive_robust.report.comparison import comparison_text
 
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 from pytest_drive_robust.results.mcap_file import write_mcap
 from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run

@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.document import read_document, snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
-from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
 it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the

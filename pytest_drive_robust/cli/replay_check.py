@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import StoredRuns, home_of
+from pytest_drive_robust.regression.references import StoredRuns, home_of
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode

@@ -13,7 +13,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.outcome import Terms
-from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes
 

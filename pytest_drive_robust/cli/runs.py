@@ -10,7 +10,7 @@ from typing import Any
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.runs import StoredRuns, home_of
+from pytest_drive_robust.regression.references import StoredRuns, home_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_STORE
-from pytest_drive_robust.regression.runs import home_of
+from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
 

@@ -31,7 +31,7 @@ from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.store.opening import new_run_name, open_store
+from pytest_drive_robust.store.base import new_run_name, open_store
 
 if TYPE_CHECKING:
     from pytest_drive_robust.runner.scheduler import Observer

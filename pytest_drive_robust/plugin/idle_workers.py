@@ -14,8 +14,7 @@ from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.plan import EpisodeRequest, routes_in_order
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.claims import Claims
-from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
-from pytest_drive_robust.store.journal import JournalReader
+from pytest_drive_robust.store.events import Asked, JournalReader, Judged, Spared, Used
 
 _STOP = "stop"
 _BUSY = "busy"

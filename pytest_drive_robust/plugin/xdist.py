@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from pytest_drive_robust.plugin.terminal import progress_for
-from pytest_drive_robust.store.events import Advised, Event
-from pytest_drive_robust.store.journal import JournalReader, JournalWriter
-from pytest_drive_robust.store.opening import open_store
+from pytest_drive_robust.store.base import open_store
+from pytest_drive_robust.store.events import Advised, Event, JournalReader, JournalWriter
 
 if TYPE_CHECKING:
     from pytest_drive_robust.options.run import RunOptions

@@ -8,7 +8,7 @@ Three ways lead in, all open to everybody:
 * for agents and simulators, a reference `module.path:Factory` in place of a name.
 
 Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`. Other
-agents take options there, the parameters of their factories: `blind:speed=8` (see `agent_options`).
+agents take options there, the parameters of their factories: `blind:speed=8` (see `entries`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNam
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import kebab_name
-from pytest_drive_robust.registry.agent_options import are_options
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
@@ -185,7 +184,7 @@ class Registry:
     def _find(self, kind: str, name: str) -> Entry:
         known = self._all(kind)
         bare, colon, argument = name.partition(":")
-        takes_options = kind == "agents" and colon and name not in known and are_options(argument)
+        takes_options = kind == "agents" and colon and name not in known and "=" in argument
         if colon and bare in known and (known[bare][0].argument or takes_options):
             name = bare
         if name not in known:

@@ -10,9 +10,8 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip, Numbers, Terms
-from pytest_drive_robust.regression.rises import Quartet
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
-from pytest_drive_robust.regression.verdicts import judge_drop, judge_rise, kind_for
+from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
 from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.stats.judges import VerdictKind

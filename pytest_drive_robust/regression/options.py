@@ -9,8 +9,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
 from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.references import BASELINES
-from pytest_drive_robust.regression.runs import AUTO, check_run_name
+from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name
 
 
 def _save(given: GivenText) -> str:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy
-from pytest_drive_robust.regression.rises import Quartet, Rise, rise_of
 from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
+from pytest_drive_robust.regression.verdicts import Quartet, Rise, rise_of
 
 _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 

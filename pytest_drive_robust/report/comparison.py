@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
-    from pytest_drive_robust.regression.rises import Rise
     from pytest_drive_robust.regression.snapshot import RouteScore
+    from pytest_drive_robust.regression.verdicts import Rise
 
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}

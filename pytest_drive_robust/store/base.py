@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import uuid
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.claims import Claim
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.options.run import RunOptions
 
 
 class EpisodeStore(Protocol):
@@ -69,3 +74,21 @@ def ends_reusable(outcome: Outcome, end: End) -> bool:
     if outcome is Outcome.AGENT_ERROR:
         return end is End.AGENT_CRASHED
     return outcome in (Outcome.COMPLETED, Outcome.FAILED)
+
+
+def new_run_name() -> str:
+    """Return a name that no other run has."""
+    return uuid.uuid4().hex
+
+
+def open_store(options: RunOptions, root: Path, *, run: str, own: Path | None = None) -> EpisodeStore:
+    """Open the store that the run was given, relative to the root folder.
+
+    `own` is a folder that only the processes of this run share: it takes what cannot be written to the store, and
+    everything when there shall be none (`--drive-store off`).
+    """
+    from pytest_drive_robust.store.folder import FolderStore  # loads numpy
+
+    if options.store == "off":
+        return MemoryStore() if own is None else FolderStore(own, run=run)
+    return FolderStore(root / options.store, run=run, fresh=options.fresh, spill=own)

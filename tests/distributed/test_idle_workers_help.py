@@ -11,8 +11,7 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.plugin.idle_workers import _OpenRequests
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, routes_in_order
-from pytest_drive_robust.store.events import Asked, Event, Judged, Spared, Used
-from pytest_drive_robust.store.journal import JournalWriter
+from pytest_drive_robust.store.events import Asked, Event, JournalWriter, Judged, Spared, Used
 from pytest_drive_robust.testing import fake_route
 
 ONE_LONG_TEST = """

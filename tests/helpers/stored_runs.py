@@ -9,7 +9,7 @@ from result_factory import crashed_simulation, scored
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.regression.runs import StoredRuns
+from pytest_drive_robust.regression.references import StoredRuns
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import Asked, Event, Identified, Used

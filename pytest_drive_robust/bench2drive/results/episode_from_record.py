@@ -7,9 +7,16 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.bench2drive.results.messages import outside_lanes_pct, place_of, ratios_pct
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, logged_trace
-from pytest_drive_robust.bench2drive.results.official_record import LISTS, SPEED_LIST, STATUSES, OfficialRecord
+from pytest_drive_robust.bench2drive.results.official_record import (
+    LISTS,
+    SPEED_LIST,
+    STATUSES,
+    OfficialRecord,
+    outside_lanes_pct,
+    place_of,
+    ratios_pct,
+)
 from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of
 from pytest_drive_robust.domain.episode import Episode

@@ -28,9 +28,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pytest_drive_robust.arithmetic.signals import mean
-from pytest_drive_robust.bench2drive.results.messages import official_ratios_pct, ratios_pct
 from pytest_drive_robust.bench2drive.results.motion_log import Comforts
-from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, official_ratios_pct, ratios_pct
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.metrics.ability import ABILITIES

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.bench2drive.results.episode_from_record import lane_shares_pct
-from pytest_drive_robust.bench2drive.results.messages import (
+from pytest_drive_robust.bench2drive.results.motion_log import Comforts
+from pytest_drive_robust.bench2drive.results.official_record import (
     LARGEST_PCT,
+    SPEED_LIST,
     official_ratios_pct,
     official_speed_pct,
     speed_pct,
 )
-from pytest_drive_robust.bench2drive.results.motion_log import Comforts
-from pytest_drive_robust.bench2drive.results.official_record import SPEED_LIST
 from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals, official_efficiency
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS

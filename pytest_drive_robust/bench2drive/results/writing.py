@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import sqrt
 from typing import Any
 
-from pytest_drive_robust.bench2drive.results.messages import lanes_message, speed_message
-from pytest_drive_robust.bench2drive.results.official_record import EXTENSION, LISTS
+from pytest_drive_robust.bench2drive.results.official_record import EXTENSION, LISTS, lanes_message, speed_message
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score, penalty

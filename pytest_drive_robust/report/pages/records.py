@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.document import episode_of, read_document
-from pytest_drive_robust.regression.runs import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.record import decode_record
 from pytest_drive_robust.store.record_files import RecordFiles

@@ -1,8 +1,8 @@
 """`gymnasium:ID`: highway-env's environments, and any that is built like them, behind our `Simulator` protocol.
 
-Where is what: `environments` says which can be driven and makes one at 20 Hz; `route_line` asks it where its ego
-shall go and draws the way there, `road_map` the lanes; `live_road` gives it controls and reads its vehicles;
-`criteria` judges; `class_attributes` keeps what it writes on classes to itself; `simulator` is what others import.
+Where is what: `environments` says which can be driven, makes one at 20 Hz and keeps what it writes on classes to
+itself; `route_line` asks it where its ego shall go and draws the way there, `road_map` the lanes; `live_road` gives it
+controls and reads its vehicles; `criteria` judges; `simulator` is what others import.
 """
 
 from __future__ import annotations

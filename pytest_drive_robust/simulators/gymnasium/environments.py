@@ -1,4 +1,4 @@
-"""Make an environment that we can drive: 20 Hz, two continuous actions, no observation, no reward."""
+"""Make an environment that we can drive: 20 Hz, two actions, no observation, no reward, class attributes of its own."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ import functools
 import importlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import gymnasium
-import highway_env  # noqa: F401 -- registers its ids
+import highway_env
+import highway_env.vehicle.behavior
+import highway_env.vehicle.dynamics  # noqa: F401 -- classes must exist before they can be watched
 import numpy as np
 from gymnasium.envs.registration import EnvSpec, load_env_creator
 from highway_env.envs.common.abstract import AbstractEnv
+from highway_env.vehicle.objects import RoadObject
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
@@ -187,3 +191,59 @@ def reset_seed(route: Route, seed: int, *, simulator: str, identifier: str) -> i
 def _number(name: str, identifier: str) -> int | None:
     found = re.fullmatch(re.escape(identifier) + r"-(0|[1-9]\d{0,4})", name)
     return None if found is None else int(found.group(1))
+
+
+Values = Mapping[type, Mapping[str, object]]
+
+
+class ClassAttributes:
+    """One environment's own values of class attributes in one episode, in force only while its code runs.
+
+    `IntersectionEnv` sets `IDMVehicle.DISTANCE_WANTED`, `COMFORT_ACC_MAX` and `COMFORT_ACC_MIN` on the class and never
+    puts them back: every later environment of the process would drive other trajectories for the same seed.
+
+    >>> from highway_env.vehicle.behavior import IDMVehicle
+    >>> own, before = ClassAttributes(), IDMVehicle.DISTANCE_WANTED
+    >>> with own.inside():
+    ...     IDMVehicle.DISTANCE_WANTED = 7
+    >>> IDMVehicle.DISTANCE_WANTED == before
+    True
+    """
+
+    def __init__(self) -> None:
+        self._own: Values = {}
+
+    @contextmanager
+    def inside(self) -> Iterator[None]:
+        """Run the environment's code with its own values; everybody else's come back afterwards, also on an error."""
+        outside = _snapshot()
+        _write(self._own)
+        try:
+            yield
+        finally:
+            self._own = _snapshot()
+            _write(outside)
+
+
+def _snapshot() -> Values:
+    """Return the plain attributes that `RoadObject` and all that descend from it define themselves."""
+    family: list[type] = [RoadObject]
+    for cls in family:  # grows while it is read
+        children: list[type] = cls.__subclasses__()
+        family.extend(child for child in children if child not in family)
+    return {cls: _plain(cls) for cls in family}
+
+
+def _plain(cls: type) -> dict[str, object]:
+    """Return what is a number, text or list: no method, property or dunder."""
+    values = vars(cls).items()
+    return {k: v for k, v in values if not (k.startswith("__") or callable(v) or hasattr(v, "__get__"))}
+
+
+def _write(values: Values) -> None:
+    for cls, attributes in values.items():
+        for name in _plain(cls).keys() - attributes.keys():
+            delattr(cls, name)
+        for name, value in attributes.items():
+            if vars(cls).get(name, values) is not value:
+                setattr(cls, name, value)

@@ -17,11 +17,11 @@ from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
-from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
 from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
 from pytest_drive_robust.simulators.gymnasium.environments import (
     RATE_HZ,
     WORKING,
+    ClassAttributes,
     Environment,
     find_spec,
     make_environment,

@@ -17,10 +17,11 @@ from pytest_drive_robust.regression.baselines import (
     BlessedRoute,
     Blessing,
     baseline_file,
+    bless,
+    blessed_snapshot,
     merge,
     read_baseline,
 )
-from pytest_drive_robust.regression.blessing import bless, blessed_snapshot
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 

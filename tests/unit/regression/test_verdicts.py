@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from snapshot_factory import cell, snapshot
 
 from pytest_drive_robust.regression.allowance import parse_allowances
-from pytest_drive_robust.regression.rises import Quartet
-from pytest_drive_robust.regression.verdicts import judge_rise
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.verdicts import Quartet, judge_rise, rise_of
+from pytest_drive_robust.report.comparison import comparison_text
 
 
-def quartets(clean_before: float, clean_after: float, *, kept_before: float, kept_after: float) -> list[Quartet]:
+def quartets_of(clean_before: float, clean_after: float, *, kept_before: float, kept_after: float) -> list[Quartet]:
     scores = (clean_before, clean_before * kept_before, clean_after, clean_after * kept_after)
     return [Quartet(str(number), *scores) for number in range(200)]
 
@@ -20,10 +24,102 @@ def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(kind) 
 
     def verdict(clean_before: float, clean_after: float, *, kept_after: float = 0.9) -> str:
         return judge_rise(
-            quartets(clean_before, clean_after, kept_before=0.9, kept_after=kept_after), allowance, kind=kind
+            quartets_of(clean_before, clean_after, kept_before=0.9, kept_after=kept_after), allowance, kind=kind
         )
 
     assert verdict(80.0, 80.0) == verdict(30.0, 30.0) == "pass"
     assert verdict(80.0, 29.0) == verdict(29.0, 80.0) == verdict(0.001, 0.001) == "inconclusive"
     assert verdict(80.0, 29.0, kept_after=0.2) == "fail"
     assert verdict(80.0, 0.0) == "inconclusive"
+
+
+SCORES = st.floats(1.0, 100.0)
+ROWS = st.lists(st.tuples(SCORES, SCORES, SCORES, SCORES), min_size=2, max_size=12)
+
+CLEAN = {"1": 100.0, "2": 60.0, "3": 80.0, "4": 90.0}
+
+
+def quartets(rows: list[tuple[float, float, float, float]]) -> list[Quartet]:
+    return [Quartet(str(number), *row) for number, row in enumerate(rows)]
+
+
+@given(ROWS)
+def test_it_is_the_difference_of_both_degradations_within_its_interval(
+    rows: list[tuple[float, float, float, float]],
+) -> None:
+    found = rise_of(quartets(rows))
+    assert found is not None
+    clean_before, before, clean_after, after = (sum(column) for column in zip(*rows, strict=True))
+    assert found.before == pytest.approx(1.0 - before / clean_before, abs=1e-9)
+    assert found.after == pytest.approx(1.0 - after / clean_after, abs=1e-9)
+    assert found.low <= found.after - found.before <= found.high
+
+
+@given(ROWS)
+def test_two_runs_the_other_way_round_have_the_opposite_rise(rows: list[tuple[float, float, float, float]]) -> None:
+    there, back = rise_of(quartets(rows)), rise_of(quartets([(row[2], row[3], row[0], row[1]) for row in rows]))
+    assert there is not None
+    assert back is not None
+    assert (back.low, back.high) == pytest.approx((-there.high, -there.low), abs=1e-9)
+
+
+@given(ROWS)
+def test_the_same_setting_twice_has_the_mean_of_itself(rows: list[tuple[float, float, float, float]]) -> None:
+    once, twice = rise_of(quartets(rows)), rise_of(quartets(rows), quartets(rows))
+    assert once is not None
+    assert twice is not None
+    assert (twice.before, twice.after, twice.low, twice.high) == pytest.approx(
+        (once.before, once.after, once.low, once.high), abs=1e-9
+    )
+    assert (once.settings, twice.settings) == (1, 2)
+
+
+def test_of_several_settings_only_the_common_routes_count() -> None:
+    first = quartets([(100.0, 50.0, 100.0, 80.0), (100.0, 50.0, 100.0, 80.0), (100.0, 0.0, 100.0, 0.0)])
+    second = quartets([(100.0, 90.0, 100.0, 90.0), (100.0, 90.0, 100.0, 90.0)])
+    found = rise_of(first, second)
+    assert found is not None
+    assert (found.before, found.after, found.routes, found.settings) == pytest.approx((0.3, 0.15, 2, 2))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [(100.0, 50.0, 100.0, 80.0)],
+        [(0.0, 0.0, 100.0, 80.0), (0.0, 0.0, 100.0, 80.0)],
+        [(100.0, 50.0, 0.0, 0.0), (100.0, 50.0, 40.0, 40.0)],
+    ],
+    ids=["one-route", "no-clean-score", "all-clean-score-on-one-route"],
+)
+def test_without_anything_to_compare_there_is_no_number(rows: list[tuple[float, float, float, float]]) -> None:
+    assert rise_of(quartets(rows)) is None
+    assert rise_of() is None
+
+
+def test_a_comparison_says_what_rd_rose_by_and_what_the_mean_did() -> None:
+    noisy, blocked = "GPS noise 5 m", "occlusion 0.5"
+    before = snapshot(
+        cell(CLEAN), cell([50.0, 30.0, 40.0, 45.0], setting=noisy), cell([100.0, 60.0, 80.0, 90.0], setting=blocked)
+    )
+    after = snapshot(
+        cell(CLEAN), cell([100.0, 60.0, 80.0, 90.0], setting=noisy), cell([60.0, 60.0, 80.0, 90.0], setting=blocked)
+    )
+    comparison = compare(before, after)
+    text = comparison_text(comparison, colour=False)
+    assert "  RD 0.500 -> 0.000 (-0.500, 95 % -0.500 to -0.500)" in text
+    assert "  RD 0.000 -> 0.121 (+0.121, 95 % " in text
+    assert "driver: mean RD of 2 settings 0.250 -> 0.061 (-0.189, 95 % " in text
+    assert comparison.mean_rises["driver"].routes == 4
+
+
+def test_of_two_runs_without_any_change_nothing_is_said() -> None:
+    run = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"), cell(CLEAN, setting="occlusion 0.5"))
+    assert "RD 0." not in comparison_text(compare(run, run), colour=False)
+
+
+def test_a_setting_with_a_route_that_was_not_scored_has_no_rise() -> None:
+    before = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"))
+    after = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m", broken=("5: the agent raised",)))
+    comparison = compare(before, after)
+    assert all(found.rise is None for found in comparison.cells)
+    assert comparison.mean_rises == {}

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType, ModuleType
 
-from pytest_drive_robust.bench2drive.agents.stand_ins import carla_types, leaderboard_types
+from pytest_drive_robust.bench2drive.agents.stand_ins import foreign_types
 
 _MODULES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -48,7 +48,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def exec_module(self, module: ModuleType) -> None:
         names = _MODULES[module.__name__]
         for name in names:
-            setattr(module, name, getattr(carla_types, name, None) or getattr(leaderboard_types, name))
+            setattr(module, name, getattr(foreign_types, name))
         if names:
             module.__getattr__ = _refusal(module.__name__, names)  # type: ignore[method-assign]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from official_fuzzing import ANY, FUZZ, places, replaced, try_everything
 from official_records import document, motion_step, record, write
 
-from pytest_drive_robust.bench2drive.results.messages import official_speed_pct, speed_pct
+from pytest_drive_robust.bench2drive.results.official_record import official_speed_pct, speed_pct
 
 _STEPS = {str(n): motion_step(forward=0.1, x_m=0.4 * n) for n in range(3)}
 

@@ -1,7 +1,15 @@
 from __future__ import annotations
 
-from pytest_drive_robust.store.events import Asked, Finished, Judged, Planned, Started, Troubled
-from pytest_drive_robust.store.journal import JournalReader, JournalWriter
+from pytest_drive_robust.store.events import (
+    Asked,
+    Finished,
+    JournalReader,
+    JournalWriter,
+    Judged,
+    Planned,
+    Started,
+    Troubled,
+)
 
 EVENTS = [
     Planned(("a", "b")),
