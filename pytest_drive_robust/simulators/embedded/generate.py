@@ -7,7 +7,10 @@ towns of seed s carry the numbers 1 + 1000 s to 1000 + 1000 s, and no others.
 from __future__ import annotations
 
 import argparse
+import csv
+import functools
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +25,8 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place,
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType, Site
+from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres
 from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -32,6 +36,8 @@ ATTEMPTS = 20
 SEEDS, TOWNS_PER_SEED = 999, 1000
 """Seeds are 0 to `SEEDS` - 1; each has its own numbers of towns."""
 
+_SITES = Path(__file__).parent / "route_files" / "sites.csv"
+_RANGES = ("length_m", "trigger_m", "before_m", "changes_m")
 _FAIR = ("clear noon", "cloudy noon", "wet noon")
 _WAYPOINT_STEP_M = 2.0
 _ROAD_LEFT_M = 80.0
@@ -40,6 +46,45 @@ _CHANGE_S = 2.4
 _LEAST_CHANGE_M = 20.0
 _WIDEST_M = 5.0
 """Lanes whose centres are farther apart do not lie side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where routes for a scenario type are drawn.
+
+    `chain` names a chain of lanes of the town style, or several with lane changes between them:
+    `"ramp.f0>road.right"`. `before_m` metres lie between the start and the chain's anchor (its first junction, on ramps
+    where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are
+    ranges, the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
+    `texts` are parameter elements whose value is a word: `(("direction", "left"),)`.
+    """
+
+    style: str
+    chain: str
+    length_m: Metres
+    trigger_m: Metres = (4.0, 14.0)
+    before_m: Metres | None = None
+    changes_m: tuple[Metres, ...] = ()
+    texts: tuple[tuple[str, str], ...] = ()
+
+
+@functools.cache
+def all_sites() -> dict[str, tuple[Site, ...]]:
+    """Return the sites of every scenario type that has some: the rows of `route_files/sites.csv`, in their order."""
+    found: dict[str, tuple[Site, ...]] = {}
+    with _SITES.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            length_m, trigger_m, before_m, changes_m = (_ranges(row[name]) for name in _RANGES)
+            texts = (("direction", row["direction"]),) if row["direction"] else ()
+            before = before_m[0] if before_m else None
+            site = Site(row["style"], row["chain"], length_m[0], trigger_m[0], before, changes_m, texts)
+            found[row["type"]] = (*found.get(row["type"], ()), site)
+    return found
+
+
+def _ranges(text: str) -> tuple[Metres, ...]:
+    """Return `"6..10 46..50"` as pairs of numbers."""
+    return tuple((float(low), float(high)) for low, _, high in (each.partition("..") for each in text.split()))
 
 
 def draw_routes(*, seed: int, per_type: int) -> list[Route]:
@@ -61,9 +106,17 @@ def draw_routes(*, seed: int, per_type: int) -> list[Route]:
 def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> Route:
     """Return a route of a type that can be laid, staged and started. Raises `RouteError` after `ATTEMPTS` draws."""
     reason = "it has no sites"
-    for attempt in range(ATTEMPTS if kind.sites else 0):
+    sites = all_sites().get(kind.name, ())
+    for attempt in range(ATTEMPTS if sites else 0):
         try:
-            route = _attempt(kind, number, seed, RandomNumbers.of(seed, kind.name, number, attempt), route_id)
+            route = _attempt(
+                kind,
+                sites[number % len(sites)],
+                number,
+                seed,
+                RandomNumbers.of(seed, kind.name, number, attempt),
+                route_id,
+            )
             world = World(route, seed=0)
         except RouteError as error:
             reason = str(error)
@@ -78,8 +131,7 @@ def draw_route(kind: ScenarioType, *, number: int, seed: int, route_id: str) -> 
     )
 
 
-def _attempt(kind: ScenarioType, number: int, seed: int, rng: RandomNumbers, route_id: str) -> Route:
-    site = kind.sites[number % len(kind.sites)]
+def _attempt(kind: ScenarioType, site: Site, number: int, seed: int, rng: RandomNumbers, route_id: str) -> Route:
     town_name = f"{site.style}{1 + TOWNS_PER_SEED * seed + rng.below(TOWNS_PER_SEED)}"
     line = _line(compile_town(town_name), site, rng)
     length = float(arc_lengths(line)[-1])

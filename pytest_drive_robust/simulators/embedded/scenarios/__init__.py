@@ -1,6 +1,7 @@
 """The scripted situations, grouped by what the ego has to do.
 
 Constants are Bench2Drive's (`scenario_runner/srunner/scenarios`). Importing this package fills `SCENARIOS`.
+Where routes for them are drawn stands in `route_files/sites.csv`.
 """
 
 from pytest_drive_robust.simulators.embedded.scenarios import (  # noqa: F401 -- each module registers its types
@@ -14,6 +15,6 @@ from pytest_drive_robust.simulators.embedded.scenarios import (  # noqa: F401 --
     traffic,
     walkers,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import SCENARIOS, ScenarioType, Site
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import SCENARIOS, ScenarioType
 
-__all__ = ["SCENARIOS", "ScenarioType", "Site"]
+__all__ = ["SCENARIOS", "ScenarioType"]

@@ -18,7 +18,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     rolling_start,
     scenery,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _BEFORE_LANE_END_M = 45.0
@@ -31,15 +31,7 @@ _ROW = (-2, -1, 1, 2, 3)
 """Standing cars behind the one that cuts in, and ahead of it."""
 
 
-@scenario(
-    "ParkingCutIn",
-    sites=(
-        Site("ParkingStreet", "road.f0", (125.0, 142.0)),
-        Site("ParkingAvenue", "road.f1", (125.0, 142.0)),
-        Site("OneWayStreet", "road.f1", (125.0, 142.0)),
-    ),
-    parameters={"distance": (35.0, 35.0)},
-)
+@scenario("ParkingCutIn", parameters={"distance": (35.0, 35.0)})
 def parking_cut_in(stage: Stage) -> None:
     """A parked car 35 m ahead pulls out from behind another one at 28 m; it starts at 2.35 s or 10 m.
 
@@ -64,16 +56,7 @@ def parking_cut_in(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + at + 40.0
 
 
-@scenario(
-    "StaticCutIn",
-    sites=(
-        Site("Avenue", "road.f0", (125.0, 142.0)),
-        Site("OneWayStreet", "road.f1", (125.0, 142.0)),
-        Site("Highway", "road.f1", (135.0, 155.0)),
-        Site("Avenue", "road.b1", (125.0, 142.0)),
-    ),
-    parameters={"distance": (45.0, 60.0)},
-)
+@scenario("StaticCutIn", parameters={"distance": (45.0, 60.0)})
 def static_cut_in(stage: Stage) -> None:
     """Out of a standing row on the next lane one car cuts in at 60 km/h; it starts at 2.7 s or 15 m.
 
@@ -98,15 +81,7 @@ def static_cut_in(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + at + 50.0
 
 
-@scenario(
-    "HighwayCutIn",
-    sites=(
-        Site("Highway", "road.f1", (122.0, 140.0)),
-        Site("EntryRamp", "road.right", (122.0, 140.0), trigger_m=(4.0, 8.0), before_m=(8.0, 12.0)),
-        Site("Highway", "road.f0", (122.0, 140.0)),
-    ),
-    parameters={"distance": (35.0, 45.0)},
-)
+@scenario("HighwayCutIn", parameters={"distance": (35.0, 45.0)})
 def highway_cut_in(stage: Stage) -> None:
     """A car on the lane to the right keeps abreast, then cuts in 10 m ahead at 80 % of the ego's speed in two seconds.
 

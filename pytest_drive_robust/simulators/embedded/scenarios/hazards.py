@@ -22,7 +22,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     side_traffic,
     speed,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _BICYCLE_SHIFT = 0.55
@@ -34,11 +34,6 @@ _CONE_STEP_M = 6.0
 
 @scenario(
     "HazardAtSideLane",
-    sites=(
-        Site("Avenue", "road.f1", (125.0, 145.0)),
-        Site("ParkingAvenue", "road.f1", (125.0, 145.0)),
-        Site("OneWayStreet", "road.f1", (125.0, 145.0)),
-    ),
     parameters={
         "distance": (41.0, 45.0),
         "speed": (45.0, 60.0),
@@ -55,11 +50,6 @@ def hazard_at_side_lane(stage: Stage) -> None:
 
 @scenario(
     "HazardAtSideLaneTwoWays",
-    sites=(
-        Site("Street", "road.f0", (125.0, 145.0)),
-        Site("RuralRoad", "road.b0", (125.0, 145.0)),
-        Site("ParkingStreet", "road.f0", (125.0, 145.0)),
-    ),
     parameters={"distance": (41.0, 45.0), "bicycle_speed": (6.0, 12.0), "bicycle_drive_distance": (40.0, 80.0)},
     intervals={"frequency": (75.0, 100.0)},
     blocked_test_off=True,
@@ -73,11 +63,6 @@ def hazard_at_side_lane_two_ways(stage: Stage) -> None:
 
 @scenario(
     "VehicleOpensDoorTwoWays",
-    sites=(
-        Site("ParkingStreet", "road.f0", (118.0, 135.0)),
-        Site("Street", "road.f0", (118.0, 135.0)),
-        Site("ParkingStreet", "road.b0", (118.0, 135.0)),
-    ),
     parameters={"distance": (37.0, 59.0)},
     intervals={"frequency": (30.0, 98.0)},
     blocked_test_off=True,
@@ -95,15 +80,7 @@ def vehicle_opens_door_two_ways(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + at + 20.0
 
 
-@scenario(
-    "InvadingTurn",
-    sites=(
-        Site("Bend", "road.f0", (98.0, 112.0), trigger_m=(3.0, 8.0), before_m=(30.0, 38.0)),
-        Site("Bend", "road.b0", (98.0, 112.0), trigger_m=(3.0, 8.0), before_m=(30.0, 38.0)),
-    ),
-    parameters={"distance": (75.0, 85.0), "offset": (0.18, 0.34)},
-    blocked_test_off=True,
-)
+@scenario("InvadingTurn", parameters={"distance": (75.0, 85.0), "offset": (0.18, 0.34)}, blocked_test_off=True)
 def invading_turn(stage: Stage) -> None:
     """In a bend, cones push the oncoming cars over the centre line by `offset`: keep to the right."""
     far = ahead(stage, 80.0, at_least_m=45.0)
@@ -118,15 +95,7 @@ def invading_turn(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + far + 10.0
 
 
-@scenario(
-    "ControlLoss",
-    sites=(
-        Site("Street", "road.f0", (112.0, 130.0)),
-        Site("RuralRoad", "road.f0", (112.0, 130.0)),
-        Site("Avenue", "road.f0", (112.0, 130.0)),
-        Site("Bend", "road.f0", (112.0, 130.0), before_m=(30.0, 45.0)),
-    ),
-)
+@scenario("ControlLoss")
 def control_loss(stage: Stage) -> None:
     """Dirt on the road at 14, 48 and 74 m disturbs throttle and steering."""
     for at in _DIRT_M:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, route_flow
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ROLLING = 0.7
@@ -21,7 +21,7 @@ _AROUND_M = (15.0, 30.0)
 (`scenario_runner/srunner/scenarios/background_activity.py`)."""
 
 
-def _ramp(name: str, rolling: float, *sites: Site, flow_mps: Metres, gap_m: Metres) -> None:
+def _ramp(name: str, rolling: float, *, flow_mps: Metres, gap_m: Metres) -> None:
     """Register a type: get through the flow in the lane in which the route ends, `rolling` at that share of the limit.
 
     The ego leaves the motorway through a flow that stays slower than the road, merges from the acceleration lane into
@@ -32,50 +32,15 @@ def _ramp(name: str, rolling: float, *sites: Site, flow_mps: Metres, gap_m: Metr
         stage.start_mps = rolling * stage.speed_limit_mps
         _flow_in_last_lane(stage)
 
-    scenario(name, sites=sites, flow=(flow_mps, gap_m), blocked_test_off=True)(build)
+    scenario(name, flow=(flow_mps, gap_m), blocked_test_off=True)(build)
 
 
-_ramp(
-    "HighwayExit", _ROLLING,
-    Site("ExitRamp", "road.right>exit.f0", (154.0, 164.0), before_m=(78.0, 86.0), changes_m=((10.0, 18.0),)),
-    Site("ExitRamp", "road.right>exit.f0", (162.0, 172.0), before_m=(86.0, 94.0), changes_m=((14.0, 26.0),)),
-    flow_mps=(10.0, 15.0), gap_m=(11.0, 46.0),
-)  # fmt: skip
-_ramp(
-    "MergerIntoSlowTraffic", 0.55,
-    Site("EntryRamp", "ramp.f0>road.right", (158.0, 180.0), before_m=(55.0, 65.0), changes_m=((70.0, 80.0),)),
-    Site("EntryRamp", "ramp.f0>road.right", (158.0, 180.0), before_m=(65.0, 75.0), changes_m=((80.0, 90.0),)),
-    flow_mps=(9.0, 10.0), gap_m=(14.0, 42.0),
-)  # fmt: skip
-_ramp(
-    "MergerIntoSlowTrafficV2", 0.55,
-    Site("ExitRamp", "road.right>exit.f0", (156.0, 166.0), before_m=(80.0, 88.0), changes_m=((12.0, 20.0),)),
-    Site("ExitRamp", "road.right>exit.f0", (164.0, 174.0), before_m=(88.0, 96.0), changes_m=((16.0, 28.0),)),
-    flow_mps=(10.0, 10.0), gap_m=(11.0, 34.0),
-)  # fmt: skip
+_ramp("HighwayExit", _ROLLING, flow_mps=(10.0, 15.0), gap_m=(11.0, 46.0))
+_ramp("MergerIntoSlowTraffic", 0.55, flow_mps=(9.0, 10.0), gap_m=(14.0, 42.0))
+_ramp("MergerIntoSlowTrafficV2", 0.55, flow_mps=(10.0, 10.0), gap_m=(11.0, 34.0))
 
 
-def _before_a_turn(chain: str) -> Site:
-    """Return a site with two lane changes on an avenue, then a turn from the lane for it."""
-    return Site(
-        "LightAvenueCrossing", chain, (128.0, 145.0), before_m=(90.0, 96.0), changes_m=((6.0, 10.0), (46.0, 50.0))
-    )
-
-
-@scenario(
-    "SequentialLaneChange",
-    sites=(
-        Site("Highway", "road.f0>road.f1>road.f2", (150.0, 170.0), changes_m=((10.0, 16.0), (74.0, 84.0))),
-        _before_a_turn("E.straight0>E.straight1>E.left0"),
-        Site(
-            "ExitRamp", "road.f0>road.f1>exit.f0", (217.0, 221.9), before_m=(136.0, 142.0),
-            changes_m=((4.0, 8.0), (68.0, 74.0)),
-        ),
-        _before_a_turn("W.straight1>W.straight0>W.right1"),
-        Site("Highway", "road.f2>road.f1>road.f0", (150.0, 170.0), changes_m=((10.0, 16.0), (74.0, 84.0))),
-    ),
-    blocked_test_off=True,
-)  # fmt: skip
+@scenario("SequentialLaneChange", blocked_test_off=True)
 def sequential_lane_change(stage: Stage) -> None:
     """Several lane changes, one after the other, through traffic that moves nearly as fast as the ego may."""
     stage.start_mps = _ROLLING * stage.speed_limit_mps
@@ -89,7 +54,7 @@ def sequential_lane_change(stage: Stage) -> None:
     stage.end_m = stage.dense.length_m - _LAST_M
 
 
-def _country_road(name: str, *sites: Site, flow_mps: Metres, gap_m: Metres, bearings: tuple[str, ...]) -> None:
+def _country_road(name: str, *, flow_mps: Metres, gap_m: Metres, bearings: tuple[str, ...]) -> None:
     """Register a type: turn left on a country road, across or into the flows that come from `bearings`.
 
     Where the road parts or meets another one without a junction, there is the one flow of the route file, in the lane
@@ -105,22 +70,11 @@ def _country_road(name: str, *sites: Site, flow_mps: Metres, gap_m: Metres, bear
             route_flow(stage, stage.from_arm(bearing), meets_ahead_m=stage.junction_ahead_m())
         end_behind_junction(stage, metres=15.0 * len(bearings))
 
-    scenario(name, sites=sites, flow=(flow_mps, gap_m), blocked_test_off=True)(build)
+    scenario(name, flow=(flow_mps, gap_m), blocked_test_off=True)(build)
 
 
-_country_road(
-    "InterurbanActorFlow",
-    Site("RuralTee", "E.left0", (115.0, 134.0), trigger_m=(4.0, 12.0), before_m=(55.0, 70.0)),
-    Site("RuralCrossing", "W.left0", (115.0, 134.0), trigger_m=(4.0, 12.0), before_m=(55.0, 70.0)),
-    flow_mps=(15.0, 16.0), gap_m=(42.0, 98.0), bearings=("opposite",),
-)  # fmt: skip
-_country_road(
-    "InterurbanAdvancedActorFlow",
-    Site("RuralTee", "S.left0", (128.0, 148.0), trigger_m=(4.0, 12.0), before_m=(50.0, 65.0)),
-    Site("RuralCrossing", "N.left0", (128.0, 148.0), trigger_m=(4.0, 12.0), before_m=(50.0, 65.0)),
-    Site("RuralCrossing", "S.left0", (128.0, 148.0), trigger_m=(4.0, 12.0), before_m=(50.0, 65.0)),
-    flow_mps=(16.0, 18.0), gap_m=(36.0, 94.0), bearings=("left", "right"),
-)  # fmt: skip
+_country_road("InterurbanActorFlow", flow_mps=(15.0, 16.0), gap_m=(42.0, 98.0), bearings=("opposite",))
+_country_road("InterurbanAdvancedActorFlow", flow_mps=(16.0, 18.0), gap_m=(36.0, 94.0), bearings=("left", "right"))
 
 
 def _flow_in_last_lane(stage: Stage) -> None:

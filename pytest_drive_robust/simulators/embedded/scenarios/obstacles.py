@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.scenarios.parts import (
     right_hand,
     side_traffic,
 )
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario, sites
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
@@ -58,7 +58,7 @@ def _badly_parked_car(stage: Stage) -> float:
 def _obstacle(
     name: str,
     put: Callable[[Stage], float],
-    *rows: tuple[str, str, Metres],
+    *,
     distance_m: Metres,
     side_kmh: float = 0.0,
     speed_kmh: Metres | None = None,
@@ -66,9 +66,9 @@ def _obstacle(
 ) -> None:
     """Register a type: something stands in the ego's lane, and somebody is in the way of driving around it.
 
-    `put` places it and returns the metres from the trigger to its end; `rows` are town style, chain and length of the
-    route. The lane to the left is in use at `side_kmh` or what is drawn of `speed_kmh`; else the way around is the
-    oncoming lane, and cars come there with gaps of `oncoming_m`.
+    `put` places it and returns the metres from the trigger to its end. The lane to the left is in use at `side_kmh` or
+    what is drawn of `speed_kmh`; else the way around is the oncoming lane, and cars come there with gaps of
+    `oncoming_m`.
     """
 
     def build(stage: Stage) -> None:
@@ -80,7 +80,6 @@ def _obstacle(
 
     scenario(
         name,
-        sites=sites(*rows),
         parameters={"distance": distance_m} | ({} if speed_kmh is None else {"speed": speed_kmh}),
         intervals={} if oncoming_m is None else {"frequency": oncoming_m},
         blocked_test_off=True,
@@ -88,45 +87,9 @@ def _obstacle(
     )(build)
 
 
-_obstacle(
-    "Accident", _crashed_cars,
-    ("Avenue", "road.f1", (115.0, 135.0)),
-    ("OneWayStreet", "road.f1", (115.0, 135.0)),
-    ("ParkingAvenue", "road.b1", (115.0, 135.0)),
-    side_kmh=55.0, distance_m=(40.0, 44.0), speed_kmh=(53.0, 57.0),
-)  # fmt: skip
-_obstacle(
-    "AccidentTwoWays", _crashed_cars,
-    ("Street", "road.f0", (112.0, 132.0)),
-    ("RuralRoad", "road.f0", (120.0, 140.0)),
-    ("ParkingStreet", "road.b0", (112.0, 132.0)),
-    oncoming_m=(32.0, 184.0), distance_m=(40.0, 44.0),
-)  # fmt: skip
-_obstacle(
-    "ConstructionObstacle", _building_site,
-    ("Avenue", "road.f1", (128.0, 145.0)),
-    ("Highway", "road.f2", (130.0, 150.0)),
-    ("OneWayStreet", "road.f1", (128.0, 145.0)),
-    side_kmh=50.0, distance_m=(40.0, 45.0), speed_kmh=(47.0, 55.0),
-)  # fmt: skip
-_obstacle(
-    "ConstructionObstacleTwoWays", _building_site,
-    ("Street", "road.b0", (118.0, 136.0)),
-    ("ParkingStreet", "road.f0", (118.0, 136.0)),
-    ("RuralRoad", "road.b0", (125.0, 145.0)),
-    oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0),
-)  # fmt: skip
-_obstacle(
-    "ParkedObstacle", _badly_parked_car,
-    ("Avenue", "road.f1", (125.0, 145.0)),
-    ("OneWayStreet", "road.f1", (125.0, 145.0)),
-    ("ParkingAvenue", "road.f1", (125.0, 145.0)),
-    side_kmh=50.0, distance_m=(40.0, 43.0), speed_kmh=(40.0, 59.0),
-)  # fmt: skip
-_obstacle(
-    "ParkedObstacleTwoWays", _badly_parked_car,
-    ("Street", "road.f0", (112.0, 132.0)),
-    ("ParkingStreet", "road.f0", (112.0, 132.0)),
-    ("RuralRoad", "road.f0", (120.0, 140.0)),
-    oncoming_m=(31.0, 151.0), distance_m=(40.0, 43.0),
-)  # fmt: skip
+_obstacle("Accident", _crashed_cars, side_kmh=55.0, distance_m=(40.0, 44.0), speed_kmh=(53.0, 57.0))
+_obstacle("AccidentTwoWays", _crashed_cars, oncoming_m=(32.0, 184.0), distance_m=(40.0, 44.0))
+_obstacle("ConstructionObstacle", _building_site, side_kmh=50.0, distance_m=(40.0, 45.0), speed_kmh=(47.0, 55.0))
+_obstacle("ConstructionObstacleTwoWays", _building_site, oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0))
+_obstacle("ParkedObstacle", _badly_parked_car, side_kmh=50.0, distance_m=(40.0, 43.0), speed_kmh=(40.0, 59.0))
+_obstacle("ParkedObstacleTwoWays", _badly_parked_car, oncoming_m=(31.0, 151.0), distance_m=(40.0, 43.0))

@@ -13,7 +13,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Script
 from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, meeting_point
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage
 
 _SPEED_MPS = 60.0 / 3.6
@@ -24,23 +24,7 @@ _WITHIN_M = 12.0
 _BEARINGS = ("left", "right", "opposite")
 
 
-def _site(style: str, chain: str, direction: str) -> Site:
-    """Return a site with 36 to 46 m to drive before the junction and the vehicle from this direction."""
-    return Site(
-        style, chain, (74.0, 90.0), trigger_m=(4.0, 10.0), before_m=(36.0, 46.0), texts=(("direction", direction),)
-    )
-
-
-@scenario(
-    "OppositeVehicleRunningRedLight",
-    sites=(
-        _site("LightCrossing", "E.straight0", "left"),
-        _site("LightAvenueCrossing", "S.straight0", "right"),
-        _site("LightTee", "E.left0", "opposite"),
-        _site("LightCrossing", "N.straight0", "right"),
-        _site("LightAvenueCrossing", "W.straight1", "left"),
-    ),
-)
+@scenario("OppositeVehicleRunningRedLight")
 def opposite_vehicle_running_red_light(stage: Stage) -> None:
     """The ego has green; an emergency vehicle runs the red at 60 km/h."""
     stage.lights(ego=GREEN, opposite=RED)
@@ -48,15 +32,7 @@ def opposite_vehicle_running_red_light(stage: Stage) -> None:
     end_behind_junction(stage)
 
 
-@scenario(
-    "OppositeVehicleTakingPriority",
-    sites=(
-        _site("OpenCrossing", "W.straight0", "right"),
-        _site("OpenCrossing", "S.straight0", "left"),
-        _site("OpenTee", "E.left0", "opposite"),
-        _site("OpenCrossing", "N.left0", "opposite"),
-    ),
-)
+@scenario("OppositeVehicleTakingPriority")
 def opposite_vehicle_taking_priority(stage: Stage) -> None:
     """Nothing is controlled; a car shoots out at 60 km/h although it should give way."""
     _take_priority(stage, ActorKind.CAR)

@@ -12,26 +12,17 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.scenarios.parts import right_hand, rolling_start, scenery
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _AHEAD_M = (25.0, 95.0)
 """Cars in the lane to the right, where the ego must find room."""
 _STOP_S = 10.0
-_BEFORE_M = (30.0, 38.0)
 _AT_LEAST_M = 8.0
 _ROW_STEP_M = 8.0
 
 
-@scenario(
-    "YieldToEmergencyVehicle",
-    sites=(
-        Site("Avenue", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
-        Site("OneWayStreet", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
-        Site("ParkingAvenue", "road.f0", (125.0, 145.0), trigger_m=(12.0, 20.0)),
-    ),
-    parameters={"distance": (26.0, 30.0)},
-)
+@scenario("YieldToEmergencyVehicle", parameters={"distance": (26.0, 30.0)})
 def yield_to_emergency_vehicle(stage: Stage) -> None:
     """An emergency vehicle closes in from behind in the left lane; let it past within ten seconds."""
     distance = stage.spec.number("distance", 28.0)
@@ -54,16 +45,7 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
     stage.end_m = stage.dense.length_m
 
 
-@scenario(
-    "BlockedIntersection",
-    sites=(
-        Site("OpenCrossing", "E.right0", (70.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightCrossing", "N.left0", (72.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("LightTee", "S.right0", (70.0, 80.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-        Site("Grid", "W1.left0", (72.0, 84.0), trigger_m=(3.0, 8.0), before_m=_BEFORE_M),
-    ),
-    blocked_test_off=True,
-)
+@scenario("BlockedIntersection", blocked_test_off=True)
 def blocked_intersection(stage: Stage) -> None:
     """After a turn a car stands 5 m behind the exit; it leaves 10 s after the ego came within 13 m.
 
@@ -79,15 +61,7 @@ def blocked_intersection(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + at + 10.0
 
 
-@scenario(
-    "HardBreakRoute",
-    sites=(
-        Site("Street", "road.f0", (120.0, 140.0), trigger_m=(20.0, 30.0)),
-        Site("Avenue", "road.f1", (120.0, 140.0), trigger_m=(20.0, 30.0)),
-        Site("RuralRoad", "road.f0", (125.0, 145.0), trigger_m=(20.0, 30.0)),
-        Site("Highway", "road.f1", (130.0, 150.0), trigger_m=(20.0, 30.0)),
-    ),
-)
+@scenario("HardBreakRoute")
 def hard_brake(stage: Stage) -> None:
     """Two cars lead the ego, 15 m apart or more; both brake hard and stand for ten seconds.
 
@@ -111,11 +85,6 @@ def hard_brake(stage: Stage) -> None:
 
 @scenario(
     "ParkingExit",
-    sites=(
-        Site("ParkingStreet", "road.f0", (125.0, 140.0), trigger_m=(0.5, 1.5)),
-        Site("ParkingAvenue", "road.f1", (125.0, 140.0), trigger_m=(0.5, 1.5)),
-        Site("OneWayStreet", "road.f1", (125.0, 140.0), trigger_m=(0.5, 1.5)),
-    ),
     parameters={
         "front_vehicle_distance": (9.0, 9.0),
         "behind_vehicle_distance": (9.0, 9.0),

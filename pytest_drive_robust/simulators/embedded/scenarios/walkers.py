@@ -11,26 +11,16 @@ import math
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded.actors import Arrival
 from pytest_drive_robust.simulators.embedded.scenarios.parts import ahead, right_hand, road_edge_m, scenery
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Site, scenario, sites
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
-_BEFORE_M = (30.0, 40.0)
 _LATER_S = 0.02
 """For every degree by which somebody does not walk straight across."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
 """Places of a parked row, seen from where somebody steps out between two cars."""
 
 
-@scenario(
-    "DynamicObjectCrossing",
-    sites=(
-        Site("Street", "road.f0", (122.0, 142.0)),
-        Site("Avenue", "road.f1", (122.0, 142.0)),
-        Site("OneWayStreet", "road.f1", (122.0, 142.0)),
-        Site("RuralRoad", "road.f0", (130.0, 150.0)),
-    ),
-    parameters={"distance": (40.0, 50.0), "crossing_angle": (-8.0, 8.0)},
-)
+@scenario("DynamicObjectCrossing", parameters={"distance": (40.0, 50.0), "crossing_angle": (-8.0, 8.0)})
 def dynamic_object_crossing(stage: Stage) -> None:
     """A pedestrian at 2 m/s from behind a container; starts when the ego is 2.1 s or 6 m away.
 
@@ -42,15 +32,7 @@ def dynamic_object_crossing(stage: Stage) -> None:
     _steps_out(stage, at, edge + 1.6, beyond_m=1.5, tta_s=2.1)
 
 
-@scenario(
-    "ParkingCrossingPedestrian",
-    sites=(
-        Site("ParkingStreet", "road.f0", (115.0, 133.0)),
-        Site("ParkingAvenue", "road.f1", (115.0, 133.0)),
-        Site("OneWayStreet", "road.f1", (115.0, 133.0)),
-    ),
-    parameters={"distance": (36.0, 45.0)},
-)
+@scenario("ParkingCrossingPedestrian", parameters={"distance": (36.0, 45.0)})
 def parking_crossing_pedestrian(stage: Stage) -> None:
     """A pedestrian at 2 m/s from behind a parked van; starts when the ego is 2.15 s or 6 m away.
 
@@ -64,17 +46,7 @@ def parking_crossing_pedestrian(stage: Stage) -> None:
     _steps_out(stage, at, kerb + 0.6, beyond_m=1.0, tta_s=2.15)
 
 
-@scenario(
-    "PedestrianCrossing",
-    sites=sites(
-        ("LightCrossing", "E.straight0", (72.0, 88.0)),
-        ("OpenCrossing", "S.right0", (68.0, 82.0)),
-        ("LightAvenueCrossing", "W.straight1", (74.0, 90.0)),
-        ("OpenTee", "W.straight0", (68.0, 82.0)),
-        trigger_m=(4.0, 10.0),
-        before_m=(38.0, 46.0),
-    ),
-)
+@scenario("PedestrianCrossing")
 def pedestrian_crossing(stage: Stage) -> None:
     """Three pedestrians cross at the junction's entry, 1.3 to 2.0 m/s; they start at 3.5 s or 12 m."""
     crosswalk = stage.junction_ahead_m() - 2.1
@@ -93,33 +65,13 @@ def pedestrian_crossing(stage: Stage) -> None:
     stage.end_m = stage.trigger_m + crosswalk + 20.0
 
 
-@scenario(
-    "VehicleTurningRoute",
-    sites=sites(
-        ("OpenCrossing", "W.right0", (68.0, 80.0)),
-        ("LightCrossing", "E.left0", (70.0, 82.0)),
-        ("LightTee", "W.right0", (68.0, 80.0)),
-        ("OpenCrossing", "N.left0", (70.0, 82.0)),
-        trigger_m=(3.0, 8.0),
-        before_m=_BEFORE_M,
-    ),
-)
+@scenario("VehicleTurningRoute")
 def vehicle_turning_route(stage: Stage) -> None:
     """A cyclist crosses 11 m after the turn at 1.8 m/s; starts when the ego is 1.8 s or 6 m away."""
     _crosses_after_turn(stage, 11.0, ActorKind.BICYCLE, Arrival(1.8, 6.0))
 
 
-@scenario(
-    "VehicleTurningRoutePedestrian",
-    sites=sites(
-        ("LightCrossing", "S.right0", (68.0, 82.0)),
-        ("OpenCrossing", "E.left0", (70.0, 84.0)),
-        ("LightTee", "S.left0", (70.0, 84.0)),
-        ("Grid", "W0.right0", (68.0, 82.0)),
-        trigger_m=(3.0, 8.0),
-        before_m=_BEFORE_M,
-    ),
-)
+@scenario("VehicleTurningRoutePedestrian")
 def vehicle_turning_route_pedestrian(stage: Stage) -> None:
     """A pedestrian crosses the exit of the turn from its outer side, at 1.8 m/s, when the ego is 2.2 s or 6 m away."""
     outer = "left" if stage.first_passage().turn_rad > 0.0 else "right"

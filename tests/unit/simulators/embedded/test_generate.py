@@ -15,9 +15,17 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.embedded import generate
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
-from pytest_drive_robust.simulators.embedded.generate import SEEDS, TOWNS_PER_SEED, draw_route, draw_routes, main
+from pytest_drive_robust.simulators.embedded.generate import (
+    SEEDS,
+    TOWNS_PER_SEED,
+    Site,
+    all_sites,
+    draw_route,
+    draw_routes,
+    main,
+)
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType, Site
+from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 
@@ -30,8 +38,9 @@ def _staged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ScenarioType]:
     """Makes a scenario type of a builder and its sites, known while the test runs."""
 
     def make(build: Callable[[Stage], None], *sites: Site) -> ScenarioType:
-        kind = ScenarioType("Tested", build, sites or (PLAIN,), {}, {}, blocked_test_off=False, two_ways=False)
+        kind = ScenarioType("Tested", build, {}, {}, blocked_test_off=False, two_ways=False)
         monkeypatch.setitem(SCENARIOS, "Tested", kind)
+        monkeypatch.setitem(all_sites(), "Tested", sites or (PLAIN,))
         return kind
 
     return make

@@ -12,8 +12,8 @@ from scenario_driver import collisions, drawn, staged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 from pytest_drive_robust.simulators.embedded.world import World
 
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ def gaps_m(world: World, members: NDArray[np.int64]) -> Floats:
 
 @pytest.mark.parametrize("name", FLOWS)
 def test_gaps_and_speed_are_those_of_the_route_file(name: str) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=number)
         spec = world.dense.route.scenario
         low = spec.number("source_dist_interval", math.nan, attribute="from")
@@ -79,7 +79,7 @@ def test_a_flow_keeps_its_speed_however_dense_it_is(name: str) -> None:
 
 @pytest.mark.parametrize("name", FLOWS)
 def test_the_flow_comes_to_where_the_ego_must_go(name: str) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=0)
         rows = world.dense.rows
         path = world.stage.paths[int(world.state.actor_ints[file_flows(world)[0][0], c.I_PATH])]
@@ -166,7 +166,7 @@ def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_bl
 
 @pytest.mark.parametrize("name", [*FLOWS, "SequentialLaneChange", "T_Junction", "VanillaNonSignalizedTurn"])
 def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> None:
-    for number in range(min(len(SCENARIOS[name].sites), 3)):
+    for number in range(min(len(all_sites()[name]), 3)):
         world = World(drawn(name, number), seed=1)
         world.state.ego[c.EGO_X] += 1e4
         for _ in range(50):
@@ -181,6 +181,6 @@ def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> 
 
 
 def test_bicycles_ride_on_their_own_lane_beside_the_cars() -> None:
-    for number in range(len(SCENARIOS["CrossingBicycleFlow"].sites)):
+    for number in range(len(all_sites()["CrossingBicycleFlow"])):
         world = World(drawn("CrossingBicycleFlow", number), seed=0)
         assert {int(k) for m in file_flows(world) for k in world.state.actor_ints[m, c.I_KIND]} == {ActorKind.BICYCLE}

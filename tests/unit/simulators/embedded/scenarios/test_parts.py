@@ -11,7 +11,7 @@ from scenario_driver import drawn, drive, staged
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import LightState
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
+from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.world import World
 
 FULL_BRAKE = Control(brake=1.0)
@@ -46,7 +46,7 @@ def lights_after_trigger(world: World, ticks: int) -> NDArray[np.int64]:
 
 @pytest.mark.parametrize("name", RED_FIRST)
 def test_the_light_is_red_for_five_seconds_after_the_trigger_then_green(name: str) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=0)
         line = light_of_ego(world)
         assert world.frame().lights[line] == LightState.RED
@@ -58,7 +58,7 @@ def test_the_light_is_red_for_five_seconds_after_the_trigger_then_green(name: st
 
 def test_the_green_light_turns_red_after_five_seconds_for_five_or_until_another_arm_had_its_green() -> None:
     lasted = []
-    for number in range(len(SCENARIOS["VanillaSignalizedTurnEncounterGreenLight"].sites)):
+    for number in range(len(all_sites()["VanillaSignalizedTurnEncounterGreenLight"])):
         world = World(drawn("VanillaSignalizedTurnEncounterGreenLight", number), seed=0)
         line = light_of_ego(world)
         assert world.frame().lights[line] == LightState.GREEN

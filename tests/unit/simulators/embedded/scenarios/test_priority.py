@@ -11,7 +11,7 @@ from scenario_driver import away_m, beside_route, collisions, drawn, drive, stag
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
+from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.world import World
 
 FULL_BRAKE = Control(brake=1.0)
@@ -28,20 +28,20 @@ def runner_of(world: World) -> int:
 @pytest.mark.parametrize("name", TAKERS)
 @pytest.mark.parametrize("speed_mps", [5.0, 8.0, 11.0])
 def test_who_does_not_react_is_hit_or_missed_by_a_hair(name: str, speed_mps: float) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=0)
         runner, nearest = runner_of(world), math.inf
         while world.state.criteria_ints[c.CI_PROGRESS] < len(world.dense.rows) - 5 and not collisions(world):
             drive(world, 0.05, speed_mps=speed_mps)
             nearest = min(nearest, away_m(world, runner))
         assert collisions(world) == [runner] or nearest < 12.0
-        if speed_mps > 7.0 and "straight" in SCENARIOS[name].sites[number].chain:
+        if speed_mps > 7.0 and "straight" in all_sites()[name][number].chain:
             assert collisions(world) == [runner]
 
 
 @pytest.mark.parametrize("name", TAKERS)
 def test_who_brakes_within_a_second_stays_clear(name: str) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=0)
         runner = runner_of(world)
         assert drive(world, 30.0, speed_mps=9.0, until=lambda w: bool(w.state.actors[runner_of(w), c.A_V] > 0.0))

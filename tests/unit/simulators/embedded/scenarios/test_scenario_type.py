@@ -16,6 +16,7 @@ from pytest_drive_robust.domain.route import RoadOption, Route
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
+from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
 from pytest_drive_robust.simulators.embedded.world import World
@@ -51,7 +52,7 @@ def test_any_parameters_can_be_staged_and_leave_room_for_the_ego(name: str, data
     parameters = {element: {"value": data.draw(value)} for element in kind.parameters}
     for element in kind.intervals:
         parameters[element] = {"from": data.draw(metres), "to": data.draw(metres)}
-    route = drawn(name, data.draw(st.integers(0, len(kind.sites) - 1)))
+    route = drawn(name, data.draw(st.integers(0, len(all_sites()[name]) - 1)))
     scenario = replace(route.scenario, parameters=parameters)
     world = World(replace(route, scenario=scenario), seed=data.draw(st.integers(0, 3)))
     assert ego_overlaps(world) == []
@@ -63,7 +64,7 @@ def test_any_parameters_can_be_staged_and_leave_room_for_the_ego(name: str, data
 
 @pytest.mark.parametrize("name", TYPES)
 def test_every_site_can_be_staged_with_its_own_parameters(name: str) -> None:
-    sites = SCENARIOS[name].sites
+    sites = all_sites()[name]
     assert 2 <= len(sites) <= 4
     for number in range(len(sites)):
         world = World(drawn(name, number), seed=0)
@@ -128,7 +129,7 @@ def test_any_parameters_of_a_flow_can_be_staged_and_leave_room_for_the_ego(name:
     parameters = {element: {"value": data.draw(value)} for element in kind.parameters}
     for element in kind.intervals:
         parameters[element] = {"from": data.draw(metres), "to": data.draw(metres)}
-    route = drawn(name, data.draw(st.integers(0, len(kind.sites) - 1)))
+    route = drawn(name, data.draw(st.integers(0, len(all_sites()[name]) - 1)))
     scenario = replace(route.scenario, parameters=parameters)
     world = World(replace(route, scenario=scenario), seed=data.draw(st.integers(0, 3)))
     assert nobody_in_the_ego(world)
@@ -147,7 +148,7 @@ def test_a_route_file_may_leave_every_parameter_out(name: str) -> None:
 
 @pytest.mark.parametrize("name", TURNS)
 def test_turns_are_commanded(name: str) -> None:
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         turns = {RoadOption.LEFT, RoadOption.RIGHT, RoadOption.STRAIGHT} & set(commands(drawn(name, number)))
         assert turns == TURNS[name]
 
@@ -155,7 +156,7 @@ def test_turns_are_commanded(name: str) -> None:
 @pytest.mark.parametrize(("name", "at_least"), LANE_CHANGES.items())
 def test_lane_changes_are_commanded(name: str, at_least: int) -> None:
     changes = {RoadOption.CHANGE_LANE_LEFT, RoadOption.CHANGE_LANE_RIGHT}
-    for number in range(len(SCENARIOS[name].sites)):
+    for number in range(len(all_sites()[name])):
         plan = commands(drawn(name, number))
         begun = [now for before, now in pairwise(plan) if now in changes and now is not before]
         assert len(begun) == at_least
@@ -167,7 +168,7 @@ def test_the_blocked_test_sleeps_where_waiting_belongs_to_the_task() -> None:
 
 @pytest.mark.parametrize("name", FLOW_TYPES)
 def test_the_scenario_ends_behind_its_trigger_and_each_type_knows_several_places(name: str) -> None:
-    sites = SCENARIOS[name].sites
+    sites = all_sites()[name]
     assert len(sites) >= 2
     for number in range(len(sites)):
         world = World(drawn(name, number), seed=0)

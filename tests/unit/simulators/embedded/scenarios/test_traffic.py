@@ -9,7 +9,7 @@ from scenario_driver import actors_of, away_m, beside_route, collisions, drawn, 
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
+from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.world import World
 
 # --- the emergency vehicle ---
@@ -21,7 +21,7 @@ def siren_is_there(world: World) -> bool:
 
 
 def test_the_emergency_vehicle_comes_from_behind_once_the_scenario_wakes_up() -> None:
-    for number in range(len(SCENARIOS["YieldToEmergencyVehicle"].sites)):
+    for number in range(len(all_sites()["YieldToEmergencyVehicle"])):
         world = World(drawn("YieldToEmergencyVehicle", number), seed=0)
         (siren,) = actors_of(world, ActorKind.EMERGENCY)
         assert world.state.actor_ints[siren, c.I_ACTIVE] != 1
