@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _FOLDER = "robustness"
 _SUITES = ("paper", "minimal")
@@ -43,11 +44,9 @@ def _init(options: argparse.Namespace) -> int:
             f"{', '.join(there)} exist here and are not written over. Move them, or run in another folder."
         )
     for path, name in wanted.items():
-        try:
+        with refusing_unwritable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
         say(f"{path}: written")
     say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-save")
     say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")

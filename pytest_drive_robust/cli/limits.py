@@ -12,6 +12,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.document import read_document, snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
 from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
 it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the
@@ -48,10 +49,8 @@ def _limits(options: argparse.Namespace) -> int:
         f"# proposed by drive-robust limits: what {options.agent} showed, and the distance that evidence needs with a "
         f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"
     )
-    try:
+    with refusing_unwritable(path):
         path.write_text(head + "".join(map(_line, found)), encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {str(path)!r}: {error.strerror}.") from None
     say(f"{path}: {len(found)} limits. Review them, then commit the file.")
     return 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from pytest_drive_robust import __version__
@@ -41,18 +41,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command. Returns the exit code: 0, 1 for a broken contract, 4 for what we cannot use."""
     options = _parser().parse_args(arguments)
     try:
-        _register_names(options.plugins)
+        for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`
+            register_names_of(word, default_registry())
         code: int = options.command(options)
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)
         return _USAGE_ERROR
     return code
-
-
-def _register_names(plugins: Iterable[str]) -> None:
-    """Register names as pytest does it for `-p` and for a `conftest.py`."""
-    for word in plugins:
-        register_names_of(word, default_registry())
 
 
 def _parser() -> argparse.ArgumentParser:

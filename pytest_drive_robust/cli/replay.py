@@ -15,6 +15,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.replay_check import Before, before_of, read_episode_file
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
@@ -153,43 +155,38 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Drive both episodes, one after the other, with the same simulator and agent."""
     agent = make_agent(registry, wanted.agent)
-    tapes: list[Tape] = []
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
-    for setting in settings:
-        with _progress(f"driving under {setting}") as step:
-            tape = record_episode(
-                simulator,
-                agent,
-                route=route,
-                setting=setting,
-                seed=wanted.seed,
-                agent_name=wanted.agent,
-                ticked=lambda _: step(),
-            )
-        tapes.append(tape)
-        _print_result(tape.result)
-        if tape.plan_problem:
-            print(f"  no plan is shown: {tape.plan_problem}")
-    return tapes
+    episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
+    return [
+        _tape(f"under {setting}", simulator, agent, setting, route, episode)
+        for setting, episode in zip(settings, episodes, strict=True)
+    ]
 
 
 def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
     """Drive what the vehicle got in the stored episode. The setting is in its controls already: this one is clean."""
     stored = wanted.stored
     assert stored is not None
-    with _progress("driving the stored controls") as step:
+    agent = StoredControls.of(stored)
+    return _tape("the stored controls", simulator, agent, Setting.CLEAN, route, stored.episode)
+
+
+def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route: Route, episode: Episode) -> Tape:
+    """Drive under `setting`, and tell what came of it as of `episode`."""
+    with _progress(f"driving {what}") as step:
         tape = record_episode(
             simulator,
-            StoredControls.of(stored),
+            agent,
             route=route,
-            setting=Setting.CLEAN,
-            seed=stored.episode.seed,
-            agent_name=stored.episode.agent,
+            setting=setting,
+            seed=episode.seed,
+            agent_name=episode.agent,
             ticked=lambda _: step(),
         )
-    tape = replace(tape, result=replace(tape.result, episode=stored.episode))
-    _print_result(tape.result)
-    return tape
+    _print_result(replace(tape.result, episode=episode))
+    if tape.plan_problem:
+        print(f"  no plan is shown: {tape.plan_problem}")
+    return replace(tape, result=replace(tape.result, episode=episode))
 
 
 def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None) -> bool:

@@ -6,12 +6,11 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import cv2
-
 from pytest_drive_robust.cli.tables import print_table
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
+from pytest_drive_robust.report.video import write_png
 from pytest_drive_robust.simulators.embedded.route_scene import describe_parameters, describe_road, telling_moment
 from pytest_drive_robust.simulators.embedded.route_sheet import draw_tile, lay_sheets
 from pytest_drive_robust.simulators.embedded.world import World
@@ -69,10 +68,6 @@ def draw_routes(options: argparse.Namespace, routes: Callable[[], Sequence[Route
     ]
     for number, sheet in enumerate(lay_sheets(tiles, columns=options.columns or (3 if camera else 8)), start=1):
         path = target if number == 1 else target.with_name(f"{target.stem}-{number}{target.suffix}")
-        encoded = cv2.imencode(".png", sheet[:, :, ::-1])[1]
-        try:
-            path.write_bytes(encoded.tobytes())
-        except OSError as error:
-            raise UsageError(f"cannot write {str(path)!r}: {error.strerror}") from None
+        write_png(path, sheet)
         print(f"{path}: {sheet.shape[1]} x {sheet.shape[0]} pixels")
     return 0

@@ -97,6 +97,6 @@ def consumed_signals(agent: Agent) -> frozenset[str]:
     return frozenset(getattr(agent, "consumes", SIGNALS))
 
 
-def offers_lockstep(agent: Agent) -> bool:
+def offers_lockstep(agent: object) -> bool:
     """Return True when the agent has an `act_batch`. Whether it keeps its promise is another question."""
     return callable(getattr(agent, "act_batch", None))

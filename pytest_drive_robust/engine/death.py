@@ -106,13 +106,10 @@ def _too_late(death: Death, where: str, place: str) -> Explanation:
     if death.cause is Cause.ACT_DEADLINE:
         return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, f"took longer than {death.limit_s:g} s {where}{place}")
     agent_s = reading.agent_s + (death.lasted_s if phase.is_agent else 0.0)
-    if agent_s * 2.0 >= death.elapsed_s:
-        share = f"the agent used {agent_s:.1f} s of it"
-        detail = f"the episode took longer than {death.limit_s:g} s, {share}; it was {where}{place}"
-        return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, detail)
-    return _ours(
-        f"the episode took longer than {death.limit_s:g} s, most of it in the simulation; it was {where}{place}"
-    )
+    by_agent = agent_s * 2.0 >= death.elapsed_s
+    share = f"the agent used {agent_s:.1f} s of it" if by_agent else "most of it in the simulation"
+    detail = f"the episode took longer than {death.limit_s:g} s, {share}; it was {where}{place}"
+    return Explanation(Blame.AGENT, End.AGENT_TIMED_OUT, detail) if by_agent else _ours(detail)
 
 
 def _agent(detail: str) -> Explanation:

@@ -134,7 +134,10 @@ class ForkServer:
         self._ready = True
 
     def _launch(self, unwanted: Callable[[], bool]) -> bool | None:
-        """Start a new server and tell whether it forks, None when it died before. Raises `UsageError`, `Stopped`."""
+        """Start a new server and tell whether it forks, None when it died before. Raises `UsageError`, `Stopped`.
+
+        Until it is ready it says how far it has come with compiling.
+        """
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         self._control, theirs = socket.socketpair()
         with theirs:
@@ -142,18 +145,6 @@ class ForkServer:
             self._process = self._setup.start_python(
                 "serve_forks", arguments, self._setup, pass_fds=arguments[:1], output=self._log.fileno()
             )
-        answer = self._answer(unwanted)
-        if isinstance(answer, bytes):
-            self._stop()
-            raise refusal(answer)
-        return answer
-
-    def _answer(self, unwanted: Callable[[], bool]) -> bool | bytes | None:
-        """Return what the server said when it was ready, None when it died before. Raises `Stopped`.
-
-        Until then it says how far it has come with compiling.
-        """
-        assert self._control is not None
         deadline = time.monotonic() + _READY_S
         with suppress(OSError, EOFError), Connection(os.dup(self._control.fileno())) as connection:
             while time.monotonic() < deadline:
@@ -163,8 +154,9 @@ class ForkServer:
                 if connection.poll(_POLL_S):
                     said = connection.recv_bytes()
                     words = json.loads(said)
-                    if isinstance(words, list):  # a refusal
-                        return said
+                    if isinstance(words, list):
+                        self._stop()
+                        raise refusal(said)
                     self._note(words)
                     if "forks" in words:
                         return bool(words["forks"])

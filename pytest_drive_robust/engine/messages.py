@@ -20,8 +20,6 @@ from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 
-DRIVE, BATCH, SALVAGE = "drive", "batch", "salvage"
-"""What a worker is asked for: an episode, one among others, the score of a recorded one."""
 TOKEN_BYTES = 16
 """How long a token is: an answer repeats that of its request."""
 _LARGEST_BYTES = 1 << 28
@@ -32,20 +30,21 @@ _LARGEST_BYTES = 1 << 28
 class WorkerRequest:
     """What a worker is asked for: an `EpisodeRequest` whose setting is the sentence of the episode.
 
-    `width` is that of the batch, None for an episode that is driven by `act`; `recorded` is what `SALVAGE` is about.
+    `width` is that of the batch, which it `shares` with others; None for an episode that is driven by `act`. With
+    `recorded` controls of another process it is scored and not driven by its agent.
     """
 
     episode: Episode
     route: Route
     identity: str
-    kind: str = DRIVE
     width: int | None = None
+    shares: bool = False
     recorded: RecordedControls | None = None
 
     @classmethod
-    def of(cls, request: EpisodeRequest, *, kind: str = DRIVE, width: int | None = None) -> WorkerRequest:
+    def of(cls, request: EpisodeRequest, *, width: int | None = None, shares: bool = False) -> WorkerRequest:
         """Return what a worker needs of a request."""
-        return cls(request.episode, request.route, request.identity, kind, width)
+        return cls(request.episode, request.route, request.identity, width, shares)
 
     def read(self, registry: Registry) -> EpisodeRequest:
         """Return the episode request. Raises `UsageError` when there are no such perturbations in this process."""

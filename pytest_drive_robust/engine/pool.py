@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
-from pytest_drive_robust.runner.executors import Driver, LocalExecutor
+from pytest_drive_robust.runner.executors import LocalExecutor
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.fork_server import ForkServer
+    from pytest_drive_robust.engine.supervisor import Supervisor
 
 
 class ProcessExecutor(LocalExecutor):
@@ -29,15 +30,17 @@ class ProcessExecutor(LocalExecutor):
         shares: Callable[[str], bool] = lambda agent: False,
     ) -> None:
         self._fork_server: ForkServer | None = None
+        self._supervisors: list[Supervisor] = []
 
-        def make_supervisors(agent: str) -> Sequence[Driver]:
+        def make_supervisors(agent: str) -> list[Supervisor]:
             from pytest_drive_robust.engine.fork_server import ForkServer  # a run from the store needs neither
             from pytest_drive_robust.engine.supervisor import Supervisor
 
             setup = worker_setup()
             agents = sorted(setup.preload_agents, key=lambda name: name != agent)  # compiled for the first one first
             self._fork_server = server = ForkServer(replace(setup, preload_agents=tuple(agents)))
-            return [Supervisor(server, limits) for _ in range(slots)]
+            self._supervisors = [Supervisor(server, limits) for _ in range(slots)]
+            return self._supervisors
 
         super().__init__(make_supervisors, threads=slots, width=width, shares=shares)
 
@@ -55,6 +58,8 @@ class ProcessExecutor(LocalExecutor):
 
     def close(self) -> None:
         """End the workers, also those that drive."""
+        for supervisor in self._supervisors:
+            supervisor.stop()
         super().close()
         if self._fork_server is not None:
             self._fork_server.close()

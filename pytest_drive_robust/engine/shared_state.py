@@ -22,6 +22,7 @@ from typing import NamedTuple
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.engine.worker.system import descriptor_identity
 from pytest_drive_robust.runner.episode.loop import Watch
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
@@ -86,7 +87,7 @@ class SharedState(Watch):
         self._since_s = 0.0
         self._agent_s = 0.0
         self._connection = connection
-        self._inode = 0 if connection is None else os.fstat(connection).st_ino
+        self._identity = None if connection is None else descriptor_identity(connection)
 
     def clear(self) -> None:
         """Begin a new episode: nothing was driven yet."""
@@ -100,7 +101,7 @@ class SharedState(Watch):
         now = time.monotonic()
         if self._phase.is_agent:
             self._agent_s += now - self._since_s
-            if self._connection is not None and not self._is_connected(self._connection):
+            if self._connection is not None and descriptor_identity(self._connection) != self._identity:
                 os._exit(CUT_OFF)
         self._phase, self._since_s = Phase[name.upper()], now
         _READING.pack_into(self._memory, 0, self._phase, tick, now, self._agent_s)
@@ -155,12 +156,6 @@ class SharedState(Watch):
         rows = list(_ROW.iter_unpack(self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]))
         asked = tuple(None if math.isnan(row[0]) else Control(*row[:3]) for row in rows)
         return RecordedControls(rig, tuple(consumes), bool(privileged), asked, tuple(Control(*row[3:]) for row in rows))
-
-    def _is_connected(self, connection: int) -> bool:
-        try:
-            return os.fstat(connection).st_ino == self._inode
-        except OSError:
-            return False
 
 
 def shared_file(tick_cap: int) -> int:

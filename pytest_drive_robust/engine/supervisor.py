@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.death import Blame, Explanation
 from pytest_drive_robust.engine.exchange import Exchange, T, Take
 from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError, Stopped
-from pytest_drive_robust.engine.messages import BATCH, SALVAGE, WorkerRequest
+from pytest_drive_robust.engine.messages import WorkerRequest
 from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
@@ -80,7 +80,7 @@ class Supervisor:
 
         def take_next() -> tuple[WorkerRequest, EpisodeRequest] | None:
             request = take()
-            return None if request is None else (WorkerRequest.of(request, kind=BATCH, width=width), request)
+            return None if request is None else (WorkerRequest.of(request, width=width, shares=True), request)
 
         for request, result in self._results(agent, take_next, self._limits_of(width), most=width):
             yield request, self._judged(result) if isinstance(result, EpisodeResult) else result
@@ -119,7 +119,7 @@ class Supervisor:
         limits = replace(self._limits, act_s=None, episode_s=self._limits_of(request.width).episode_s or _SALVAGE_S)
         output = self.output
         try:
-            ended = self._attempt(replace(request, kind=SALVAGE, recorded=recorded), limits)
+            ended = self._attempt(replace(request, recorded=recorded), limits)
         except UsageError:
             return None
         finally:

@@ -48,7 +48,7 @@ class Compilation:
         self._held = ExitStack()
         missing = _missing()
         if missing:
-            self._held.enter_context(_only_one())
+            self._wait_for_others()
             missing = _missing()
         self.missing = len(missing)
         early = [one for one in missing if one in first]
@@ -79,6 +79,12 @@ class Compilation:
         self._read()
         if self.news is None:
             self._end()
+
+    def _wait_for_others(self) -> None:
+        """Wait until no other process compiles for the same cache; where nothing can be written, do not wait."""
+        with suppress(OSError):
+            cache_folder().mkdir(parents=True, exist_ok=True)
+            self._held.enter_context(filelock.FileLock(cache_folder() / "compiling.lock"))
 
     def _fork(self, groups: list[list[Any]], processes: int) -> None:
         """Let forked processes take one group after the other; each says when it finished a function, and all of them.
@@ -146,16 +152,6 @@ def _compile(entries: Sequence[Any]) -> None:
 
 def _may_fork() -> bool:
     return sys.platform == "linux" and len(os.listdir("/proc/self/task")) == 1
-
-
-@contextmanager
-def _only_one() -> Iterator[None]:
-    """Wait until no other process compiles for the same cache; where nothing can be written, do not wait."""
-    with ExitStack() as stack:
-        with suppress(OSError):
-            cache_folder().mkdir(parents=True, exist_ok=True)
-            stack.enter_context(filelock.FileLock(cache_folder() / "compiling.lock"))
-        yield
 
 
 def _groups(entries: Sequence[Any]) -> list[list[Any]]:

@@ -47,15 +47,6 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._shared_module = self._final_module
         self._finalized = True
 
-    def parts(self, found: dict[Any, None]) -> None:
-        """Add this library and all that it calls to `found`, callees first."""
-        if self in found:
-            return
-        direct: list[Any] = vars(self)["_linking_libraries"]
-        for library in direct:
-            _add_parts(library, found)
-        found[self] = None
-
 
 class WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
     """The code of an entry point and of everything that it calls."""
@@ -63,8 +54,7 @@ class WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
     def finalize(self) -> None:
         """Link all parts, optimise, make machine code."""
         found: dict[Any, None] = {}
-        direct: list[Any] = vars(self)["_linking_libraries"]
-        for library in direct:
+        for library in vars(self)["_linking_libraries"]:
             _add_parts(library, found)
         # callers first: the linker leaves out what nobody has called so far
         self._linking_libraries = list(reversed(found))
@@ -72,10 +62,12 @@ class WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 def _add_parts(library: Any, found: dict[Any, None]) -> None:
-    if isinstance(library, PartLibrary):
-        library.parts(found)
-    elif library not in found:
-        found[library] = None
+    """Add a library to `found`, that of an inner function after all that it calls."""
+    if library in found:
+        return
+    for called in vars(library)["_linking_libraries"] if isinstance(library, PartLibrary) else ():
+        _add_parts(called, found)
+    found[library] = None
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -31,11 +30,8 @@ from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.store.base import new_run_name, open_store
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.runner.scheduler import Observer
-    from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.runner.scheduler import Observer
+from pytest_drive_robust.store.base import EpisodeStore, new_run_name, open_store
 
 
 def activate(config: pytest.Config) -> None:

@@ -10,19 +10,14 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.plugin.xdist import STOP
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.plan import EpisodeRequest, routes_in_order
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.events import Asked, JournalReader, Judged, Spared, Used
 
-_STOP = "stop"
 _BUSY = "busy"
-
-
-def stop_idle_workers(folder: Path) -> None:
-    """Tell workers without tests that the run is ending: all is done, or it was interrupted. For the controller."""
-    (folder / _STOP).touch()
 
 
 class IdleWorkerPlugin:
@@ -33,7 +28,7 @@ class IdleWorkerPlugin:
     """
 
     def __init__(self, folder: Path, name: str, scopes: Scopes, campaign: Campaign) -> None:
-        self._stop = folder / _STOP
+        self._stop = folder / STOP
         self._folder = folder
         self._name = name
         self._scopes = scopes

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
-from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.repeatability import drive_twice, drives_compared
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import resolve_routes
 
 
@@ -38,14 +46,41 @@ class ProbePlugin:
         options, registry = self._options, default_registry()
         try:
             scope = Scopes(options, registry, resolve_routes).of(MarkerOptions())
-            found = drive_twice(
-                registry,
-                agent=scope.agent,
-                simulator=options.simulator,
-                options=SimulatorOptions(stuck_stop_s=options.stuck_stop_s),
-                route=scope.routes[0],
-                seed=scope.seeds[0],
-            )
+            simulator = registry.simulator(options.simulator, SimulatorOptions(stuck_stop_s=options.stuck_stop_s))
+            found = drive_twice(scope.need(Setting.CLEAN, clean=False).perturbed[0], registry, simulator)
         except UsageError as error:  # a conftest.py that only the workers read may know the name
             return f"probe: not driven: {error}"
         return drives_compared(*found)
+
+
+def drives_compared(first: EpisodeResult, second: EpisodeResult) -> str:
+    """Return what two drives of one clean episode show, as a sentence."""
+    episode = first.episode
+    twice = f"probe: {episode.agent} drove route {episode.route_id} clean twice with seed {episode.seed}"
+    for broken in (first, second):
+        if broken.outcome is Outcome.INFRA_ERROR:
+            return f"{twice}, but the simulation broke, so nothing was learned: {broken.end_detail}"
+    unlike = difference(second, first)
+    if not unlike:
+        return f"{twice}: the same {first.ticks} ticks bit for bit, so one seed suffices to repeat a run"
+    places = zip(*(zip(*one.trace.columns("x_m", "y_m"), strict=True) for one in (first, second)), strict=False)
+    apart_m = max((math.dist(one, other) for one, other in places), default=0.0)
+    return (
+        f"{twice}: not the same {unlike}, up to {apart_m:.2f} m apart, driving scores "
+        f"{driving_score(first):.2f} and {driving_score(second):.2f}. "
+        "One seed does not repeat a run: give several (--drive-seeds 0,1,2) and let evidence judge"
+    )
+
+
+def drive_twice(
+    request: EpisodeRequest, registry: Registry, simulator: Simulator
+) -> tuple[EpisodeResult, EpisodeResult]:
+    """Drive an episode twice on one simulator as a run does, with an agent object for each; close the simulator.
+
+    Raises `UsageError` when the agent cannot be made.
+    """
+    drivers = [EpisodeDriver(lambda: simulator, lambda name: make_agent(registry, name)) for _ in range(2)]
+    try:
+        return drivers[0].drive_once(request), drivers[1].drive_once(request)
+    finally:
+        simulator.close()

@@ -6,11 +6,12 @@ import os
 from collections.abc import Callable, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from pytest_drive_robust import __version__
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
+from pytest_drive_robust.plugin.xdist import SharedRunRecord
 from pytest_drive_robust.report.csv_file import write_csv
 from pytest_drive_robust.report.github import append_step_summary
 from pytest_drive_robust.report.json_file import run_as_json, write_json
@@ -19,9 +20,6 @@ from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.events import Event
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.plugin.xdist import SharedRunRecord
 
 _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "

@@ -11,19 +11,18 @@ import tempfile
 import threading
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.terminal import progress_for
-from pytest_drive_robust.store.base import open_store
+from pytest_drive_robust.report.progress import Progress
+from pytest_drive_robust.store.base import EpisodeStore, open_store
 from pytest_drive_robust.store.events import Advised, Event, JournalReader, JournalWriter
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.report.progress import Progress
-    from pytest_drive_robust.store.base import EpisodeStore
-
+STOP = "stop"
+"""The file that tells workers without tests that the run is ending: all is done, or it was interrupted."""
 _INPUT = "drive_robust_folder"
 _POLL_S = 0.2
 
@@ -133,9 +132,7 @@ class ControllerPlugin:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self) -> Generator[None, None, None]:
         """Stop following before the summaries are written. Workers without tests stop helping."""
-        from pytest_drive_robust.plugin.idle_workers import stop_idle_workers
-
-        stop_idle_workers(self._folder)
+        (self._folder / STOP).touch()
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()

@@ -5,15 +5,12 @@ from __future__ import annotations
 import csv
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.json_file import episode_as_json
 from pytest_drive_robust.report.numbers import legible
+from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.whole_file import write_whole
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.run_result import RunResult
 
 COLUMNS = (
     "agent",

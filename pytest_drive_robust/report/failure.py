@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
+from pytest_drive_robust.metrics.summary import Summary
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.simulators.routes import ships
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.metrics.summary import Summary
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.evaluate import Verdict
 
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.perturbations.readings import READINGS
+from pytest_drive_robust.regression.outcome import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.numbers import interval_text, legible, shown
+from pytest_drive_robust.report.run_result import RunResult, SettingRow
 from pytest_drive_robust.report.terminal import columns_of, footnotes, numbers_of
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.outcome import CellComparison, Comparison
-    from pytest_drive_robust.report.run_result import RunResult, SettingRow
-    from pytest_drive_robust.store.events import Judged
+from pytest_drive_robust.store.events import Judged
 
 VARIABLE = "GITHUB_STEP_SUMMARY"
 """Where GitHub Actions says which file to append to."""

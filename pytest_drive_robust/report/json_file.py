@@ -7,17 +7,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
-from pytest_drive_robust.report.run_result import mixed_machines
+from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.store.episode_fields import fields_of
 from pytest_drive_robust.store.whole_file import write_whole
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away, not when one is added."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 from pytest_drive_robust.bench2drive.results.safe_json import shown
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 
 _MOST_IDS = 30
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 from math import fsum
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.report.page import Page, new_table
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.plan import EpisodeRequest
 
 
 def plan_text(

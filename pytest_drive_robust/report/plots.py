@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
 
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
 _CLEAN, _PERTURBED = "#1f77c4", "#dd6b10"

@@ -28,7 +28,6 @@ class Screen(Protocol):
 
     def exclusive(self) -> AbstractContextManager[TextIO]:
         """Return the stream of the real terminal, at the start of a line, while nobody else writes to it."""
-        ...
 
 
 class ProgressState:

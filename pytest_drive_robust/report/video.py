@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.store.whole_file import whole_file, write_whole
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Pixels = NDArray[np.uint8]
+from pytest_drive_robust.jit.arrays import Pixels
+from pytest_drive_robust.store.whole_file import refusing_unwritable, whole_file, write_whole
 
 EXTRA = "pytest-drive-robust[video]"
 """What to install for videos."""
@@ -47,7 +41,7 @@ def write_video(
     import av
 
     with (
-        _refusing(path),
+        refusing_unwritable(path),
         whole_file(path) as temporary,
         av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"}) as container,
     ):
@@ -70,7 +64,7 @@ def write_png(path: Path, picture: Pixels) -> None:
     import cv2
 
     data = cv2.imencode(".png", picture[:, :, ::-1])[1].tobytes()
-    with _refusing(path):
+    with refusing_unwritable(path):
         write_whole(path, data)
 
 
@@ -84,12 +78,3 @@ def _stream(container: Any, picture: Pixels, rate_hz: int) -> Any:
     context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709
     context.color_range = 1  # 16..235
     return stream
-
-
-@contextmanager
-def _refusing(path: Path) -> Iterator[None]:
-    """Raise `UsageError` for a path that cannot be written."""
-    try:
-        yield
-    except OSError as error:
-        raise UsageError(f"cannot write {str(path)!r}: {error.strerror or error}.") from error

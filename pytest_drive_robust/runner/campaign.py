@@ -12,11 +12,11 @@ from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope, first_of_each_agent
-from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged, read
+from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.store.base import EpisodeStore
-from pytest_drive_robust.store.events import Planned, Spared, Troubled, Used
+from pytest_drive_robust.store.events import Planned, Read, Spared, Troubled, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -168,7 +168,8 @@ class Campaign:
         for number, route in enumerate(reading.routes):
             begun += route.requests
             likely = planned if self._whole else number + max(1, judge.likely_left(planned))
-            self.observer(read(reading, number, likely))
+            named = {**reading.scope.named, "requirement": str(reading.requirement)}
+            self.observer(Read(**named, routes=number, likely=likely))
             ahead, self._first = (*self._first, *reading.requests(number + 1, likely)), ()
             self.scheduler.ensure(route.requests, ahead, reading.requests(likely))
             clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)

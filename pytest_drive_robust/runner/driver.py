@@ -110,9 +110,6 @@ class EpisodeDriver:
             self._free_worlds.append(self._take_world())
         return self._worlds[0]
 
-    def stop(self) -> None:
-        """Do nothing: between two calls nothing is under way."""
-
     def close(self) -> None:
         """Close the worlds and drop the agents. Calling it twice does no harm."""
         for world in self._worlds:

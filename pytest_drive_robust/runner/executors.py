@@ -11,6 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import Protocol
 
+from pytest_drive_robust.domain.agent import offers_lockstep
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
@@ -36,15 +37,12 @@ class Executor(Protocol):
     @property
     def slots(self) -> int:
         """Return how many episodes it can drive at this moment."""
-        ...
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode. The caller keeps to `slots`."""
-        ...
 
     def close(self) -> None:
         """Free simulators, agents and processes; what is under way has no result. Calling it twice does no harm."""
-        ...
 
 
 class Driver(Protocol):
@@ -57,7 +55,6 @@ class Driver(Protocol):
 
     def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
         """Drive one, by `act` or with a `width` in a batch of its own; again when its end was not the agent's doing."""
-        ...
 
     def drive_batch(
         self, agent: str, take: Callable[[], EpisodeRequest | None], width: int
@@ -66,15 +63,9 @@ class Driver(Protocol):
 
         `take` is asked again and again: it may give none now and another one later.
         """
-        ...
-
-    def stop(self) -> None:
-        """Cut off what is under way. From any thread."""
-        ...
 
     def close(self) -> None:
         """Free worlds, agents and processes."""
-        ...
 
 
 class LocalExecutor:
@@ -128,9 +119,7 @@ class LocalExecutor:
         return future
 
     def close(self) -> None:
-        """Cut off what is under way, and free everything."""
-        for driver in self._drivers:
-            driver.stop()
+        """Wait for what is under way, and free everything."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
         self._steps.close()
@@ -243,15 +232,11 @@ class InlineExecutor(LocalExecutor):
         class _Ticks(Watch):
             """Hears of every tick."""
 
-            def __init__(self, ticked: Callable[[], object]) -> None:
-                self._ticked = ticked
-
             def ticked(self, *_: object) -> None:
-                self._ticked()
+                ticked()
 
-        watch = _Ticks(ticked)
         driver = EpisodeDriver(
-            lambda: registry.simulator(simulator, options), lambda name: make_agent(registry, name), watch=watch
+            lambda: registry.simulator(simulator, options), lambda name: make_agent(registry, name), watch=_Ticks()
         )
         super().__init__(
             lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
@@ -275,10 +260,7 @@ def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
     No agent is made: that belongs in the process that drives it. Raises `UnknownNameError` or `PluginError`.
     """
     factory = registry.entry("agents", agent).load()
-    if callable(getattr(factory, "act_batch", None)):
-        return True
-    try:
+    made = None
+    with suppress(Exception):  # an annotation that names something imported for type checkers only, or no function
         made = typing.get_type_hints(factory).get("return")
-    except Exception:  # an annotation that names something imported for type checkers only, or no function at all
-        return False
-    return callable(getattr(made, "act_batch", None))
+    return offers_lockstep(factory) or offers_lockstep(made)

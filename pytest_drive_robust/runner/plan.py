@@ -157,8 +157,8 @@ def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, .
     ids = [route.id for route in scope.routes]
     types = [route.scenario.type for route in scope.routes]
     order = planned_order(ids, types, f"{scope.agent} on {scope.routes_spec}")
-    clean, perturbed = _by_route(need.clean), _by_route(need.perturbed)
-    return tuple(RouteRequests(clean.get(route, ()), perturbed[route]) for route in order)
+    of_route = {route: slice(place, None, len(ids)) for place, route in enumerate(ids)}  # seed after seed
+    return tuple(RouteRequests(need.clean[of_route[route]], need.perturbed[of_route[route]]) for route in order)
 
 
 def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_text: str) -> tuple[str, ...]:
@@ -189,13 +189,6 @@ def _draw(*texts: str) -> float:
     """Return a number in 0..1 named by texts: the same in every process, unlike `hash()`."""
     digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:6], "big") / 2.0**48
-
-
-def _by_route(requests: Sequence[EpisodeRequest]) -> dict[str, tuple[EpisodeRequest, ...]]:
-    found: dict[str, list[EpisodeRequest]] = {}
-    for request in requests:
-        found.setdefault(request.route.id, []).append(request)
-    return {route: tuple(own) for route, own in found.items()}
 
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}

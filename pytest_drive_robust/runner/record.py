@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope
-from pytest_drive_robust.store.events import Asked, Awaited, Judged, Read, Searched
+from pytest_drive_robust.store.events import Asked, Awaited, Judged, Searched
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
 from pytest_drive_robust.verdict.requirement import Requirement
@@ -34,11 +34,6 @@ def awaited(reading: Reading) -> Awaited:
         clean=str(setting.baseline) if ordered.clean else "",
         clean_keys=_keys(ordered.clean),
     )
-
-
-def read(reading: Reading, routes: int, likely: int) -> Read:
-    """Return how far a verdict is."""
-    return Read(**reading.scope.named, requirement=str(reading.requirement), routes=routes, likely=likely)
 
 
 def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:

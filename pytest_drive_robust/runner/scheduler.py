@@ -25,15 +25,12 @@ class Observer(Protocol):
 
     def __call__(self, event: Event) -> None:
         """Note that something happened."""
-        ...
 
     def ticked(self) -> None:
         """Note that an episode is still under way. Called often: return at once."""
-        ...
 
     def idle(self) -> None:
         """Note that nothing is under way any more, be it that all is done or that driving was interrupted."""
-        ...
 
 
 class _Drive(NamedTuple):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, consumed_signals, offers_lockstep
 from pytest_drive_robust.domain.control import Control
@@ -56,17 +55,15 @@ def check_agent(
     return ContractReport(name, tuple(trial.checks()))
 
 
+@dataclass
 class _Trial:
     """The checks share one recorded episode, which everything else is compared with."""
 
-    def __init__(
-        self, factory: Callable[[], Agent], simulator: Simulator, route: Route, other: Route, seed: int
-    ) -> None:
-        self.factory = factory
-        self.simulator = simulator
-        self.route = route
-        self.other = other
-        self.seed = seed
+    factory: Callable[[], Agent]
+    simulator: Simulator
+    route: Route
+    other: Route
+    seed: int
 
     def checks(self) -> Iterator[Check]:
         """Return every check in order; those that need a contract already broken are left out."""
@@ -74,8 +71,7 @@ class _Trial:
             yield (check := first())
             if not check.ok:
                 return
-        self.acts_s: list[float] = []
-        self.record, result = self.drive(_Timed(self.factory(), self.acts_s), self.seed)
+        self.record, result = self.drive(self.factory(), self.seed)
         yield self.controls(result)
         if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
             return
@@ -132,7 +128,8 @@ class _Trial:
 
     def time(self) -> Check:
         """Tell how long `act` takes; judge it only where no run could end."""
-        mean_s, worst_s = sum(self.acts_s) / len(self.acts_s), max(self.acts_s)
+        acts_s = self.record.acts_s
+        mean_s, worst_s = sum(acts_s) / len(acts_s), max(acts_s)
         sentence = f"act takes {1000.0 * mean_s:.3f} ms on average, {1000.0 * worst_s:.3f} ms at most."
         if mean_s > _SLOWEST_ACT_S:
             return Check("time", False, f"{sentence} More than {_SLOWEST_ACT_S:g} s: an episode would take hours.")
@@ -249,23 +246,6 @@ class _Trial:
 def _distance(one: Control, other: Control) -> float:
     pedals = max(abs(one.throttle - other.throttle), abs(one.brake - other.brake))
     return max(pedals, abs(one.steer - other.steer))
-
-
-class _Timed:
-    """Passes on to an agent and adds the wall time of each `act` to a list."""
-
-    def __init__(self, agent: Agent, acts_s: list[float]) -> None:
-        self.sensors, self.reset = agent.sensors, agent.reset
-        self.consumes = consumed_signals(agent)
-        self.privileged = getattr(agent, "privileged", False)
-        self._agent = agent
-        self._acts_s = acts_s
-
-    def act(self, observation: Observation) -> Control:
-        started_s = time.perf_counter()
-        control = self._agent.act(observation)
-        self._acts_s.append(time.perf_counter() - started_s)
-        return control
 
 
 _CHANGES: dict[str, Callable[[Observation], Observation]] = {

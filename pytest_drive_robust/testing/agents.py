@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Sequence
 
 from pytest_drive_robust.domain.agent import SIGNALS, Agent, consumed_signals, is_privileged
@@ -53,7 +54,8 @@ class ScriptedAgent:
 class RecordingAgent:
     """Passes every call on to `agent` and keeps what went in and out since the last `reset`.
 
-    `observations` are private copies made before the agent could write to its own; `controls` are what it returned.
+    `observations` are private copies made before the agent could write to its own; `controls` are what it returned,
+    `acts_s` the wall seconds that each took.
     """
 
     def __init__(self, agent: Agent) -> None:
@@ -65,6 +67,7 @@ class RecordingAgent:
         self.resets = 0
         self.observations: list[Observation] = []
         self.controls: list[Control] = []
+        self.acts_s: list[float] = []
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return the cameras of the recorded agent."""
@@ -74,12 +77,14 @@ class RecordingAgent:
         """Begin a new recording."""
         self.plan, self.seed = route, seed
         self.resets += 1
-        self.observations, self.controls = [], []
+        self.observations, self.controls, self.acts_s = [], [], []
         self.agent.reset(route, seed)
 
     def act(self, observation: Observation) -> Control:
         """Record and pass on."""
         self.observations.append(observation.private())
+        started_s = time.perf_counter()
         control = self.agent.act(observation)
+        self.acts_s.append(time.perf_counter() - started_s)
         self.controls.append(control)
         return control

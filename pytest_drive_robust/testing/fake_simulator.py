@@ -6,9 +6,9 @@ import math
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
@@ -25,9 +25,6 @@ from pytest_drive_robust.domain.route import (
 )
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, Lane, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _WHEELBASE_M = 2.8
 _LARGEST_STEER_RAD = 0.6

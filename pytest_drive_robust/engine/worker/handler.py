@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.engine.messages import BATCH, SALVAGE, WorkerRequest, receive
+from pytest_drive_robust.engine.messages import WorkerRequest, receive
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker_setup import WorkerSetup
@@ -21,7 +21,7 @@ from pytest_drive_robust.runner.cache_key.identity import identity_of
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.episode.stored_controls import bare_result, drive_again
+from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result, drive_again
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
@@ -55,9 +55,7 @@ class RequestHandler:
         known = self._process_states.get(asked.episode.agent)
         if known is not None:
             restore_process_state(known)  # the process is as it was when the agent was made
-        together = asked.kind == BATCH
-        replies = self._drive_together(token, asked) if together else iter([Reply(token, self._result_of(asked))])
-        for reply in replies:
+        for reply in self._drive_together(token, asked) if asked.shares else [Reply(token, self._result_of(asked))]:
             if reply.is_last:
                 self._state.phase("idle", 0 if isinstance(reply.result, UsageError) else reply.result.ticks)
             yield reply
@@ -72,7 +70,12 @@ class RequestHandler:
             request = asked.read(self._registry)
             if self._setup.checks_identity:
                 self._check_identity(request)
-            return self._salvage(request, asked) if asked.kind == SALVAGE else self._drive(request, asked)
+            if asked.recorded is not None:
+                return self._salvage(request, asked.recorded)
+            result = self._driver.drive_once(request, asked.width)
+            if result.outcome is Outcome.AGENT_ERROR:  # another one will be made, in the process as it is then
+                self._process_states.pop(request.episode.agent, None)
+            return result
         except UsageError as error:
             return error
         except BaseException as error:
@@ -95,17 +98,10 @@ class RequestHandler:
                 )
             self._checked.add((agent, request.identity))
 
-    def _drive(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
-        result = self._driver.drive_once(request, asked.width)
-        if result.outcome is Outcome.AGENT_ERROR:  # another one will be made, in the process as it is then
-            self._process_states.pop(request.episode.agent, None)
-        return result
-
-    def _salvage(self, request: EpisodeRequest, asked: WorkerRequest) -> EpisodeResult:
-        assert asked.recorded is not None
+    def _salvage(self, request: EpisodeRequest, recorded: RecordedControls) -> EpisodeResult:
         self._state.phase("sim", 0)
         world = self._driver.world()
-        result = drive_again(world, asked.recorded, request)
+        result = drive_again(world, recorded, request)
         return with_machine(result, self._registry.entry("agents", request.episode.agent).load(), world)
 
     def _drive_together(self, token: bytes, first: WorkerRequest) -> Iterator[Reply]:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from pytest_drive_robust.engine.worker.system import child_processes, resident_bytes
+from pytest_drive_robust.engine.worker.system import child_processes, descriptor_identity, resident_bytes
 
 _MOST_FILES = 100
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
@@ -63,7 +63,7 @@ class Leftovers:
 
     def __init__(self, descriptors: Sequence[int], *, growth_bytes: int) -> None:
         self._threads = _thread._count()
-        self._descriptors = {number: _identity(number) for number in descriptors}
+        self._descriptors = {number: descriptor_identity(number) for number in descriptors}
         self._files = _open_files()
         self._growth_bytes = growth_bytes
         self._first_bytes = 0
@@ -75,18 +75,10 @@ class Leftovers:
         return (
             max(_thread._count(), threading.active_count() - 1) > self._threads
             or bool(child_processes())  # with those of children that ended: a worker is a subreaper
-            or any(_identity(number) != known for number, known in self._descriptors.items())
+            or any(descriptor_identity(number) != known for number, known in self._descriptors.items())
             or _open_files() - self._files > _MOST_FILES
             or size_bytes - self._first_bytes > self._growth_bytes
         )
-
-
-def _identity(number: int) -> tuple[int, int] | None:
-    try:
-        status = os.fstat(number)
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
 
 
 def _open_files() -> int:

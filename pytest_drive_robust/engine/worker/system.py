@@ -48,6 +48,15 @@ def resident_bytes() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
+def descriptor_identity(number: int) -> tuple[int, int] | None:
+    """Return what tells apart that which a descriptor refers to; None for one that is closed."""
+    try:
+        status = os.fstat(number)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
 def limit_memory(size_bytes: int | None) -> None:
     """Let this process allocate no more than so much in all. Linux only."""
     if size_bytes is None or sys.platform != "linux":

@@ -5,15 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import is_success
 from pytest_drive_robust.report.failures.moment import first_failure, manoeuvre
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.failures.road import Road
+from pytest_drive_robust.report.failures.road import Road
 
 _RECENT_S = 2.0
 _MOSTLY = 0.9

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pytest_drive_robust.arithmetic.series import wrap_angle
-from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import ActorKind
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.outcome import Infraction
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.failures.road import Road
-
-    Floats = NDArray[np.float64]
+from pytest_drive_robust.report.failures.road import Road
 
 _WHAT = {
     InfractionKind.COLLISION_PEDESTRIAN: "Hit a pedestrian",

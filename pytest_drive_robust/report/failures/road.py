@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.series import wrap_angle
-from pytest_drive_robust.domain.truth import LaneKind
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.truth import GroundTruth
-
-    Floats = NDArray[np.float64]
+from pytest_drive_robust.domain.truth import GroundTruth, LaneKind
+from pytest_drive_robust.jit.arrays import Floats
 
 _OUTSIDE_M = 0.5
 """As the criterion of the leaderboard counts it."""

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import cv2
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+from pytest_drive_robust.jit.arrays import Pixels
 
-    Pixels = NDArray[np.uint8]
-    Colour = tuple[int, int, int]
+Colour = tuple[int, int, int]
 
 WIDTH, HEIGHT = 1280, 720
 BACKGROUND: Colour = (16, 18, 22)

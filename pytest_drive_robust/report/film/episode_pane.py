@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import cv2
 
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.jit.arrays import Pixels
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.report.film.canvas import (
     BACKGROUND,
@@ -17,22 +19,16 @@ from pytest_drive_robust.report.film.canvas import (
     INK,
     PANEL,
     WRONG,
+    Colour,
     Rectangle,
     bar,
     fill,
     text,
     wrapped,
 )
-from pytest_drive_robust.report.film.top_view import draw_from_above
-from pytest_drive_robust.runner.replay.recording import main_camera
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.control import Control
-    from pytest_drive_robust.domain.truth import EgoState
-    from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.report.film.story import StoryEvent
-    from pytest_drive_robust.report.film.top_view import GroundPicture
-    from pytest_drive_robust.runner.replay.recording import Tape, TapeTick
+from pytest_drive_robust.report.film.story import StoryEvent
+from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above
+from pytest_drive_robust.runner.replay.recording import Tape, TapeTick, main_camera
 
 _FRESH_S = 1.5
 """For so long an infraction is shouted, then it is only told."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
+from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.jit.arrays import Pixels
 from pytest_drive_robust.report.film.canvas import (
     BACKGROUND,
     CLEAN,
@@ -16,6 +18,7 @@ from pytest_drive_robust.report.film.canvas import (
     MARK,
     PERTURBED,
     WIDTH,
+    Colour,
     Rectangle,
     fill,
     text,
@@ -24,13 +27,7 @@ from pytest_drive_robust.report.film.episode_pane import EpisodePane
 from pytest_drive_robust.report.film.story import story_of
 from pytest_drive_robust.report.film.strips import Strips
 from pytest_drive_robust.report.film.top_view import PATH, ROUTE, SPEED_POINT, TARGET_POINT, GroundPicture, is_misplaced
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pytest_drive_robust.domain.truth import EgoState
-    from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.runner.replay.recording import Tape
+from pytest_drive_robust.runner.replay.recording import Tape
 
 _BANNER_S = 1.5
 

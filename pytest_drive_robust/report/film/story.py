@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.runner.replay.recording import Tape
 from pytest_drive_robust.verdict.explain import first_divergence
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.runner.replay.recording import Tape
 
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.report.film.canvas import (
     BACKGROUND,
     CLEAN,
@@ -17,22 +19,13 @@ from pytest_drive_robust.report.film.canvas import (
     PANEL,
     PERTURBED,
     WRONG,
+    Colour,
     Rectangle,
     fill,
     text,
     text_width,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.report.film.story import Story
-
-    Floats = NDArray[np.float64]
+from pytest_drive_robust.report.film.story import Story
 
 AREA = Rectangle(0, 466, 1280, 254)
 _LEFT, _RIGHT = 118, 1264

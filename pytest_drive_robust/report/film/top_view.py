@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
 
-from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Rectangle
+from pytest_drive_robust.domain.agent import PlannedPath
+from pytest_drive_robust.domain.truth import EgoState, LaneMap
+from pytest_drive_robust.jit.arrays import Floats, Pixels
+from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Colour, Rectangle
+from pytest_drive_robust.runner.replay.recording import TapeTick
 from pytest_drive_robust.simulators.embedded.bev import OUTLINE, Sketch, footprint, ground_picture
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, rectangle
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.agent import PlannedPath
-    from pytest_drive_robust.domain.truth import EgoState, LaneMap
-    from pytest_drive_robust.report.film.canvas import Colour, Pixels
-    from pytest_drive_robust.runner.replay.recording import TapeTick
-
-    Floats = NDArray[np.float64]
 
 ROUTE: Colour = (178, 160, 255)
 PATH: Colour = (255, 40, 40)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip
+from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.report.comparison import conclusion
+from pytest_drive_robust.report.pages.records import Ident, RunRecords
 from pytest_drive_robust.stats.intervals import mean_interval
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip
-    from pytest_drive_robust.regression.snapshot import RouteScore
-    from pytest_drive_robust.report.pages.records import Ident, RunRecords
 
 
 def comparison_data(comparison: Comparison) -> dict[str, Any]:

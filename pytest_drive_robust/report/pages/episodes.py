@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.report.pages.records import Ident, RunRecords
 from pytest_drive_robust.verdict.explain import describe_outcome, first_divergence
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.outcome import Infraction
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.pages.records import Ident, RunRecords
 
 _PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
 """What is found only when the whole way is added up happened at no particular place."""

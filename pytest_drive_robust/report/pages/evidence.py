@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import METRICS, Metric
+from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.report.pages.records import RunRecords
 
 _MOST_POINTS = 30
 """An interval over hundreds of routes takes milliseconds: of long readings not every step is computed."""

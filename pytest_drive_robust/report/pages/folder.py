@@ -7,19 +7,17 @@ import shutil
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust import __version__
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
+from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.pages.road_map import RoadMaps, map_data
 from pytest_drive_robust.report.pages.run_data import run_data
 from pytest_drive_robust.store.whole_file import write_whole
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.regression.outcome import Comparison
-    from pytest_drive_robust.report.pages.records import RunRecords
 
 MARK = "drive-robust-report.txt"
 """Lies in every folder that we wrote: only such a one is written over."""

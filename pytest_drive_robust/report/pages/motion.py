@@ -16,17 +16,12 @@ from __future__ import annotations
 import struct
 import zlib
 from base64 import b64encode
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.result import Given
+from pytest_drive_robust.domain.result import EpisodeResult, Given
 from pytest_drive_robust.store.track_bytes import differences, int_planes, pack_tracks, second_differences
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.result import EpisodeResult
 
 VERSION = 1
 UNTOUCHED = -1_000_000

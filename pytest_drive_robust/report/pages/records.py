@@ -4,27 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.regression.document import episode_of, read_document
 from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.record import decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
 
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.registry.registry import Registry
-    from pytest_drive_robust.simulators.base import Simulator
-
 Ident = tuple[str, str, str, int]
 """(agent, setting, route id, seed)."""
 
+T = TypeVar("T")
+S = TypeVar("S")
 Find = Callable[[str], "EpisodeResult | None"]
 
 
@@ -78,15 +79,18 @@ class RunRecords:
                 f"the run {label!r} holds two routes with the id {route_id!r} for {agent} under {setting}, so they "
                 "cannot be told apart. Give the routes of one file other ids, or drive the files in two runs."
             )
-        simulator = _simulator(registry, name)
+        simulator = _found(lambda: registry.simulator(name), None)
+        routes: dict[str, tuple[Route, ...]] = (
+            {} if simulator is None else {spec: _found(partial(routes_for, spec, simulator), ()) for spec in specs}
+        )
         return cls(
             label=label,
             document=document,
             results=results,
             keys=keys,
-            routes={spec: _routes(spec, simulator) for spec in specs},
+            routes=routes,
             simulator=simulator,
-            baselines={setting: _baseline(setting, registry) for setting in settings},
+            baselines={name: _found(partial(_baseline, name, registry), str(Setting.CLEAN)) for name in settings},
         )
 
     def route(self, route_id: str) -> Route | None:
@@ -121,24 +125,13 @@ def stored_episodes(folder: Path) -> Find:
     return find
 
 
-def _simulator(registry: Registry, name: str) -> Simulator | None:
-    try:
-        return registry.simulator(name)
-    except (DriveRobustError, ImportError):
-        return None
-
-
-def _routes(spec: str, simulator: Simulator | None) -> tuple[Route, ...]:
-    if simulator is None:
-        return ()
-    try:
-        return routes_for(spec, simulator)
-    except DriveRobustError:
-        return ()
-
-
 def _baseline(setting: str, registry: Registry) -> str:
+    return str(Setting.parse(setting, registry.perturbations()).baseline)
+
+
+def _found(look_up: Callable[[], T], otherwise: S) -> T | S:
+    """Return what is looked up; `otherwise` for what this machine does not know."""
     try:
-        return str(Setting.parse(setting, registry.perturbations()).baseline)
-    except DriveRobustError:
-        return str(Setting.CLEAN)
+        return look_up()
+    except (DriveRobustError, ImportError):
+        return otherwise

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import GroundTruth, Lane
 from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import own_routes
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.domain.truth import GroundTruth, Lane
-    from pytest_drive_robust.simulators.base import Simulator
 
 _MARGIN_M = 90.0
 _TOLERANCE_M = 0.05
@@ -59,7 +56,7 @@ def map_data(truth: GroundTruth) -> dict[str, Any]:
     lane_map, route = truth.lane_map, truth.route
     low, high = route[:, :2].min(axis=0) - _MARGIN_M, route[:, :2].max(axis=0) + _MARGIN_M
 
-    def near(points: NDArray[np.float64]) -> bool:
+    def near(points: Floats) -> bool:
         return bool(((points >= low) & (points <= high)).all(axis=1).any())
 
     return {
@@ -86,7 +83,7 @@ def _lane(lane: Lane) -> list[Any]:
     return [int(lane.kind), int(lane.junction), _cm(lane.width_m), *lines, _line(lane.centre[:, :2])]
 
 
-def _line(points: NDArray[np.float64]) -> list[int]:
+def _line(points: Floats) -> list[int]:
     """Return x, y, x, y, ... of a line without the points that lie within 5 cm of what the others draw."""
     import cv2
 

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import growth, reading_order
+from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.pages.road_map import RoadMaps
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.regression.outcome import Comparison
-    from pytest_drive_robust.report.pages.records import RunRecords
-    from pytest_drive_robust.report.pages.road_map import RoadMaps
 
 _OPEN = "neither broken nor within its margin is shown"
 

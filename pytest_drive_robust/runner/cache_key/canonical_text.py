@@ -79,11 +79,6 @@ def perturbation_sources(setting: Setting) -> tuple[str, ...]:
     return tuple(_class_code(cls) for cls in classes if cls.__module__.partition(".")[0] != _OWN)
 
 
-@functools.cache  # a plan asks for the same few thousands of times
-def _class_code(cls: type) -> str:
-    return code_of(cls)
-
-
 def code_of(target: object, *, libraries: bool = True) -> str:
     """Return a text that is equal for equal code with equal parameters.
 
@@ -95,6 +90,10 @@ def code_of(target: object, *, libraries: bool = True) -> str:
         return canonical_text(_Description(libraries=libraries)(target))
     except (UnknownSourceError, TypeError) as error:
         return f"session {SESSION} {type(target).__qualname__} {error}"
+
+
+_class_code = functools.cache(code_of)
+"""A plan asks for the same few thousands of times."""
 
 
 class _Description:

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
+import numpy as np
+
 from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
@@ -275,8 +277,6 @@ class RunningEpisode:
 
     def _trace(self) -> Trace:
         """Return what was recorded so far, in memory of its own."""
-        import numpy as np
-
         width = len(Trace.COLUMNS)
         return Trace(np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width).copy())
 

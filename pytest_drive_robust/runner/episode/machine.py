@@ -8,17 +8,18 @@ processor can do: their episodes may differ where these digests do. They are no 
 from __future__ import annotations
 
 import functools
-import hashlib
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import FunctionType
 from typing import Any
 
+import numpy as np
+
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, imported_versions, versions_of
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, hex_of, imported_versions, versions_of
 from pytest_drive_robust.simulators.base import Simulator
 
 _ANY_CODE = ("libm", "numpy")
@@ -84,13 +85,11 @@ def _imported(code: type | FunctionType) -> Mapping[str, str]:
 def _of_libm() -> str:
     line = [(3.0 * step - 54.0) / 18.0 for step in range(_SIZE)]
     scalars = [(math.sin(x), math.exp(x), math.tanh(x), math.atan2(x, 0.3), abs(x) ** 0.7) for x in line]
-    return _digest([repr(scalars).encode()])
+    return hex_of(repr(scalars).encode())
 
 
 @functools.cache
 def _of_numpy() -> str:
-    import numpy as np
-
     line = np.linspace(-3.0, 3.0, _SIZE)
     square = np.sin(np.outer(line, line + 0.1))
     results: list[Any] = []
@@ -101,7 +100,7 @@ def _of_numpy() -> str:
         results += [matrix @ values, matrix @ matrix, np.einsum("ij,j->i", matrix, values)]
     results.append(np.linalg.solve(square + 20.0 * np.eye(_SIZE), line))
     results.append(np.fft.rfft(line))
-    return _digest(np.ascontiguousarray(result).tobytes() for result in results)
+    return hex_of(b"".join(np.ascontiguousarray(result).tobytes() for result in results))
 
 
 @functools.cache
@@ -120,7 +119,7 @@ def _of_torch() -> str:
                 square @ square, torch.nn.functional.conv2d(image, kernel),
                 torch.nn.functional.layer_norm(square, (_SIZE,)),
             ]  # fmt: skip
-            return _digest(result.contiguous().numpy().tobytes() for result in results)
+            return hex_of(b"".join(result.contiguous().numpy().tobytes() for result in results))
     finally:
         torch.set_num_threads(threads)
 
@@ -128,26 +127,17 @@ def _of_torch() -> str:
 @functools.cache
 def _of_onnxruntime() -> str:
     """Return the digest of a matrix product and a tanh, as a model of their own."""
-    import numpy as np
-
     runtime: Any = sys.modules["onnxruntime"]
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = runtime.InferenceSession(_PROBE, options, providers=["CPUExecutionProvider"])
     line = np.arange(_SIZE * _SIZE, dtype=np.float32) % 101 / np.float32(100.0) - np.float32(0.5)
-    return _digest(found.tobytes() for found in session.run(None, {"x": line.reshape(_SIZE, _SIZE)}))
+    return hex_of(b"".join(found.tobytes() for found in session.run(None, {"x": line.reshape(_SIZE, _SIZE)})))
 
 
 _COMPUTED: Mapping[str, Callable[[], str]] = {
     "libm": _of_libm, "numpy": _of_numpy, "torch": _of_torch, "onnxruntime": _of_onnxruntime,
 }  # fmt: skip
-
-
-def _digest(pieces: Iterable[bytes]) -> str:
-    digest = hashlib.blake2b(digest_size=6)
-    for piece in pieces:
-        digest.update(piece)
-    return digest.hexdigest()
 
 
 def _holds(agent: object, library: str) -> bool:

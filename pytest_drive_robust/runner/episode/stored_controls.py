@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
@@ -107,8 +109,6 @@ def drive_again(simulator: Simulator, recorded: RecordedControls, request: Episo
 
 def bare_result(route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str) -> EpisodeResult:
     """Return the result of an episode of which nothing but its end is known."""
-    import numpy as np
-
     return EpisodeResult(
         episode=episode,
         scenario=route.scenario.type,

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.agent import Agent, PlannedPath
 from pytest_drive_robust.domain.result import Tracks
@@ -11,11 +14,7 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.episode.contract import agent_plan
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Ints = NDArray[np.int32]
+Ints = NDArray[np.int32]
 
 EVERY_TICKS = 4
 """5 Hz: between two samples an actor at 20 m/s moves 4 m, which a straight line follows to the centimetre."""
@@ -58,8 +57,6 @@ class Surroundings:
 
     def _grow(self, actors: Any, ends: int) -> None:
         """Make room for twice what is needed: one table is read faster than many small ones."""
-        import numpy as np
-
         rows = np.empty((max(1024, 2 * ends), *actors.shape[1:]))
         rows[: self._used] = self._rows[: self._used] if self._used else 0.0
         self._rows = rows
@@ -74,8 +71,6 @@ class Surroundings:
 
     def tracks(self) -> Tracks | None:
         """Return what was seen; None when nothing was, or when the world's tables are no such tables."""
-        import numpy as np
-
         if not self._egos or self._strange:
             return None
         try:
@@ -94,8 +89,6 @@ def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) 
 
     Column by column, and without what numpy takes its time for: every episode waits for it.
     """
-    import numpy as np
-
     table = np.array(egos)
     of_state = np.repeat(np.arange(len(egos)), table[:, 0].astype(np.int64))
     ego_x, ego_y = table[of_state, 1], table[of_state, 2]
@@ -122,8 +115,6 @@ def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) 
 
 def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Any:
     """Return angles in mrad that do not jump by a turn within a track."""
-    import numpy as np
-
     turned = np.zeros(len(yaw))
     turned[1:] = yaw[1:] - yaw[:-1]
     turned -= 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))
@@ -133,8 +124,6 @@ def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDA
 
 def _plans_of(plans: list[tuple[int, PlannedPath]]) -> tuple[Ints, Ints]:
     """Return `Tracks.plans` and `Tracks.points`; a plan with a point that is none is left out."""
-    import numpy as np
-
     heads: list[tuple[int, int, int, int]] = []
     points: list[tuple[float, float]] = []
     for tick, plan in plans:

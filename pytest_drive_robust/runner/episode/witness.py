@@ -11,6 +11,8 @@ from __future__ import annotations
 from array import array
 from math import nan
 
+import numpy as np
+
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch
@@ -58,8 +60,6 @@ class Witness:
 
     def given(self) -> Given:
         """Return what the agent was told so far, in memory of its own."""
-        import numpy as np
-
         width = len(Given.COLUMNS) + len(self._cameras)
         whole = len(self._told) // width  # the last one breaks off where a perturbation gave no number
         return Given(np.array(self._told[: whole * width], dtype=np.float32).reshape(whole, width))
@@ -77,8 +77,6 @@ class Witness:
             return False
         if camera in self._counts:
             return True
-        import numpy as np
-
         return not np.array_equal(one.pixels, other.pixels)
 
     def _touch(self, signal: str, tick: int) -> None:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import cv2
+import numpy as np
 
 from pytest_drive_robust.domain.agent import Agent, PlannedPath
 from pytest_drive_robust.domain.control import Control
@@ -15,17 +18,12 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
 from pytest_drive_robust.simulators.base import Simulator
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.observation import Pixels
 
 _VIEW = CameraSpec("front (not given to the agent)", width_px=384, height_px=216)
 _WIDEST_PX = 640
@@ -49,9 +47,6 @@ class Picture:
     @classmethod
     def of(cls, camera: str, image: Image) -> Picture:
         """Compress an image of that camera."""
-        import cv2
-        import numpy as np
-
         pixels = image.pixels[:, :, ::-1]
         height, width = pixels.shape[:2]
         if width > _WIDEST_PX:
@@ -62,9 +57,6 @@ class Picture:
 
     def pixels(self) -> Pixels:
         """Return (height, width, 3) uint8 RGB."""
-        import cv2
-        import numpy as np
-
         decoded = np.asarray(cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR), np.uint8)
         return np.ascontiguousarray(decoded[:, :, ::-1])
 
@@ -100,7 +92,7 @@ class Tape:
     result: EpisodeResult
     moments: tuple[TapeTick, ...]
     lane_map: LaneMap
-    route: NDArray[np.float64]
+    route: Floats
     shown_only: bool = False
     plan_problem: str = ""
 
@@ -138,8 +130,6 @@ def record_episode(
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
     """Return a clause on where two drives of one episode differ first; empty when they are the same bits."""
-    import numpy as np
-
     if driven.trace.digest == stored.trace.digest:
         return ""
     shared = min(driven.ticks, stored.ticks)

@@ -14,12 +14,12 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.plugin.probe_option import drive_twice
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.runner.repeatability import drive_twice
 from pytest_drive_robust.runner.replay.recording import record_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, fake_route
@@ -124,9 +124,9 @@ def test_a_replay_drives_what_the_run_drove(registry: Registry, agent: str) -> N
 
 
 def test_an_agent_whose_draws_a_run_repeats_needs_one_seed(registry: Registry) -> None:
-    first, second = drive_twice(
-        registry, agent="DrawsAlways", simulator="fake", options=SimulatorOptions(), route=ROUTES["1"], seed=0
-    )
+    episode = Episode("DrawsAlways", "1", "clean", 0)
+    request = EpisodeRequest(episode, ROUTES["1"], Setting.CLEAN)
+    first, second = drive_twice(request, registry, FakeSimulator())
     assert first.trace.digest == second.trace.digest
     assert first.trace.digest == digests(one_by_one(registry), "DrawsAlways", "1")["1"]
 
