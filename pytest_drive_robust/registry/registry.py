@@ -36,12 +36,14 @@ AgentFactories = Callable[[str], AgentFactory]
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 
-_SIMULATORS = "pytest_drive_robust.simulators"
-_BUILTIN_SIMULATORS = (
-    ("embedded", "embedded:EmbeddedSimulator", ""),
-    ("gymnasium", "gymnasium:gymnasium_simulator", "ID"),
-)
-_BUILTIN_AGENTS = (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),)
+_BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
+    "agents": (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),),
+    "simulators": (
+        ("embedded", "pytest_drive_robust.simulators.embedded:EmbeddedSimulator", ""),
+        ("gymnasium", "pytest_drive_robust.simulators.gymnasium:gymnasium_simulator", "ID"),
+    ),
+}
+"""Names of each kind that come with this package, where they are, and what may follow them."""
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
     "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
@@ -95,7 +97,7 @@ class Registry:
 
         Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
         """
-        entry = self._find("agents", name)
+        entry = self.entry("agents", name)
         return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
@@ -104,14 +106,14 @@ class Registry:
         `name` is a registered name, perhaps with an argument (`gymnasium:roundabout-v0`), or `module.path:Factory`.
         Raises as `agent` does, and whatever `DriveRobustError` the factory raises.
         """
-        entry = self._find("simulators", name)
+        entry = self.entry("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
         arguments = (options or SimulatorOptions(), *argument)
         return cast("Simulator", _made(entry, entry.load(), arguments, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
-        entry = self._find("perturbations", name)
+        entry = self.entry("perturbations", name)
         return _check_perturbation(entry.load(), entry.origin)
 
     def perturbations(self) -> dict[str, type[Perturbation]]:
@@ -126,7 +128,7 @@ class Registry:
 
     def metric(self, name: str) -> MetricFunction:
         """Return the function of that name. Raises `UnknownNameError` or `PluginError`."""
-        entry = self._find("metrics", name)
+        entry = self.entry("metrics", name)
         function = entry.load()
         if not callable(function):
             raise PluginError(f"the metric {name!r} from {entry.origin} is {function!r}, expected a function.")
@@ -142,11 +144,32 @@ class Registry:
 
     def entry(self, kind: str, name: str) -> Entry:
         """Return the entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
-        return self._find(kind, name)
+        known = self._all(kind)
+        bare, colon, argument = name.partition(":")
+        takes_options = kind == "agents" and colon and name not in known and "=" in argument
+        if colon and bare in known and (known[bare][0].argument or takes_options):
+            name = bare
+        if name not in known:
+            if takes_options:
+                raise UnknownNameError.of("agent", bare, known, hint=_HINTS[kind])
+            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
+                return from_reference(kind, name)
+            syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
+            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=_HINTS[kind])
+        if len(known[name]) > 1:
+            origins = " and ".join(entry.origin for entry in known[name])
+            raise PluginError(
+                f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
+                "the name in pytest_drive_robust_register of your conftest.py."
+            )
+        found = known[name][0]
+        if kind == "agents" and found.argument:
+            return found.bound_to(argument)
+        return found.with_options(argument) if takes_options else found
 
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
-        self._find(kind, name).load()
+        self.entry(kind, name).load()
 
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return what did not load when `perturbations` loaded them all, for the report."""
@@ -181,30 +204,6 @@ class Registry:
                 found[name] = [entry]
         return found
 
-    def _find(self, kind: str, name: str) -> Entry:
-        known = self._all(kind)
-        bare, colon, argument = name.partition(":")
-        takes_options = kind == "agents" and colon and name not in known and "=" in argument
-        if colon and bare in known and (known[bare][0].argument or takes_options):
-            name = bare
-        if name not in known:
-            if takes_options:
-                raise UnknownNameError.of("agent", bare, known, hint=_HINTS[kind])
-            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
-                return from_reference(kind, name)
-            syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=_HINTS[kind])
-        if len(known[name]) > 1:
-            origins = " and ".join(entry.origin for entry in known[name])
-            raise PluginError(
-                f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
-                "the name in pytest_drive_robust_register of your conftest.py."
-            )
-        found = known[name][0]
-        if kind == "agents" and found.argument:
-            return found.bound_to(argument)
-        return found.with_options(argument) if takes_options else found
-
 
 @functools.cache
 def default_registry() -> Registry:
@@ -213,23 +212,16 @@ def default_registry() -> Registry:
 
 
 def _builtins(kind: str) -> list[Entry]:
-    if kind == "agents":
-        return [
-            Entry(kind, name, "built in", from_reference(kind, path).loader, argument=argument)
-            for name, path, argument in _BUILTIN_AGENTS
-        ]
-    if kind == "simulators":
-        return [
-            Entry(kind, name, "built in", from_reference(kind, f"{_SIMULATORS}.{path}").loader, argument=argument)
-            for name, path, argument in _BUILTIN_SIMULATORS
-        ]
     if kind == "metrics":
         return [Entry(kind, name, "built in", functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
     if kind == "perturbations":
         from pytest_drive_robust.perturbations import BUILTIN
 
         return [Entry(kind, name, "built in", functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
-    return []
+    return [
+        Entry(kind, name, "built in", from_reference(kind, path).loader, argument=argument)
+        for name, path, argument in _BUILTINS[kind]
+    ]
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:

@@ -96,6 +96,7 @@ def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
     )
 
 
+_ALPHA = 0.05
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
 
@@ -114,20 +115,18 @@ def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> Verdi
 
 
 def judge_drop(
-    pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
+    pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: VerdictKind = "evidence"
 ) -> Decision:
     """Judge whether DS or SR dropped by more than allowed. `pairs` are (before, after) of each route in planned order.
 
-    `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most `alpha` of
-    the time on routes like these. Raises `ComparisonError` when there is no pair.
+    `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most 1
+    time in 20 on routes like these. Raises `ComparisonError` when there is no pair.
     """
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
-    return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=alpha), scores)[0]
+    return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 
 
-def judge_rise(
-    routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence", alpha: float = 0.05
-) -> Decision:
+def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence") -> Decision:
     """Judge whether RD rose by more than allowed. By evidence that is inconclusive below 20 routes.
 
     Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
@@ -136,13 +135,13 @@ def judge_rise(
     One value per route whose mean is the rise beyond the allowance (the influence of the route on both ratios), then
     Hall's t test as in the last look of the gate, with one pessimistic pseudo route on the pass side.
     """
-    decision = _decide_rise(routes, allowance, kind=kind, alpha=alpha)
+    decision = _decide_rise(routes, allowance, kind=kind)
     floor = VerdictRule().clean_floor
     unsure = min(fmean(route.clean_before for route in routes), fmean(route.clean_after for route in routes)) < floor
     return "inconclusive" if unsure and decision == "pass" else decision
 
 
-def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind, alpha: float) -> Decision:
+def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind) -> Decision:
     """Judge as `judge_rise` does, without its floor."""
     clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
     if clean_before <= 0.0 or clean_after <= 0.0:
@@ -160,10 +159,10 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: Verdi
         - (route.before - kept_before * route.clean_before) / clean_before
         for route in routes
     ]
-    if mean_below_zero_p(holds) <= alpha:
+    if mean_below_zero_p(holds) <= _ALPHA:
         return "fail"
     slacks = [hold + MARGIN for hold in holds]
-    return "pass" if 1.0 - mean_below_zero_p([*slacks, min(*slacks, MARGIN - 1.0)]) <= alpha else "inconclusive"
+    return "pass" if 1.0 - mean_below_zero_p([*slacks, min(*slacks, MARGIN - 1.0)]) <= _ALPHA else "inconclusive"
 
 
 def _forms(allowance: Allowance) -> LinearForms:

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,7 +62,7 @@ def _foxglove(path: str, thing: Pose | Place | Note | Shapes, stamp: dict[str, i
     """Return the name and the fields of a message."""
     name = path.partition("/")[0]
     if isinstance(thing, Pose):
-        pose = {"translation": {"x": thing.x_m, "y": thing.y_m}, "rotation": _turned(thing.yaw_rad)}
+        pose = {"translation": {"x": thing.x_m, "y": thing.y_m}, "rotation": _turned(thing)}
         return "FrameTransform", {"timestamp": stamp, "parent_frame_id": _WORLD, "child_frame_id": name, **pose}
     if isinstance(thing, Place):
         place = {"latitude": thing.latitude_deg, "longitude": thing.longitude_deg}
@@ -101,18 +100,18 @@ def _described(made: Any) -> bytes:
 
 def _cube(box: Box) -> dict[str, Any]:
     place = {"x": box.pose.x_m, "y": box.pose.y_m, "z": box.size_m[2] / 2.0}
-    pose = {"position": place, "orientation": _turned(box.pose.yaw_rad)}
+    pose = {"position": place, "orientation": _turned(box.pose)}
     return {"pose": pose, "size": dict(zip("xyz", box.size_m, strict=True)), "color": _colour(box.colour)}
 
 
 def _lines(lines: Lines) -> Iterator[dict[str, Any]]:
     for points in lines.lines:
-        shape = {"pose": {"orientation": _turned(0.0)}, "thickness": lines.width_m, "color": _colour(lines.colour)}
+        shape = {"pose": {"orientation": {"w": 1.0}}, "thickness": lines.width_m, "color": _colour(lines.colour)}
         yield {**shape, "points": [{"x": x, "y": y} for x, y in points.tolist()]}
 
 
-def _turned(yaw_rad: float) -> dict[str, float]:
-    return {"z": math.sin(yaw_rad / 2.0), "w": math.cos(yaw_rad / 2.0)}
+def _turned(pose: Pose) -> dict[str, float]:
+    return dict(zip("zw", pose.turned, strict=True))
 
 
 def _colour(colour: tuple[int, int, int]) -> dict[str, float]:

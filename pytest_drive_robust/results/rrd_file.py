@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,7 +56,7 @@ def _log(rerun: Any, recording: Any, item: Item) -> None:
     second, path, thing = item
     recording.set_time("time", duration=second)
     if isinstance(thing, Pose):
-        turned = rerun.Quaternion(xyzw=_turned(thing))
+        turned = rerun.Quaternion(xyzw=(0.0, 0.0, *thing.turned))
         recording.log(path, rerun.Transform3D(translation=(thing.x_m, thing.y_m, 0.0), quaternion=turned))
     elif isinstance(thing, Place):
         recording.log(path, rerun.GeoPoints(lat_lon=[tuple(thing)]))
@@ -77,7 +76,7 @@ def _shapes(rerun: Any, shapes: Shapes) -> Iterator[Any]:
     yield rerun.Boxes3D(
         centers=[(box.pose.x_m, box.pose.y_m, box.size_m[2] / 2.0) for box in boxes],
         sizes=[box.size_m for box in boxes],
-        quaternions=[rerun.Quaternion(xyzw=_turned(box.pose)) for box in boxes],
+        quaternions=[rerun.Quaternion(xyzw=(0.0, 0.0, *box.pose.turned)) for box in boxes],
         colors=[box.colour for box in boxes],
         labels=[box.name for box in boxes],
         show_labels=False,
@@ -87,7 +86,3 @@ def _shapes(rerun: Any, shapes: Shapes) -> Iterator[Any]:
         colors=[kind.colour for _, kind in lines],
         radii=[kind.width_m / 2.0 for _, kind in lines],
     )
-
-
-def _turned(pose: Pose) -> tuple[float, float, float, float]:
-    return 0.0, 0.0, math.sin(pose.yaw_rad / 2.0), math.cos(pose.yaw_rad / 2.0)

@@ -6,6 +6,7 @@ from the start.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,6 +47,11 @@ class Pose(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+    @property
+    def turned(self) -> tuple[float, float]:
+        """Its quaternion's z and w; x and y are 0."""
+        return math.sin(self.yaw_rad / 2.0), math.cos(self.yaw_rad / 2.0)
 
 
 class Place(NamedTuple):

@@ -80,11 +80,8 @@ def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
         count += 1
         path = files.path(key)
         try:
-            record = decode_record(files.read(key) or b"")
-            rows = record.result.trace.rows
-            if record.notes.get("key") != key:
-                damages.append(Damage(key, path, f"it is the record of {record.notes.get('key')!r}"))
-            elif Trace(rows).digest != record.result.trace.digest:
+            trace = decode_record(files.read(key) or b"", key=key).result.trace
+            if Trace(trace.rows).digest != trace.digest:
                 damages.append(Damage(key, path, "its trace is not the one that its header tells of"))
         except OtherFormatError as error:
             damages.append(Damage(key, path, str(error), later_version=True))

@@ -108,9 +108,7 @@ class FolderStore:
 
     def _record(self, files: RecordFiles, key: str, data: bytes) -> EpisodeRecord | None:
         try:
-            record = decode_record(data)
-            if record.notes.get("key") != key:
-                raise CorruptRecordError(f"it is the record of {record.notes.get('key')!r}")
+            return decode_record(data, key=key)
         except OtherFormatError:
             return None
         except CorruptRecordError as error:
@@ -120,7 +118,6 @@ class FolderStore:
                 f"the stored episode {files.path(key)} is damaged: {error}. {what}; the episode is driven again."
             )
             return None
-        return record
 
     def _counts(self, record: EpisodeRecord) -> bool:
         if record.notes.get("run") == self._run:

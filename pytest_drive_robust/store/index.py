@@ -9,16 +9,14 @@ from __future__ import annotations
 import contextlib
 import sqlite3
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
 
-from pytest_drive_robust.store.record import CorruptRecordError, EpisodeRecord, decode_record
+from pytest_drive_robust.store.record import CorruptRecordError, decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
 
 _FILE = "index.sqlite"
 _VERSION = 1
-_COLUMNS = "key, state, size, run, agent, route_id, setting, seed, outcome, end, wall_s, problem"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +34,9 @@ class IndexedEpisode:
     end: str = ""
     wall_s: float = 0.0
     problem: str = ""
+
+
+_NAMES = tuple(item.name for item in fields(IndexedEpisode))
 
 
 def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
@@ -80,51 +81,40 @@ def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEp
         gone = [(key,) for key in known.keys() - there.keys()]
         database.executemany("DELETE FROM records WHERE key = ?", gone)
         changed = _read(files, {key: state for key, state in there.items() if known.get(key) != state})
-        marks = ",".join("?" * len(_COLUMNS.split(",")))
-        database.executemany(f"INSERT OR REPLACE INTO records ({_COLUMNS}) VALUES ({marks})", changed)
-    found = database.execute(f"SELECT {_COLUMNS} FROM records ORDER BY key")
-    return [_episode(*values) for values in found]
-
-
-def _episode(
-    key: str, _: str, size: int, run: str, agent: str, route_id: str, setting: str, seed: str, *end: Any
-) -> IndexedEpisode:
-    return IndexedEpisode(key, size, run, agent, route_id, setting, int(seed), *end)
+        names = ("state", *_NAMES)
+        marks = ", ".join(f":{name}" for name in names)
+        database.executemany(f"INSERT OR REPLACE INTO records ({', '.join(names)}) VALUES ({marks})", changed)
+    found = database.execute(f"SELECT {', '.join(_NAMES)} FROM records ORDER BY key")
+    rows = [dict(zip(_NAMES, values, strict=True)) for values in found]
+    return [IndexedEpisode(**{**row, "seed": int(row["seed"])}) for row in rows]
 
 
 def _state(files: RecordFiles, key: str) -> str:
     return ":".join(map(str, files.state(key) or ()))
 
 
-def _read(files: RecordFiles, states: Mapping[str, str]) -> Iterator[tuple[object, ...]]:
+def _read(files: RecordFiles, states: Mapping[str, str]) -> Iterator[dict[str, object]]:
+    """Yield the rows of those records that are there. Seeds are text: SQLite's whole numbers have 64 bits at most."""
     for key, state in states.items():
         try:
             data = files.read(key)
+            episode = None if data is None else _episode(key, data)
         except OSError as error:
-            yield (key, state, 0, *[""] * 4, "0", "", "", 0.0, f"it cannot be read: {error.strerror or error}")
-            continue
-        if data is not None:
-            yield (key, state, len(data), *_words(key, data))
+            episode = IndexedEpisode(key, 0, problem=f"it cannot be read: {error.strerror or error}")
+        if episode is not None:
+            yield {**asdict(episode), "state": state, "seed": str(episode.seed)}
 
 
-def _words(key: str, data: bytes) -> tuple[object, ...]:
+def _episode(key: str, data: bytes) -> IndexedEpisode:
     try:
-        record = decode_record(data)
+        record = decode_record(data, key=key)
     except CorruptRecordError as error:
-        return (*[""] * 4, "0", "", "", 0.0, str(error))
-    if record.notes.get("key") != key:
-        return (*[""] * 4, "0", "", "", 0.0, f"it is the record of {record.notes.get('key')!r}")
-    return _facts(record)
-
-
-def _facts(record: EpisodeRecord) -> tuple[object, ...]:
+        return IndexedEpisode(key, len(data), problem=str(error))
     result = record.result
     texts = (record.notes.get("run", ""), result.episode.agent, result.episode.route_id, result.episode.setting)
-    return (
-        *(text.encode(errors="backslashreplace").decode() for text in texts),  # SQLite takes no lone surrogates
-        str(result.episode.seed),  # nor whole numbers of more than 64 bits
-        result.outcome.value,
-        result.end.value,
-        float(result.wall_s),
-        "",
+    # SQLite takes no lone surrogates
+    run, agent, route_id, setting = (text.encode(errors="backslashreplace").decode() for text in texts)
+    end, wall_s = result.end.value, float(result.wall_s)
+    return IndexedEpisode(
+        key, len(data), run, agent, route_id, setting, result.episode.seed, result.outcome.value, end, wall_s
     )

@@ -100,13 +100,16 @@ def decode_episode(data: bytes) -> EpisodeResult:
     return decode_record(data).result
 
 
-def decode_record(data: bytes) -> EpisodeRecord:
-    """Read as `decode_episode` does, with the notes."""
+def decode_record(data: bytes, *, key: str | None = None) -> EpisodeRecord:
+    """Read as `decode_episode` does, with the notes, which must tell of `key` where one is given."""
     _check(data)
     try:
-        return _decoded(data)
+        record = _decoded(data)
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, struct.error) as error:
         raise CorruptRecordError(f"no episode is in it: {type(error).__name__}: {error}") from error
+    if key is not None and record.notes.get("key") != key:
+        raise CorruptRecordError(f"it is the record of {record.notes.get('key')!r}")
+    return record
 
 
 def _check(data: bytes) -> None:

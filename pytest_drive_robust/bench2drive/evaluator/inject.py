@@ -65,9 +65,7 @@ class SettingRefusedError(Exception):
     """The environment asks for something that cannot be injected."""
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# The package, in a Python that is older than the one that it is written for
-# ---------------------------------------------------------------------------------------------------------------------
+# --- the package, in a Python that is older than the one that it is written for ---
 
 
 @contextmanager
@@ -114,9 +112,7 @@ domain, geodesy, scalars, errors, perturbations = _import_ours(
 _NEUTRAL = _import_ours("domain.control")[0].Control.NEUTRAL
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What the sensors say
-# ---------------------------------------------------------------------------------------------------------------------
+# --- what the sensors say ---
 
 
 def cameras_of(sensors: Iterable[Mapping[str, Any]]) -> list[Any]:
@@ -201,9 +197,7 @@ def _stretch(fix: Any) -> float:
     return 1.0 if abs(latitude) < 1.0 else 1.0 / scalars.cos(math.radians(latitude))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Commands
-# ---------------------------------------------------------------------------------------------------------------------
+# --- commands ---
 
 _FIELDS = ("throttle", "steer", "brake", "hand_brake", "reverse", "manual_gear_shift", "gear")
 
@@ -228,9 +222,7 @@ def neutral_like(control: Any) -> Any:
     return made
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# What to inject
-# ---------------------------------------------------------------------------------------------------------------------
+# --- what to inject ---
 
 
 class InjectionPlan(NamedTuple):
@@ -295,9 +287,7 @@ def _plan_of_variables(environ: Mapping[str, str]) -> InjectionPlan:
     return InjectionPlan(setting, int(text or 0), DT_S, told, environ.get("PDR_LOG", ""))
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# At the seams of the evaluator
-# ---------------------------------------------------------------------------------------------------------------------
+# --- at the seams of the evaluator ---
 
 
 class Injector:

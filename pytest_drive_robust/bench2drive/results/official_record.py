@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from types import MappingProxyType
@@ -184,23 +184,18 @@ def speed_pct(message: str) -> float | None:
     return value if 0.0 <= value <= LARGEST_PCT else None
 
 
-def official_ratios_pct(record: OfficialRecord) -> list[float]:
-    """Read the ratios as the official tool does. Raises `UsageError` where it stops with an error."""
-    return [_required(official_speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
-
-
-def ratios_pct(record: OfficialRecord) -> list[float]:
-    """Read the ratios as they are meant. Raises `UsageError` for a sentence without a number."""
-    return [_required(speed_pct(message), message, record) for message in record.infractions[SPEED_LIST]]
-
-
-def _required(ratio: float | None, message: str, record: OfficialRecord) -> float:
-    if ratio is None:
-        raise UsageError(
-            f"{record.where}: {SPEED_LIST} holds {shown(message)}, expected a sentence like "
-            '"Average speed is 62.41% of the surrounding traffic\'s one".'
-        )
-    return ratio
+def ratios_pct(record: OfficialRecord, *, read: Callable[[str], float | None] = speed_pct) -> list[float]:
+    """Return the ratios as `read` understands the sentences. Raises `UsageError` for one without a number."""
+    found = []
+    for message in record.infractions[SPEED_LIST]:
+        ratio = read(message)
+        if ratio is None:
+            raise UsageError(
+                f"{record.where}: {SPEED_LIST} holds {shown(message)}, expected a sentence like "
+                '"Average speed is 62.41% of the surrounding traffic\'s one".'
+            )
+        found.append(ratio)
+    return found
 
 
 def outside_lanes_pct(message: str) -> float | None:

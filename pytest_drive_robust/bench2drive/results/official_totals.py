@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.bench2drive.results.motion_log import Comforts
-from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, official_ratios_pct, ratios_pct
+from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, official_speed_pct, ratios_pct
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.metrics.ability import ABILITIES
@@ -129,7 +129,7 @@ def score_results(
 
 def official_efficiency(record: OfficialRecord) -> float | None:
     """Return the mean of what is at most 1000 %, None where nothing is: the official tool leaves out or stops there."""
-    kept = [ratio for ratio in official_ratios_pct(record) if ratio <= LARGEST_RATIO_PCT]
+    kept = [ratio for ratio in ratios_pct(record, read=official_speed_pct) if ratio <= LARGEST_RATIO_PCT]
     return mean(kept) if kept else None
 
 

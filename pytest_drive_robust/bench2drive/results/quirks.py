@@ -11,8 +11,8 @@ from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import (
     LARGEST_PCT,
     SPEED_LIST,
-    official_ratios_pct,
     official_speed_pct,
+    ratios_pct,
     speed_pct,
 )
 from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals, official_efficiency
@@ -86,7 +86,7 @@ def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
 
 
 def _efficiency(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
-    ratios = [official_ratios_pct(record) for record in results.records]
+    ratios = [ratios_pct(record, read=official_speed_pct) for record in results.records]
     dropped = sum(ratio > LARGEST_RATIO_PCT for values in ratios for ratio in values)
     if dropped:
         finite = [kept for values in ratios if (kept := [value for value in values if value <= LARGEST_PCT])]

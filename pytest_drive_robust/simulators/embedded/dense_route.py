@@ -54,7 +54,7 @@ class DenseRoute:
 
     def driven_line(self) -> tuple[Floats, float]:
         """Return road before the start + route with its lane changes + road after its end, and the start on it [m]."""
-        used = self._used()
+        used = tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
         behind, ahead = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
         before = join(self.lane_map, behind[: behind.index(used[0]) + 1])
         after = join(self.lane_map, ahead[ahead.index(used[-1]) :])
@@ -72,9 +72,10 @@ class DenseRoute:
     def passages(self) -> tuple[Passage, ...]:
         """Return the ways through junctions that the route takes, in order; one across the turning lanes takes none."""
         found: list[Passage] = []
-        for inside in self._junction_lanes():
-            ways = (way for way in self.town.passages if _contains(way.inside, inside))
-            found.extend(islice(ways, 1))
+        for driven in self._junction_lanes():
+            # all lanes of a way, or its end or its beginning where the route is shorter
+            parts = ((way, way.inside[: len(driven)], way.inside[-len(driven) :]) for way in self.town.passages)
+            found.extend(islice((way for way, first, last in parts if driven in (first, last)), 1))
         return tuple(found)
 
     def first_passage(self) -> Passage | None:
@@ -95,10 +96,6 @@ class DenseRoute:
         ]
         within = {k for start, end, _ in self.lane_changes() for k in range(start + 1, end - 1)}
         return GlobalPlan.of(way, self.s.tolist(), tuple(point for k, point in enumerate(way) if k not in within))
-
-    def _used(self) -> tuple[int, ...]:
-        """Return the lanes of the route in order."""
-        return tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
 
     def _junction_lanes(self) -> list[tuple[int, ...]]:
         """Return for each junction on the route the lanes used in it, in order."""
@@ -134,11 +131,6 @@ class DenseRoute:
                     end += 1
                 changes.append((start, end, side))
         return changes
-
-
-def _contains(inside: tuple[int, ...], driven: tuple[int, ...]) -> bool:
-    """Return whether the lanes driven are those of a way: all, or its end or beginning where the route is shorter."""
-    return driven in (inside[: len(driven)], inside[-len(driven) :])
 
 
 def lay_route(route: Route) -> DenseRoute:

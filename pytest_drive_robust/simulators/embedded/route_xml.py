@@ -59,24 +59,20 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
     problems: list[str] = []
     seen: set[str] = set()
     for element in elements:
-        read = _route_or_problem(element)
-        if isinstance(read, str):
-            problems.append(read)
-        elif read.id in seen:
-            problems.append(f"two routes have the id {read.id!r}")
+        try:
+            route = _route(element)
+        except RouteError as error:
+            problems.append(str(error))
+            continue
+        wrong = problems_of(route.scenario) if is_official(route.town) else []
+        if wrong:
+            problems.append(f"route {route.id}: {'; '.join(wrong)}")
+        elif route.id in seen:
+            problems.append(f"two routes have the id {route.id!r}")
         else:
-            seen.add(read.id)
-            routes.append(read)
+            seen.add(route.id)
+            routes.append(route)
     return routes, problems
-
-
-def _route_or_problem(element: ElementTree.Element) -> Route | str:
-    try:
-        route = _route(element)
-    except RouteError as error:
-        return str(error)
-    wrong = problems_of(route.scenario) if is_official(route.town) else []
-    return f"route {route.id}: {'; '.join(wrong)}" if wrong else route
 
 
 def _misfit(route: Route) -> str | None:

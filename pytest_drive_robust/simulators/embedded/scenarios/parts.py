@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from contextlib import suppress
 
 import numpy as np
@@ -80,7 +79,7 @@ def oncoming_gaps(stage: Stage) -> None:
 
 def scenery(stage: Stage, gap_m: tuple[float, float] = (45.0, 90.0)) -> None:
     """Add traffic the other way that only shares the road; a one-way road has none."""
-    with contextlib.suppress(RouteError):
+    with suppress(RouteError):
         stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=gap_m, background=True)
 
 

@@ -15,6 +15,7 @@ from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, S
 from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, meeting_point
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage
+from pytest_drive_robust.simulators.embedded.state import DT_S
 
 _SPEED_MPS = 60.0 / 3.6
 _ACCEL_MPS2 = 15.0
@@ -42,7 +43,7 @@ def opposite_vehicle_taking_priority(stage: Stage) -> None:
 def _take_priority(stage: Stage, kind: ActorKind) -> None:
     """Put a car so far from where the ways meet that it gets there together with an ego that does not react."""
     path, ahead_m, meets_m = _way(stage)
-    start_m = meets_m - _reach_m(_TTA_S)
+    start_m = meets_m - _reach_m()
     runner = stage.cast.add(
         ActorSpec(
             kind, path, start_m, accel_mps2=_ACCEL_MPS2, sees=c.SEES_NOBODY, end_m=stage.length_m(path), leaves=True
@@ -75,11 +76,11 @@ def _way(stage: Stage) -> tuple[int, float, float]:
     )
 
 
-def _reach_m(seconds: float, *, dt_s: float = 0.05) -> float:
-    """Return how far the driver model gets from rest within so many seconds."""
+def _reach_m() -> float:
+    """Return how far the driver model gets from rest within `_TTA_S` seconds."""
     v, s = 0.0, 0.0
-    for _ in range(round(seconds / dt_s)):
+    for _ in range(round(_TTA_S / DT_S)):
         share = (v / _SPEED_MPS) * (v / _SPEED_MPS)
-        v += _ACCEL_MPS2 * (1.0 - share * share) * dt_s
-        s += v * dt_s
+        v += _ACCEL_MPS2 * (1.0 - share * share) * DT_S
+        s += v * DT_S
     return s

@@ -27,7 +27,8 @@ def dynamic_object_crossing(stage: Stage) -> None:
     Every 5 degrees of `crossing_angle` make it 0.1 s more.
     """
     at = ahead(stage, 45.0)
-    edge = _near_edge_m(stage, at)
+    # where somebody comes from: the edge of the lane, or that of the road
+    edge = stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at)
     stage.stand(ActorKind.CONTAINER, at - 2.2, right_hand(stage) * (edge + 1.2))
     _steps_out(stage, at, edge + 1.6, beyond_m=1.5, tta_s=2.1)
 
@@ -80,7 +81,8 @@ def vehicle_turning_route_pedestrian(stage: Stage) -> None:
 
 def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tta_s: float) -> None:
     """Let a pedestrian start `aside_m` beside the ego's way and walk over the road, `beyond_m` past its far edge."""
-    angle, far_side = _angle_deg(stage), "left" if right_hand(stage) > 0.0 else "right"
+    far_side = "left" if right_hand(stage) > 0.0 else "right"
+    angle = min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)  # so that they still get across
     stage.walker(
         at_m,
         from_right_m=right_hand(stage) * aside_m,
@@ -91,16 +93,6 @@ def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tt
     )
     scenery(stage)
     stage.end_m = stage.trigger_m + at_m + 20.0
-
-
-def _angle_deg(stage: Stage) -> float:
-    """Return the element `crossing_angle`, at most so much that somebody still gets across."""
-    return min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)
-
-
-def _near_edge_m(stage: Stage, at_m: float) -> float:
-    """Return the metres from the middle of the ego's lane to where somebody comes from: the edge of lane or road."""
-    return stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at_m)
 
 
 def _crosses_after_turn(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
@@ -59,25 +60,20 @@ def bike_crossing(town: Town, rng: RandomNumbers) -> None:
     _junction(town, "ESWN", box, section, control=dict.fromkeys("ESWN", "light"))
 
 
-def rural_tee(town: Town, rng: RandomNumbers) -> None:
-    """Draw a fast country road from W to E and a slower stem from S, nothing controlled, wide turns."""
-    _rural(town, rng, "ESW", control={})
+def rural(names: str, control: dict[str, str]) -> Draw:
+    """Return a style: a fast country road from W to E and a slower one, wide turns; `control` by arm."""
 
+    def draw(town: Town, rng: RandomNumbers) -> None:
+        width = rng.uniform(3.45, 3.55)
+        major = Section(1, 1, width, rng.choice(_COUNTRY_LIMITS_MPS), sidewalk=False)
+        box = width + rng.uniform(8.5, 11.5)
+        minor = replace(major, speed_mps=13.9)
+        arms = [Arm(name, _HEADINGS[name], box, major if name in "EW" else minor) for name in names]
+        draw_arms(town, arms, length_m=_COUNTRY_ARM_M, crosswalks=False)
+        chains_through(town, connect(town, arms, controls=control))
+        town.building_gap_m = (12.0, 35.0)
 
-def rural_crossing(town: Town, rng: RandomNumbers) -> None:
-    """Draw a fast country road from W to E, crossed by a slower one with stop signs."""
-    _rural(town, rng, "ESWN", control={"N": "stop", "S": "stop"})
-
-
-def _rural(town: Town, rng: RandomNumbers, names: str, *, control: dict[str, str]) -> None:
-    width = rng.uniform(3.45, 3.55)
-    major = Section(1, 1, width, rng.choice(_COUNTRY_LIMITS_MPS), sidewalk=False)
-    box = width + rng.uniform(8.5, 11.5)
-    minor = replace(major, speed_mps=13.9)
-    arms = [Arm(name, _HEADINGS[name], box, major if name in "EW" else minor) for name in names]
-    draw_arms(town, arms, length_m=_COUNTRY_ARM_M, crosswalks=False)
-    chains_through(town, connect(town, arms, controls=control))
-    town.building_gap_m = (12.0, 35.0)
+    return draw
 
 
 def _junction(town: Town, names: str, box_m: float, section: Section, *, control: dict[str, str]) -> None:
@@ -107,16 +103,15 @@ def grid(town: Town, rng: RandomNumbers) -> None:
     box = width + rng.uniform(5.0, 8.0)
     apart = rng.uniform(75.0, 95.0), rng.uniform(75.0, 95.0)
     ways: dict[int, list[Connection]] = {}
-    for column in range(_SIZE):
-        for row in range(_SIZE):
-            centre = column * apart[0], row * apart[1]
-            arms = _arms(column, row, centre, box, section)
-            _draw(town, arms, (apart[0] - 2.0 * box, apart[1] - 2.0 * box))
-    for column in range(_SIZE):
-        for row in range(_SIZE):
-            arms = _arms(column, row, (column * apart[0], row * apart[1]), box, section)
-            for made in connect(town, arms, controls={arm.name: "light" for arm in arms}):
-                ways.setdefault(town.chains[made.source.inward("0")][-1], []).append(made)
+    junctions = [
+        _arms(column, row, (column * apart[0], row * apart[1]), box, section)
+        for column, row in product(range(_SIZE), repeat=2)
+    ]
+    for arms in junctions:
+        _draw(town, arms, (apart[0] - 2.0 * box, apart[1] - 2.0 * box))
+    for arms in junctions:
+        for made in connect(town, arms, controls={arm.name: "light" for arm in arms}):
+            ways.setdefault(town.chains[made.source.inward("0")][-1], []).append(made)
     _name_chains(town, ways)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
@@ -25,7 +24,10 @@ _CLEAR_M = 0.8
 """Least distance between a wall and the edge of any lane in a city; in the country it is the least gap."""
 _STEP_M = 22
 _NEAR_M = 50.0
-"""More than half the diagonal of the largest house and the widest lane and gap together."""
+"""More than half the diagonal of the largest house and the widest lane and gap together.
+
+The exact distance to a house is worked out for points that are nearer only.
+"""
 
 
 def draw_lanes(town: Town) -> tuple[Lane, ...]:
@@ -119,15 +121,10 @@ def draw_buildings(town: Town, lanes: tuple[Lane, ...]) -> Floats:
             gap = rng.uniform(*town.building_gap_m) + 0.05
             pose = place(lane.centre, float(start + 8), gap + depth / 2.0 + lane.width_m / 2.0)
             row = [*pose, float(length), float(depth), float(height)]
-            near = _is_near(row, points)
+            near = np.abs(points - row[:2]).max(axis=1) < _NEAR_M
             if bool((_outside(row, points[near]) > clear[near]).all()) and _apart(row, rows):
                 rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, 6)
-
-
-def _is_near(row: list[float], points: Floats) -> NDArray[np.bool_]:
-    """Return points that may be too close to a house: the exact distance is worked out for these only."""
-    return np.asarray(np.abs(points - row[:2]).max(axis=1) < _NEAR_M)
 
 
 def _outside(row: list[float], points: Floats) -> Floats:

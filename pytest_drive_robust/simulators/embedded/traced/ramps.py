@@ -47,7 +47,7 @@ def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec,
     if over < _CHANGE_M[0] - 8.0:
         raise RouteError(f"{fork - begins:.0f} m from the trigger to the exit are too few to change lanes")
     target = shifted(own, side * LANE_M)
-    ramp_start = place(target, _level(own, fork, target))
+    ramp_start = place(target, project(target, *place(own, fork)[:2])[0])
     ramp = joined(bridge(ramp_start, tuple(after[0])), after[1:])
     _road(town, own, limit, fork, extra_m=0.0, lanes=(3, 3, 3), own_lane=1)
     section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
@@ -176,10 +176,6 @@ def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
 
 def _over_m(speed_mps: float) -> float:
     return min(max(_CHANGE_S * speed_mps, _CHANGE_M[0]), _CHANGE_M[1])
-
-
-def _level(line: Floats, at_m: float, other: Floats) -> float:
-    return project(other, *place(line, at_m)[:2])[0]
 
 
 def _ramp_speed(ramp: Floats) -> float:
