@@ -45,8 +45,7 @@ class RecordFiles:
     def read(self, key: str) -> bytes | None:
         """Return the bytes under a key, None when there are none. Raises `OSError` when they cannot be read."""
         try:
-            with open(self.path(key), "rb") as file:
-                return file.read()
+            return self.path(key).read_bytes()
         except (FileNotFoundError, NotADirectoryError):
             return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from math import sqrt
+from statistics import stdev
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.official_record import EXTENSION, LISTS, lanes_message, speed_message
@@ -132,10 +132,7 @@ def _worst(statuses: Sequence[str]) -> str:
 
 def _deviation(values: Sequence[float]) -> float:
     """Return the standard deviation over n - 1, as the leaderboard does; 0 for one route."""
-    if len(values) < 2:
-        return 0.0
-    average = sum(values) / len(values)
-    return round(sqrt(sum((value - average) ** 2 for value in values) / (len(values) - 1)), 3)
+    return round(stdev(values), 3) if len(values) > 1 else 0.0
 
 
 def _events_per_km(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -23,7 +23,7 @@ ENDS = {
     c.END_STUCK: End.STUCK,
 }
 
-_COLLISIONS = {
+COLLISIONS = {
     "vehicle": InfractionKind.COLLISION_VEHICLE,
     "pedestrian": InfractionKind.COLLISION_PEDESTRIAN,
     "layout": InfractionKind.COLLISION_LAYOUT,
@@ -63,7 +63,7 @@ def _infractions(world: World) -> list[Infraction]:
         if kind == c.EVENT_COLLISION:
             what = ActorKind.BUILDING if number < 0 else ActorKind(int(world.state.actor_ints[number, c.I_KIND]))
             name = what.name.lower().replace("_", " ")
-            infraction, detail = _COLLISIONS[what.collision_class], f"hit {name} at {value:.1f} m/s"
+            infraction, detail = COLLISIONS[what.collision_class], f"hit {name} at {value:.1f} m/s"
         elif kind == c.EVENT_RED_LIGHT:
             infraction, detail = InfractionKind.RED_LIGHT, "ran a red light"
         elif kind == c.EVENT_STOP_SIGN:

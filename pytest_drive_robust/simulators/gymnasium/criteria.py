@@ -11,17 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.outcome import End, Infraction
 from pytest_drive_robust.domain.truth import ActorKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import criteria as constants
-from pytest_drive_robust.simulators.embedded.scoring import closing_infractions, end_detail
+from pytest_drive_robust.simulators.embedded.scoring import COLLISIONS, closing_infractions, end_detail
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
 _WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
 _DEVIATION_ROWS = 5
-_COLLISIONS = {"vehicle": InfractionKind.COLLISION_VEHICLE, "layout": InfractionKind.COLLISION_LAYOUT}
 
 
 class EpisodeCriteria:
@@ -98,7 +97,7 @@ class EpisodeCriteria:
             kind = ActorKind.BARRIER if other is None else kind_of(other)
             detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
             tick, x, y = self._here(state)
-            self._infractions.append(Infraction(_COLLISIONS[kind.collision_class], tick, detail, x, y))
+            self._infractions.append(Infraction(COLLISIONS[kind.collision_class], tick, detail, x, y))
 
     def _is_outside(self) -> bool:
         """Return whether the ego is more than half a metre outside every lane (`ego.lane` is the nearest one)."""

@@ -10,8 +10,6 @@ import re
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.errors import RouteError, UnknownNameError
 from pytest_drive_robust.simulators.embedded.towns import crossings, streets
-from pytest_drive_robust.simulators.embedded.towns.crossings import grid
-from pytest_drive_robust.simulators.embedded.towns.roundabout import roundabout
 from pytest_drive_robust.simulators.embedded.towns.town import Draw, Town
 
 __all__ = ["STYLES", "Town", "build_town"]
@@ -50,8 +48,8 @@ STYLES: dict[str, Draw] = {
     "StopTee": crossings.tee({"S": "stop"}),
     "OpenTee": crossings.tee({}),
     "RuralTee": crossings.rural("ESW", {}),
-    "Roundabout": roundabout,
-    "Grid": grid,
+    "Roundabout": crossings.roundabout,
+    "Grid": crossings.grid,
 }  # fmt: skip
 """Every style of town by name."""
 
