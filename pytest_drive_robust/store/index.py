@@ -76,7 +76,7 @@ def _create(database: sqlite3.Connection) -> None:
 
 def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEpisode]:
     known: dict[str, str] = dict(database.execute("SELECT key, state FROM records"))
-    there = {key: _state(files, key) for key in files.all_keys()}
+    there = {key: ":".join(map(str, files.state(key) or ())) for key in files.all_keys()}
     with database:
         gone = [(key,) for key in known.keys() - there.keys()]
         database.executemany("DELETE FROM records WHERE key = ?", gone)
@@ -87,10 +87,6 @@ def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEp
     found = database.execute(f"SELECT {', '.join(_NAMES)} FROM records ORDER BY key")
     rows = [dict(zip(_NAMES, values, strict=True)) for values in found]
     return [IndexedEpisode(**{**row, "seed": int(row["seed"])}) for row in rows]
-
-
-def _state(files: RecordFiles, key: str) -> str:
-    return ":".join(map(str, files.state(key) or ()))
 
 
 def _read(files: RecordFiles, states: Mapping[str, str]) -> Iterator[dict[str, object]]:

@@ -166,10 +166,6 @@ class SensedTick(NamedTuple):
         )
         return cls(cameras, ego, observation)
 
-    def without_images(self) -> SensedTick:
-        """Return what of it may be delivered later by us; images are kept by who delays them."""
-        return SensedTick({}, self.ego, dataclasses.replace(self.observation, cameras={}))
-
     def written(self, given: Any, past: Mapping[int, SensedTick]) -> dict[str, Any]:
         """Return the payloads that are not those of this tick; `past` are earlier ticks, and this one."""
         found = {}
@@ -379,7 +375,8 @@ class Injector:
         if not self.plan.observes:
             return dict(raw)
         sensed = SensedTick.read(self._tick, {tag: payload for tag, (_, payload) in raw.items()})
-        self._past[self._tick] = sensed.without_images()
+        # images are kept by who delays them
+        self._past[self._tick] = SensedTick({}, sensed.ego, dataclasses.replace(sensed.observation, cameras={}))
         found = sensed.written(self._stack().observe(sensed.observation), self._past)
         return {tag: (item[0], found.get(tag, item[1])) for tag, item in raw.items()}
 

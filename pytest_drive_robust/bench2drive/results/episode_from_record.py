@@ -153,7 +153,8 @@ def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
     if None in told:
         return None
     shares = [share for share in told if share is not None]
-    rest = record.route_pct * _fixed_penalty(record.infractions)
+    counts = {kind: len(record.infractions[kind.value]) for kind in PENALTIES}
+    rest = record.route_pct * prod(factor ** counts[kind] for kind, factor in PENALTIES.items())
     for share in shares[:-1]:
         rest *= 1.0 - share / 100.0
     if not shares or rest <= 0.0:
@@ -165,7 +166,3 @@ def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
     if abs(last - shares[-1]) > tolerance:
         return None
     return (*shares[:-1], min(max(last, 0.0), 100.0))
-
-
-def _fixed_penalty(infractions: Mapping[str, tuple[str, ...]]) -> float:
-    return prod(factor ** len(infractions[kind.value]) for kind, factor in PENALTIES.items())

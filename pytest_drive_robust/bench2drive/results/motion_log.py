@@ -75,9 +75,9 @@ def _read_log(path: Path) -> _Log:
     rows = np.array(
         [_row(given, f"{shown(path)}, step {shown(step)}") for step, given in document.items()], dtype=np.float64
     ).reshape(len(document), _WIDTH)
-    steps = [_step(step) for step in document]
-    known = np.array([step for step in steps if step is not None], dtype=np.int64)
-    if len(known) < len(steps) or len(known) < 2:
+    steps = [int(step) for step in document if step.isascii() and step.isdigit() and len(step) < 10]
+    known = np.array(steps, dtype=np.int64)
+    if len(known) < len(document) or len(known) < 2:
         return _Log(rows, rows, TICK_S)
     order = np.argsort(known, kind="stable")
     return _Log(rows, rows[order], TICK_S * max(float(np.median(np.diff(known[order]))), 1.0))
@@ -161,10 +161,6 @@ def log_text(trace: Trace) -> str:
     columns = {name: np.stack(parts, axis=1).tolist() for name, parts in vectors.items()}
     steps = {str(step): {name: columns[name][step] for name in _VECTORS} for step in range(len(trace.rows))}
     return json.dumps(steps, allow_nan=False) + "\n"
-
-
-def _step(name: str) -> int | None:
-    return int(name) if name.isascii() and name.isdigit() and len(name) < 10 else None
 
 
 def _row(given: object, where: str) -> list[float]:

@@ -78,16 +78,13 @@ def _files_of(folder: Path) -> list[Path]:
         found = sorted(item for item in folder.iterdir() if item.suffix == ".json" and not item.name.startswith("."))
         splits = [item for item in found if _MERGED not in item.name]
         if splits or found:
-            return splits if any(_holds_records(item) for item in splits) else found
+            holding = (not is_empty(item) and _records_of(read_json(item)) is not None for item in splits)
+            return splits if any(holding) else found
         below = sorted({shown(item.parent) for item in folder.glob("*/*.json")})[:5]
     except OSError as error:
         raise UsageError(f"{shown(folder)} cannot be read: {error.strerror}.") from None
     hint = f" Below it, files are in {', '.join(below)}." if below else ""
     raise UsageError(f"{shown(folder)} holds no *.json file.{hint} Give a result file or the folder of its parts.")
-
-
-def _holds_records(file: Path) -> bool:
-    return not is_empty(file) and _records_of(read_json(file)) is not None
 
 
 def _records_of(document: object) -> list[object] | None:

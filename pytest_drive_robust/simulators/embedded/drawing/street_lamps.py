@@ -47,7 +47,8 @@ def lamp_places(lane_map: LaneMap) -> Floats:
     )
     places = []
     for lane in roads:
-        if lane.kind is not LaneKind.DRIVING or lane.junction or _leads_same_way(lane_map, lane):
+        beside = lane_map.lanes[lane.right].kind if lane.right >= 0 and lane.right_same_way else None
+        if lane.kind is not LaneKind.DRIVING or lane.junction or beside is LaneKind.DRIVING:
             continue
         aside = lane.width_m / 2.0 + _width_beyond(lane_map, lane) + _BESIDE_M
         along = np.cumsum(hypot(*np.diff(lane.centre[:, :2], axis=0).T))
@@ -57,10 +58,6 @@ def lamp_places(lane_map: LaneMap) -> Floats:
             if (hypot(*(points - foot).T) > halves + _CLEAR_M).all():
                 places.append((foot[0], foot[1], heading - math.pi / 2.0))
     return np.array(places, np.float64).reshape(-1, 3)
-
-
-def _leads_same_way(lane_map: LaneMap, lane: Lane) -> bool:
-    return lane.right >= 0 and lane.right_same_way and lane_map.lanes[lane.right].kind is LaneKind.DRIVING
 
 
 def _width_beyond(lane_map: LaneMap, lane: Lane) -> float:

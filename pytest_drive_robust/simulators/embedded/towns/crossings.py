@@ -109,8 +109,12 @@ def grid(town: Town, rng: RandomNumbers) -> None:
         _arms(column, row, (column * apart[0], row * apart[1]), box, section)
         for column, row in product(range(_SIZE), repeat=2)
     ]
+    between_m = {"H": apart[0] - 2.0 * box, "V": apart[1] - 2.0 * box}
     for arms in junctions:
-        _draw(town, arms, (apart[0] - 2.0 * box, apart[1] - 2.0 * box))
+        for arm in arms:
+            if not arm.ends_here:
+                road(town, arm.name, arm.edge(), [(between_m.get(arm.name[0], _ARM_M), 0.0)], arm.section)
+            crosswalk(town, arm)
     for arms in junctions:
         for made in connect(town, arms, controls={arm.name: "light" for arm in arms}):
             ways.setdefault(town.chains[made.source.inward("0")][-1], []).append(made)
@@ -130,14 +134,6 @@ def _arms(column: int, row: int, centre: tuple[float, float], box_m: float, sect
         Arm(name, k * _QUARTER, box_m, section, centre, ends_here=ends_here)
         for k, (name, ends_here) in enumerate(roads)
     ]
-
-
-def _draw(town: Town, arms: list[Arm], between_m: tuple[float, float]) -> None:
-    for arm in arms:
-        if not arm.ends_here:
-            length = {"H": between_m[0], "V": between_m[1]}.get(arm.name[0], _ARM_M)
-            road(town, arm.name, arm.edge(), [(length, 0.0)], arm.section)
-        crosswalk(town, arm)
 
 
 def _name_chains(town: Town, ways: dict[int, list[Connection]]) -> None:
