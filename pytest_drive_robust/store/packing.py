@@ -78,9 +78,11 @@ class StoredTrace(Trace):
     _shape: tuple[int, int]
     _unpacked: NDArray[np.float64] | None
 
-    def __init__(self, *, packed: bytes, ticks: int, digest: str = "") -> None:
+    def __init__(
+        self, rows: NDArray[np.float64] | None = None, *, packed: bytes = b"", ticks: int = 0, digest: str = ""
+    ) -> None:
         put = object.__setattr__  # as a frozen dataclass does
-        put(self, "_unpacked", None)
+        put(self, "_unpacked", rows)
         put(self, "_packed", packed)
         put(self, "_shape", (ticks, len(Trace.COLUMNS)))
         put(self, "_digest", digest)
@@ -119,9 +121,11 @@ class StoredGiven(Given):
     _shape: tuple[int, int]
     _unpacked: NDArray[np.float32] | None
 
-    def __init__(self, *, packed: bytes, shape: tuple[int, int]) -> None:
+    def __init__(
+        self, rows: NDArray[np.float32] | None = None, *, packed: bytes = b"", shape: tuple[int, int] = (0, 0)
+    ) -> None:
         put = object.__setattr__
-        put(self, "_unpacked", None)
+        put(self, "_unpacked", rows)
         put(self, "_packed", packed)
         put(self, "_shape", shape)
 
