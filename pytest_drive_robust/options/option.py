@@ -50,13 +50,11 @@ def _usual(given: GivenText) -> str | bool:
     return bool(given.text) if OPTIONS[given.flag].is_switch else given.text
 
 
-def option(flag: str, *, parse: Callable[[GivenText], Any] = _usual) -> Any:
-    """Return a dataclass field that is one option; `parse` makes its value and raises `UsageError`."""
-    return combined(flag, parse=parse)
+def option(*flags: str, parse: Callable[..., Any] = _usual) -> Any:
+    """Return a dataclass field that is one option, or is made of several, which `parse` is given in their order.
 
-
-def combined(*flags: str, parse: Callable[..., Any]) -> Any:
-    """Return a dataclass field whose value `parse` makes of several options, in their order."""
+    `parse` makes its value and raises `UsageError`.
+    """
     options = tuple(OPTIONS[flag] for flag in flags)
     return field(
         default_factory=lambda: parse(*(GivenText(option.flag, option.default) for option in options)),

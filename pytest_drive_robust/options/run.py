@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.options.option import GivenText, OptionSource, combined, option, read_fields, was_given
+from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields, was_given
 from pytest_drive_robust.options.parsers import (
     one_of,
     seconds,
@@ -49,7 +49,7 @@ class RunOptions:
     simulator: str = option("--drive-sim")
     reading: str = option("--drive-reading", parse=one_of(READINGS, "reading"))
     metrics: str = option("--drive-metrics", parse=one_of(("bench2drive", "fixed"), "metric mode"))
-    verdict_rule: VerdictRule = combined("--drive-verdict", "--drive-margin", "--drive-alpha", parse=_verdict_rule)
+    verdict_rule: VerdictRule = option("--drive-verdict", "--drive-margin", "--drive-alpha", parse=_verdict_rule)
     inconclusive: str = option(
         "--drive-inconclusive", parse=one_of(("warn", "fail", "skip"), "way to treat inconclusive verdicts")
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust.options.option import GivenText, combined, option, options_of, read_fields, was_given
+from pytest_drive_robust.options.option import GivenText, option, options_of, read_fields, was_given
 
 
 def _span(low: GivenText, high: GivenText) -> tuple[float, float]:
@@ -18,7 +18,7 @@ def _span(low: GivenText, high: GivenText) -> tuple[float, float]:
 class Wanted:
     name: str = option("--drive-agent")
     fresh: bool = option("--drive-fresh")
-    span: tuple[float, float] = combined("--drive-alpha", "--drive-margin", parse=_span)
+    span: tuple[float, float] = option("--drive-alpha", "--drive-margin", parse=_span)
     note: str = ""
 
 
