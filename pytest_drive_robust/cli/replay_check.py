@@ -48,15 +48,12 @@ class Before:
             differences = [difference(driven, earlier) for earlier in stored]
             return (True, same) if not all(differences) else (False, f"DIFFERS from {self.label} {differences[0]}")
         words = (driven.episode.agent, route.id, driven.episode.setting, driven.episode.seed)
-        if self.digests is None or words not in self.digests or self._is_another(route):
+        is_another_route = self.routes.get(route.id, route_digest(route)) != route_digest(route)
+        if self.digests is None or words not in self.digests or is_another_route:
             return None
         if self.digests[words] == driven.trace.digest:
             return True, same
         return False, f"DIFFERS from {self.label}"
-
-    def _is_another(self, route: Route) -> bool:
-        """Return whether the route of that id was another one then."""
-        return self.routes.get(route.id, route_digest(route)) != route_digest(route)
 
 
 def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | None:

@@ -57,10 +57,11 @@ class Compilation:
         self._compiled = [0] * len(groups)
         self._whole: set[int] = set()
         self._awaited = range(len(_groups(early)))
-        aside = processes > 1 or self._awaited.stop < len(groups)  # one process lets others drive, too
+        later = self._awaited.stop < len(groups)
+        aside = processes > 1 or later  # one process lets others drive, too
         if aside and 1 < len(groups) < _WHOLE and _may_fork() and os.access(cache_folder(), os.W_OK):
             self._fork(groups, max(1, processes))
-            while self.news is not None and not (self._are_compiled() and self._awaited.stop < len(groups)):
+            while self.news is not None and not (later and self._whole.issuperset(self._awaited)):
                 self._read()
         elif missing:
             with _counted(tell, _count(missing)):
@@ -117,9 +118,6 @@ class Compilation:
             self.news = None
             self._compiled = list(self._counts)
         self._tell_awaited()
-
-    def _are_compiled(self) -> bool:
-        return self._whole.issuperset(self._awaited)
 
     def _tell_awaited(self) -> None:
         self._tell(*(sum(counts[number] for number in self._awaited) for counts in (self._compiled, self._counts)))

@@ -10,10 +10,11 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, FIXTURES
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker
+from pytest_drive_robust.plugin.requirement_place import requirements_of
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, Scope
 from pytest_drive_robust.store.events import Advised
-from pytest_drive_robust.verdict.requirement import Requirement, by_evidence
+from pytest_drive_robust.verdict.requirement import by_evidence
 
 
 class CollectionPlugin:
@@ -64,10 +65,8 @@ class CollectionPlugin:
         marker = marker_options(item)
         scope = context.scopes.of(marker)
         self._scopes.setdefault((scope.agent, scope.routes_spec), scope)
-        callspec = getattr(item, "callspec", None)
-        params = callspec.params.values() if callspec is not None else ()
         reading = marker.asked_reading(context.options.asked_reading)
-        wanted = [value.read_as(reading) for value in params if isinstance(value, Requirement)]
+        wanted = [stated.read_as(reading) for stated in requirements_of(item)]
         verdict_rule = marker.verdict_rule(context.options.verdict_rule).for_routes(len(scope.routes))
         for requirement in wanted:
             context.scopes.check_setting(requirement.setting)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import pytest
 
@@ -18,6 +19,7 @@ def check_plan_alone(config: pytest.Config) -> None:
         raise UsageError("--drive-plan looks at the tests in one process: leave -n out, or add -n0.")
 
 
+@dataclass(eq=False)
 class PlanPlugin:
     """Shows the plan in place of running tests.
 
@@ -25,29 +27,20 @@ class PlanPlugin:
     their collection. `slots` is how many episodes a run would drive at a time.
     """
 
-    def __init__(
-        self,
-        config: pytest.Config,
-        store: EpisodeStore,
-        requests: Mapping[str, EpisodeRequest],
-        readings: Sequence[Reading],
-        *,
-        slots: int,
-    ) -> None:
-        self._config = config
-        self._store = store
-        self._slots = slots
-        self._requests = requests
-        self._readings = readings
+    config: pytest.Config
+    store: EpisodeStore
+    requests: Mapping[str, EpisodeRequest]
+    readings: Sequence[Reading]
+    slots: int
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> bool:
         """Show the plan; no test runs."""
-        reporter = self._config.pluginmanager.get_plugin("terminalreporter")
+        reporter = self.config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
-            likely = {request.key for reading in self._readings for request in reading.likely}
+            likely = {request.key for reading in self.readings for request in reading.likely}
             text = plan_text(
-                self._requests.values(), self._store.get, likely=likely, slots=self._slots, colour=reporter.hasmarkup
+                self.requests.values(), self.store.get, likely=likely, slots=self.slots, colour=reporter.hasmarkup
             )
             reporter.section("drive-robust plan")
             reporter.write_line(text)

@@ -11,11 +11,16 @@ import pytest
 from pytest_drive_robust.verdict.requirement import Requirement
 
 
-def place_of(item: pytest.Item) -> tuple[str, int] | None:
-    """Return the file, relative to the root folder, and the line, from 1; None where no sentence is found."""
+def requirements_of(item: pytest.Item) -> list[Requirement]:
+    """Return the requirements that are parameters of a test."""
     callspec = getattr(item, "callspec", None)
     values = () if callspec is None else callspec.params.values()
-    written = next((value.written for value in values if isinstance(value, Requirement) and value.written), None)
+    return [value for value in values if isinstance(value, Requirement)]
+
+
+def place_of(item: pytest.Item) -> tuple[str, int] | None:
+    """Return the file, relative to the root folder, and the line, from 1; None where no sentence is found."""
+    written = next((stated.written for stated in requirements_of(item) if stated.written), None)
     if written is None:
         return None
     path, line, sentence = written

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
+from pytest_drive_robust.regression.snapshot import RouteScore
+from pytest_drive_robust.regression.verdicts import Rise
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import counted, shown
-from pytest_drive_robust.report.page import WIDTH, Page, new_table
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
-    from pytest_drive_robust.regression.snapshot import RouteScore
-    from pytest_drive_robust.regression.verdicts import Rise
+from pytest_drive_robust.report.page import Page, cut
 
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
-_STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 
 
 def comparison_text(comparison: Comparison, *, colour: bool) -> str:
@@ -28,7 +22,7 @@ def comparison_text(comparison: Comparison, *, colour: bool) -> str:
     for line in _fingerprint_lines(comparison):
         page.print(line, wraps=False)
     if not comparison.refusals:
-        page.print(_table(comparison, colour=colour))
+        page.table(("DS", "SR", "RD", "routes"), map(_row, comparison.cells), agent_width=14)
         for line in (*_stories(comparison), *_mean_lines(comparison)):
             page.print(line, wraps=False)
     page.print(conclusion(comparison), wraps=False)
@@ -65,27 +59,16 @@ def _fingerprint_lines(comparison: Comparison) -> Iterator[str]:
     yield from _short([f"note: {note}" for note in comparison.notes], _MOST_NOTES)
 
 
-def _table(comparison: Comparison, *, colour: bool) -> Table:
-    from rich.text import Text
-
-    table = new_table(colour=colour)
-    table.add_column("agent", max_width=14, no_wrap=True, overflow="ellipsis")
-    table.add_column("setting", overflow="fold")
-    for name in ("DS", "SR", "RD", "routes"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for cell in comparison.cells:
-        routes = f"{cell.routes} of {cell.routes + cell.missing}" if cell.missing else str(cell.routes)
-        table.add_row(
-            cell.agent,
-            cell.setting,
-            f"{cell.before.ds:.1f} -> {cell.after.ds:.1f}",
-            f"{shown('SR', cell.before.sr)} -> {shown('SR', cell.after.sr)}",
-            "-" if cell.after.rd is None else f"{shown('RD', cell.before.rd)} -> {shown('RD', cell.after.rd)}",
-            routes,
-            Text(cell.verdict, style=_STYLES[cell.verdict]),
-        )
-    return table
+def _row(cell: CellComparison) -> tuple[str, ...]:
+    return (
+        cell.agent,
+        cell.setting,
+        f"{cell.before.ds:.1f} -> {cell.after.ds:.1f}",
+        f"{shown('SR', cell.before.sr)} -> {shown('SR', cell.after.sr)}",
+        "-" if cell.after.rd is None else f"{shown('RD', cell.before.rd)} -> {shown('RD', cell.after.rd)}",
+        f"{cell.routes} of {cell.routes + cell.missing}" if cell.missing else str(cell.routes),
+        cell.verdict,
+    )
 
 
 def _stories(comparison: Comparison) -> Iterator[str]:
@@ -144,8 +127,7 @@ def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], 
 
 
 def _story(word: str, score: RouteScore) -> str:
-    line = f"    {word:<4}{score.ds:6.1f}  {score.outcome}"
-    return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
+    return cut(f"    {word:<4}{score.ds:6.1f}  {score.outcome}")
 
 
 def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:

@@ -9,7 +9,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.metrics.summary import Summary
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
-from pytest_drive_robust.report.page import WIDTH
+from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.verdict.evaluate import Verdict
 
@@ -68,7 +68,7 @@ def _headline(verdict: Verdict) -> list[str]:
         routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"
     counts = f"{routes} x {counted(verdict.seeds, 'seed')}"
     line = f"{value}, {limit}   ({interval}, {counts})"
-    return [line] if len(line) <= WIDTH else [_cut(f"{value}, {limit}", WIDTH), f"  ({interval}, {counts})"]
+    return [line] if len(line) <= WIDTH else [cut(f"{value}, {limit}"), f"  ({interval}, {counts})"]
 
 
 def _promise(verdict: Verdict) -> list[str]:
@@ -135,7 +135,7 @@ def _worst(verdict: Verdict) -> list[str]:
             continue
         parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s {item.diverged_by}"
         lines += [
-            _cut(head, WIDTH - len(parted)) + parted,
+            cut(head, WIDTH - len(parted)) + parted,
             _story("clean", item.clean_score, item.clean_outcome),
             _story("perturbed", item.perturbed_score, item.perturbed_outcome),
         ]
@@ -143,11 +143,7 @@ def _worst(verdict: Verdict) -> list[str]:
 
 
 def _story(under: str, score: float | None, outcome: str) -> str:
-    return _cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {outcome}", WIDTH)
-
-
-def _cut(text: str, width: int) -> str:
-    return text if len(text) <= width else text[: width - 3] + "..."
+    return cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {outcome}")
 
 
 def _quoted(word: str) -> str:

@@ -18,6 +18,7 @@ VARIABLE = "GITHUB_STEP_SUMMARY"
 
 _LOUD = ("fail", "error")
 _MOST_FLIPS = 10
+_METRICS = ("DS", "SR", "RD")
 _VERDICT_HEADS = ("requirement", "agent", "value", "interval", "routes", "verdict")
 
 
@@ -86,18 +87,8 @@ def _compared(comparison: Comparison) -> list[str]:
     parts = [f"### {_cell(conclusion(comparison))}"]
     cells = [] if comparison.refusals else [cell for cell in comparison.cells if cell.changed or cell.regressed]
     if cells:
-        heads = (
-            "agent",
-            "setting",
-            "DS before",
-            "after",
-            "SR before",
-            "after",
-            "RD before",
-            "after",
-            "routes",
-            "verdict",
-        )
+        pairs = [head for metric in _METRICS for head in (f"{metric} before", "after")]
+        heads = ("agent", "setting", *pairs, "routes", "verdict")
         parts.append(_table(heads, map(_before_and_after, cells)))
     broken = [(cell, flip.before, flip.after) for cell in cells for flip in cell.flips if flip.fails]
     lines = [
@@ -110,16 +101,8 @@ def _compared(comparison: Comparison) -> list[str]:
 
 
 def _before_and_after(cell: CellComparison) -> tuple[str, ...]:
-    before, after = cell.before, cell.after
-    numbers = (
-        shown(metric, value)
-        for metric, pair in (
-            ("DS", (before.ds, after.ds)),
-            ("SR", (before.sr, after.sr)),
-            ("RD", (before.rd, after.rd)),
-        )
-        for value in pair
-    )
+    sides = (cell.before, cell.after)
+    numbers = (shown(metric, getattr(side, metric.lower())) for metric in _METRICS for side in sides)
     verdict = f"**{cell.verdict}**" if cell.regressed else cell.verdict
     return cell.agent, cell.setting, *numbers, f"{cell.changed} of {cell.routes} changed", verdict
 

@@ -7,7 +7,7 @@ from math import fsum
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.numbers import duration_text
-from pytest_drive_robust.report.page import Page, new_table
+from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 
@@ -36,15 +36,9 @@ def plan_text(
             walls.append(stored.wall_s)
         elif request.key in likely:
             left += 1
-    table = new_table(colour=colour)
-    table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
-    table.add_column("setting", max_width=48, overflow="fold")
-    for name in ("episodes", "stored", "to drive"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for (agent, setting), (needed, stored_count) in counts.items():
-        table.add_row(agent, setting, str(needed), str(stored_count), str(needed - stored_count))
     page = Page(colour=colour)
-    page.print(table)
+    rows = [(*names, *map(str, (needed, held, needed - held))) for names, (needed, held) in counts.items()]
+    page.table(("episodes", "stored", "to drive"), rows, setting_width=48, verdicts=False)
     most = sum(needed - stored for needed, stored in counts.values())
     return f"{page.text}\n{_sentence(left, most, walls, slots)}"
 

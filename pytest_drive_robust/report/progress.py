@@ -51,7 +51,7 @@ class ProgressState:
         self._left = None
         for part in (self._likely, self._costs, self._pace):
             part.see(event)
-        if isinstance(event, Planned) or (isinstance(event, Asked) and not self._is_covered(event)):
+        if isinstance(event, Planned) or (isinstance(event, Asked) and not self._likely.covers(event)):
             self._keys.update(event.keys)
         if isinstance(event, Asked) and event not in self._open and not self._finished.issuperset(event.keys):
             self._open.append(event)
@@ -115,9 +115,6 @@ class ProgressState:
             return ""
         done, total = self.compiled
         return f"compiling, {done} of {total} functions done (kept for later runs)"
-
-    def _is_covered(self, asked: Asked) -> bool:
-        return self._likely.covers(asked.agent, asked.routes_spec, asked.seeds, asked.setting)
 
     def _to_drive(self) -> frozenset[str]:
         """Return the episodes that are needed, as far as one can tell, and not finished."""

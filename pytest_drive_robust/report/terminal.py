@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import legible, shown
-from pytest_drive_robust.report.page import Page, new_table
-from pytest_drive_robust.report.run_result import mixed_machines
+from pytest_drive_robust.report.page import Page
+from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.stats.several import any_wrong
 from pytest_drive_robust.verdict.evaluate import immunity
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.run_result import RunResult, SettingRow
 
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
 _PARTIAL_COLUMNS = ("DS", "SR", "RD", "routes")
-_STYLES = {"pass": "green", "fail": "red", "inconclusive": "yellow", "error": "bold red"}
 
 
 def run_summary(run: RunResult, *, colour: bool) -> str:
@@ -31,31 +24,20 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     if not run.rows:
         return ""
     page = Page(colour=colour)
-    page.print(_table(run, colour=colour))
-    for line in footnotes(run):
-        page.print(line, wraps=not line.startswith(_REPLAY))
-    return legible(page.text, controls=colour)
-
-
-def _table(run: RunResult, *, colour: bool) -> Table:
-    from rich.text import Text
-
-    table = new_table(colour=colour)
-    table.add_column("agent", max_width=18, no_wrap=True, overflow="ellipsis")
-    table.add_column("setting", max_width=40, overflow="fold")
-    columns = columns_of(run)
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True, min_width=7)
-    several_sets = len({row.routes_spec for row in run.rows}) > 1
-    for row in run.rows:
-        table.add_row(
+    columns, several_sets = columns_of(run), len({row.routes_spec for row in run.rows}) > 1
+    rows = (
+        (
             row.agent + ("*" if row.privileged else ""),
             row.setting + (f" on {_short(row.routes_spec)}" if several_sets else ""),
             *numbers_of(row, columns),
-            Text(row.verdict, style=_STYLES.get(row.verdict, "")),
+            row.verdict,
         )
-    return table
+        for row in run.rows
+    )
+    page.table(columns, rows, setting_width=40)
+    for line in footnotes(run):
+        page.print(line, wraps=not line.startswith(_REPLAY))
+    return legible(page.text, controls=colour)
 
 
 def columns_of(run: RunResult) -> tuple[str, ...]:
@@ -113,7 +95,7 @@ def footnotes(run: RunResult) -> list[str]:
             f"these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All "
             "routes, with efficiency and comfort: --drive-verdict=point"
         )
-    lines += _late(run)
+    lines += [f"NOT GREEN: {item.requirement}: {shown(item.metric, item.value)}, {item.message}" for item in run.late]
     lines += _open(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
@@ -122,11 +104,6 @@ def footnotes(run: RunResult) -> list[str]:
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)
-
-
-def _late(run: RunResult) -> list[str]:
-    """Return what failed after its test was over."""
-    return [f"NOT GREEN: {item.requirement}: {shown(item.metric, item.value)}, {item.message}" for item in run.late]
 
 
 def _several(run: RunResult) -> list[str]:

@@ -13,7 +13,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable
 
-from pytest_drive_robust.store.events import Awaited, Event, Finished, Judged, Read, Started
+from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Started
 
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
@@ -51,9 +51,9 @@ class LikelyEpisodes:
             if item is not None and item.rule != "point" and event.routes:
                 self._taken.append(event.routes / max(1, item.likely))
 
-    def covers(self, agent: str, routes_spec: str, seeds: tuple[int, ...], setting: str) -> bool:
+    def covers(self, asked: Asked) -> bool:
         """Return True where a requirement is known to read episodes under this setting, so that it says how many."""
-        return (agent, routes_spec, seeds, setting) in self._settings
+        return (asked.agent, asked.routes_spec, asked.seeds, asked.setting) in self._settings
 
     @property
     def sure(self) -> bool:

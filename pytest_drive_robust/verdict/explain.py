@@ -39,6 +39,9 @@ _EVENTS: Mapping[InfractionKind, str] = {
 }
 """The kinds that are missing end the route, which `_ENDS` says, or cost nothing (minimum speed)."""
 
+PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
+"""What is found only when the whole way is added up happened at no particular place."""
+
 
 @dataclass(frozen=True, slots=True)
 class WorstRoute:

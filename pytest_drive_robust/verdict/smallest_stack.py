@@ -48,9 +48,9 @@ class MinimalFailure:
     @property
     def case(self) -> str:
         """A pytest case that checks the setting again."""
-        sentence = self.sentence.format(setting=self.setting)
+        sentence = self.sentence.format(setting=self.setting).replace("\\", "\\\\").replace('"', '\\"')
         name = re.sub(r"[^a-z0-9]+", "_", str(self.setting).lower()).strip("_")
-        return f'def test_{name}(drive):\n    drive.check(requirements("{_escaped(sentence)}")[0])\n'
+        return f'def test_{name}(drive):\n    drive.check(requirements("{sentence}")[0])\n'
 
 
 def minimal_failure(
@@ -158,7 +158,3 @@ def _ladder(item: Perturbation, dt_s: float) -> Ladder | None:
     except PerturbationError:  # no ladder, or no severity at all: measured latency
         return None
     return ladder
-
-
-def _escaped(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')

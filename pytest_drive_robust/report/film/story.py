@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.runner.replay.recording import Tape
-from pytest_drive_robust.verdict.explain import first_divergence
+from pytest_drive_robust.verdict.explain import PLACELESS, first_divergence
 
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
 _STILL_MPS = 0.05
 _STILL_S = 3.0
 """When nobody moves for longer, the film skims what comes after so many seconds."""
-_SUMS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
-"""What is found only when the whole way is added up happened at no particular place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, st
 
 def _events(result: EpisodeResult) -> tuple[StoryEvent, ...]:
     events = [
-        StoryEvent(item.tick, item.detail, None if item.kind in _SUMS else (item.x_m, item.y_m))
+        StoryEvent(item.tick, item.detail, None if item.kind in PLACELESS else (item.x_m, item.y_m))
         for item in result.infractions
     ]
     if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):

@@ -6,16 +6,13 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from pytest_drive_robust.domain.outcome import Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import Infraction, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.report.pages.records import Ident, RunRecords
-from pytest_drive_robust.verdict.explain import describe_outcome, first_divergence
-
-_PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
-"""What is found only when the whole way is added up happened at no particular place."""
+from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence
 
 
 class EpisodeTable:
@@ -110,6 +107,6 @@ class EpisodeTable:
 
 def _place(item: Infraction) -> tuple[int | None, int | None]:
     """Return where it happened in cm; None where there is no place, or none that a simulator could tell."""
-    if item.kind in _PLACELESS or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
+    if item.kind in PLACELESS or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
         return None, None
     return round(item.x_m * 100.0), round(item.y_m * 100.0)

@@ -58,24 +58,22 @@ def _step(
     metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float | None, ended: bool
 ) -> list[float | None]:
     mean = sum(values) / len(values)
+    bounds: tuple[float | None, float | None] = (None, None)
     if not metric.needs_clean:
-        bounds = (
-            None
-            if alpha is None
-            else mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
-        )
-        return [mean, *_finite(bounds)]
+        if alpha is not None:
+            bounds = mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
+        return [mean, *map(bound, bounds)]
     reference = sum(references) / len(references)
     if reference <= 0.0:
         return [None, None, None]
-    bounds = None if alpha is None else evidence_interval(references, values, alpha, ended=ended)
-    return [1.0 - mean / reference, *_finite(bounds)]
+    if alpha is not None:
+        bounds = evidence_interval(references, values, alpha, ended=ended)
+    return [1.0 - mean / reference, *map(bound, bounds)]
 
 
-def _finite(bounds: tuple[float, float] | None) -> list[float | None]:
-    if bounds is None:
-        return [None, None]
-    return [bound if abs(bound) < 1e9 else None for bound in bounds]
+def bound(value: float | None) -> float | None:
+    """Return the end of an interval, None where it says nothing."""
+    return value if value is not None and abs(value) < 1e9 else None
 
 
 def _counts(length: int) -> list[int]:

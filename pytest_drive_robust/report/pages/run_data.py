@@ -14,7 +14,7 @@ from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
-from pytest_drive_robust.report.pages.evidence import growth, reading_order
+from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
 from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.pages.road_map import RoadMaps
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
@@ -93,16 +93,17 @@ def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, An
     names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
     margin = records.document["settings"].get("margin", 0.0)
     span = 0.0 if metric is None else (metric.high - metric.low if math.isfinite(metric.high - metric.low) else 1.0)
+    lenient = float(judged["limit"]) + margin * (span if judged["comparison"] == "<=" else -span)  # shown for a pass
     return {
         **{name: judged[name] for name in names},
-        "low": _bound(judged.get("low")),
-        "high": _bound(judged.get("high")),
+        "low": bound(judged.get("low")),
+        "high": bound(judged.get("high")),
         "routes": judged["routes"],
         "planned": judged.get("planned", judged["routes"]),
         "rule": judged.get("rule", ""),
         "pValue": judged.get("p_value"),
         "reason": reason,
-        "lenient": _lenient(judged, margin * span) if judged.get("rule") == "evidence" else None,
+        "lenient": lenient if judged.get("rule") == "evidence" else None,
         "seeds": judged["seeds"],
         "baseline": records.baselines.get(judged["setting"], "clean"),
         "order": order,
@@ -110,17 +111,8 @@ def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, An
     }
 
 
-def _lenient(judged: Mapping[str, Any], margin: float) -> float:
-    """Return the limit plus the margin: what must be shown for a pass."""
-    return float(judged["limit"]) + (margin if judged["comparison"] == "<=" else -margin)
-
-
-def _bound(value: float | None) -> float | None:
-    return value if value is not None and abs(value) < 1e9 else None
-
-
 def _finite(bounds: Any) -> Any:
-    return None if bounds is None or any(_bound(bound) is None for bound in bounds) else bounds
+    return None if bounds is None or None in map(bound, bounds) else bounds
 
 
 def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
