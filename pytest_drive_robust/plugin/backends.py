@@ -110,8 +110,8 @@ def _executor(
     ticked: Callable[[], object],
 ) -> Executor:
     """Return the executor that was asked for; `agents()` are those of the plan, asked for at the first episode."""
+    world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
     if execution.executor == "inline":
-        world = SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
         return InlineExecutor(
             default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
         )
@@ -120,7 +120,15 @@ def _executor(
     )
 
     def worker_setup() -> WorkerSetup:
-        return _setup_of(config, options, agents())
+        """Return how a fresh process comes to know the names that this one knows."""
+        return WorkerSetup(
+            python_path=tuple(sys.path),
+            folder=os.getcwd(),
+            plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+            simulator=options.simulator,
+            options=world,
+            preload_agents=agents(),
+        )
 
     if execution.executor == "ray":
         from pytest_drive_robust.engine.ray.executor import RayExecutor
@@ -134,18 +142,6 @@ def _executor(
         slots=execution.slots(shared=shared),
         width=execution.lockstep,
         shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
-    )
-
-
-def _setup_of(config: pytest.Config, options: RunOptions, agents: tuple[str, ...]) -> WorkerSetup:
-    """Return how a fresh process comes to know the names that this one knows."""
-    return WorkerSetup(
-        python_path=tuple(sys.path),
-        folder=os.getcwd(),
-        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
-        simulator=options.simulator,
-        options=SimulatorOptions(stuck_stop_s=options.stuck_stop_s),
-        preload_agents=agents,
     )
 
 

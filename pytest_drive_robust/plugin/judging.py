@@ -18,13 +18,11 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
-from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.plugin.allure_attachments import attach
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
-from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.record import searched
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.verdict.evaluate import Verdict
@@ -75,22 +73,17 @@ class Estimate(float):
 class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
 
-    Episodes are driven when they are first asked for; every test of the run shares them.
+    Episodes are driven when they are first asked for; every test of the run shares them. Raises `UsageError` for a
+    marker of the test `item` that cannot be used.
     """
 
-    def __init__(
-        self,
-        context: DriveContext,
-        scope: Scope,
-        verdict_rule: VerdictRule,
-        reading: DriveReading | None,
-        item: pytest.Item,
-    ) -> None:
+    def __init__(self, context: DriveContext, item: pytest.Item) -> None:
+        marker = marker_options(item)
         self._context = context
-        self._scope = scope
-        self._verdict_rule = verdict_rule
-        self._reading = reading
         self._item = item
+        self._scope = context.scopes.of(marker)
+        self._verdict_rule = replace(marker.verdict_rule(context.options.verdict_rule), family=context.family)
+        self._reading = marker.asked_reading(context.options.asked_reading)
 
     @property
     def agent(self) -> str:
@@ -273,14 +266,8 @@ class DriveContext(NamedTuple):
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:
-        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test.
-
-        Raises `UsageError`.
-        """
-        marker = marker_options(item)
-        verdict_rule = replace(marker.verdict_rule(self.options.verdict_rule), family=self.family)
-        reading = marker.asked_reading(self.options.asked_reading)
-        return Drive(self, self.scopes.of(marker), verdict_rule, reading, item)
+        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test."""
+        return Drive(self, item)
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:

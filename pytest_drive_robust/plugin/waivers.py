@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 
 import pytest
 
@@ -22,11 +22,10 @@ class WaivingPlugin:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Turn a waived failure into an xfail, which travels from workers; name a waiver that has expired."""
         error = call.excinfo.value if call.excinfo is not None else None
-        broken = _last_judged(item) if isinstance(error, BrokenRequirementError) else {}
         waiver = None
-        if broken:
-            sentence, agent = broken["drive_requirement"], broken["drive_agent"]
-            waiver = self._waivers.find(sentence, item.nodeid, agent=agent)
+        if isinstance(error, BrokenRequirementError):
+            noted = {name: str(value) for name, value in item.user_properties}  # of `drive.check` what it noted last
+            waiver = self._waivers.find(noted["drive_requirement"], item.nodeid, agent=noted["drive_agent"])
         holds = waiver is not None and self._waivers.holds(waiver)
         if waiver is not None and not holds and isinstance(error, BrokenRequirementError):
             error.msg = f"{error.msg}\n  the waiver has expired: {waiver.signature}"
@@ -36,14 +35,3 @@ class WaivingPlugin:
             report.wasxfail = waiver.signature
             item.user_properties.append(("drive_waived", waiver.signature))
         return report
-
-
-def _last_judged(item: pytest.Item) -> dict[str, str]:
-    """Return what `drive.check` noted last about this test: the requirement that broke it."""
-    found: dict[str, str] = {}
-    properties: Sequence[tuple[str, object]] = item.user_properties
-    for name, value in properties:
-        if name == "drive_requirement":
-            found = {}
-        found[name] = str(value)
-    return found if "drive_requirement" in found and "drive_agent" in found else {}

@@ -115,12 +115,10 @@ class EpisodeCosts:
         costs = {}
         for agent, setting in set(self._kinds.values()):
             walls = self._walls_s[agent, setting]
-            prior = _USUAL_WEIGHT * self._factor(setting) * _mean(agents[agent], usual)
+            factor = 1.0 if setting in self._baselines else _USUAL_FACTOR
+            prior = _USUAL_WEIGHT * factor * _mean(agents[agent], usual)
             costs[agent, setting] = (math.fsum(walls) + prior) / (len(walls) + _USUAL_WEIGHT)
         return {key: costs[self._kinds[key]] if key in self._kinds else usual for key in keys}
-
-    def _factor(self, setting: str) -> float:
-        return 1.0 if setting in self._baselines else _USUAL_FACTOR
 
 
 class Pace:

@@ -59,7 +59,7 @@ def settings(
         raise ValueError(f"stacks of {min_size} to {max_size} of {len(ladders)} failures cannot be made.")
     one = st.one_of([st.tuples(st.just(place), _steps(ladder)) for place, ladder in enumerate(ladders)])
     stacks = st.lists(one, min_size=min_size, max_size=min(max_size, len(ladders)), unique_by=lambda pair: pair[0])
-    return stacks.map(_stacked)
+    return stacks.map(lambda chosen: Setting.of(*(item for _, item in sorted(chosen, key=lambda pair: pair[0]))))
 
 
 def driving(max_examples: int = 10, *, shrink: bool = False, **others: Any) -> hypothesis.settings:
@@ -78,7 +78,3 @@ def driving(max_examples: int = 10, *, shrink: bool = False, **others: Any) -> h
 
 def _steps(ladder: Ladder) -> SearchStrategy[Perturbation]:
     return st.sampled_from(ladder.levels).map(ladder.at)
-
-
-def _stacked(chosen: list[tuple[int, Perturbation]]) -> Setting:
-    return Setting.of(*(item for _, item in sorted(chosen, key=lambda pair: pair[0])))

@@ -75,16 +75,13 @@ def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: 
         of_route.setdefault(result.episode.route_id, []).append(number)
     for place, route_id in enumerate(route_ids):
         numbers = of_route[route_id]
-        truths = {seed: maps.truth(records.route(route_id), seed) for seed in _seeds(table, numbers)}
+        seeds = sorted({table.results[number].episode.seed for number in numbers})
+        truths = {seed: maps.truth(records.route(route_id), seed) for seed in seeds}
         maps_of = {str(seed): map_data(truth) for seed, truth in truths.items() if truth is not None}
         if maps_of and len({id(truth) for truth in truths.values()}) == 1:  # one world whatever the seed
             maps_of = {"any": next(iter(maps_of.values()))}
         motions = {str(n): [motion_text(table.results[n]), tracks_text(table.results[n])] for n in numbers}
         write_whole(folder / f"route-{place}.js", _script(f"route-{place}", {"maps": maps_of, "episodes": motions}))
-
-
-def _seeds(table: EpisodeTable, numbers: Iterable[int]) -> list[int]:
-    return sorted({table.results[number].episode.seed for number in numbers})
 
 
 def _script(name: str, data: Mapping[str, Any]) -> str:
