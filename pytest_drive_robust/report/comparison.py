@@ -56,7 +56,9 @@ def _fingerprint_lines(comparison: Comparison) -> Iterator[str]:
     for item in comparison.mismatches:
         word = "refused" if item in comparison.refusals else "note" if item.kind == "agent" else "warning"
         yield f"{word}: {item.text}"
-    yield from _short([f"note: {note}" for note in comparison.notes], _MOST_NOTES)
+    yield from (f"note: {note}" for note in comparison.notes[:_MOST_NOTES])
+    if len(comparison.notes) > _MOST_NOTES:
+        yield f"note: and {len(comparison.notes) - _MOST_NOTES} more"
 
 
 def _row(cell: CellComparison) -> tuple[str, ...]:
@@ -137,9 +139,3 @@ def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> 
     )
     episode = Episode(cell.agent, score.route_id, cell.setting, score.worst_seed)
     return replay_command(episode, options, routes_spec=cell.routes_spec)
-
-
-def _short(lines: Sequence[str], most: int) -> Iterator[str]:
-    yield from lines[:most]
-    if len(lines) > most:
-        yield f"note: and {len(lines) - most} more"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from pytest_drive_robust.report.numbers import left_text
 from pytest_drive_robust.report.time_left import EpisodeCosts, LikelyEpisodes, Pace
@@ -21,13 +21,9 @@ _HEARTBEAT_S = 30.0
 _COMPILING_S = 5.0
 _MOST_PASSED = 0.9
 """The share of an episode that is over at most while it is under way, however long it takes."""
-
-
-class Screen(Protocol):
-    """Where people look, as opposed to what pytest captures from tests."""
-
-    def exclusive(self) -> AbstractContextManager[TextIO]:
-        """Return the stream of the real terminal, at the start of a line, while nobody else writes to it."""
+Screen = Callable[[], AbstractContextManager[TextIO]]
+"""Gives the stream of the real terminal, at the start of a line, while nobody else writes to it: where people look, as
+opposed to what pytest captures from tests."""
 
 
 class ProgressState:
@@ -176,7 +172,7 @@ class PlainProgress(Progress):
 
     def _write(self, text: str) -> None:
         self._written_s = self._clock()
-        with self._screen.exclusive() as stream:
+        with self._screen() as stream:
             stream.write(f"drive-robust: {text}\n")
             stream.flush()
 
@@ -200,7 +196,7 @@ class LiveProgress(Progress):
         if not self._state.active or self._clock() - self._drawn_s < _REDRAW_S:
             return
         self._drawn_s = self._clock()
-        with self._screen.exclusive() as stream:
+        with self._screen() as stream:
             if self._live is None:
                 self._live = _live_on(stream)
                 self._live.start()
@@ -209,7 +205,7 @@ class LiveProgress(Progress):
     def pause(self) -> None:
         """Take the line back."""
         if self._live is not None:
-            with self._screen.exclusive():
+            with self._screen():
                 self._live.stop()
             self._live = None
 

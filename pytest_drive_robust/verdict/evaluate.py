@@ -187,9 +187,8 @@ def immunity(results: Sequence[EpisodeResult]) -> str:
     if used & touched.keys():
         return ""
     episode = results[0].episode
-    return (
-        f"{episode.setting} changed {_listed(touched)}, which {episode.agent} does not use: {_declared(receptions[0])}"
-    )
+    changed, declared = ", ".join(touched), _declared(receptions[0])
+    return f"{episode.setting} changed {changed}, which {episode.agent} does not use: {declared}"
 
 
 def _interval(
@@ -255,9 +254,5 @@ def _used(reception: Reception) -> Iterable[str]:
 
 
 def _declared(reception: Reception) -> str:
-    cameras = f"cameras {_listed(reception.cameras)}" if reception.cameras else "no camera"
-    return f"the agent has {cameras}; of its sensors it declares to use {_listed(reception.consumes) or 'none'}."
-
-
-def _listed(words: Iterable[str]) -> str:
-    return ", ".join(words)
+    cameras = f"cameras {', '.join(reception.cameras)}" if reception.cameras else "no camera"
+    return f"the agent has {cameras}; of its sensors it declares to use {', '.join(reception.consumes) or 'none'}."

@@ -19,7 +19,7 @@ class FakeScreen:
         self.stream = io.StringIO()
 
     @contextmanager
-    def exclusive(self):
+    def __call__(self):
         yield self.stream
 
 
