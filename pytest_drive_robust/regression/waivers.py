@@ -20,18 +20,16 @@ from dataclasses import dataclass, fields
 from datetime import date, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression import clock
+from pytest_drive_robust.store.events import Judged
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.store.events import Judged
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,17 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.pages.records import Ident, RunRecords
 from pytest_drive_robust.results.tables import columns_of
 from pytest_drive_robust.store.events import Judged
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.result import EpisodeResult
-    from pytest_drive_robust.report.pages.records import Ident
 
 _LIBRARIES = ("pandas", "polars")
 

@@ -9,12 +9,10 @@ import fnmatch
 import importlib
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.domain.control import Control
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.observation import Observation
+from pytest_drive_robust.domain.observation import Observation
 
 _PROVIDER = "srunner.scenariomanager.carla_data_provider"
 _CLOCK = "srunner.scenariomanager.timer"

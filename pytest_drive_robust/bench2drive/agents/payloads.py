@@ -20,9 +20,10 @@ image included: nothing in the leaderboard tells an agent that its camera hangs.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_drive_robust.bench2drive.agents.official_rig import (
     CAMERA,
@@ -37,12 +38,8 @@ from pytest_drive_robust.bench2drive.agents.official_rig import (
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
 from pytest_drive_robust.bench2drive.agents.ray_sensors import detections, sweep
 from pytest_drive_robust.domain.geodesy import to_geodetic
+from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.perturbations.context import Draws
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.domain.observation import Image, Observation
 
 InputData = dict[str, tuple[int, Any]]
 

@@ -11,20 +11,14 @@ odd ticks the left. Ours loses no points at random, and rays that meet nothing g
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.truth import ActorKind, WorldState
+from pytest_drive_robust.bench2drive.agents.official_rig import Sensor
+from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, WorldState
+from pytest_drive_robust.perturbations.context import Draws
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pytest_drive_robust.bench2drive.agents.official_rig import Sensor
-    from pytest_drive_robust.domain.truth import GroundTruth
-    from pytest_drive_robust.perturbations.context import Draws
-
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 _CHANNELS = 64
 _LOWEST_DEG, _HIGHEST_DEG = -30.0, 10.0

@@ -11,13 +11,11 @@ import importlib
 from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.domain.route import Route
 
 _MAPS = ("CarlaUE4", "Content", "Carla", "Maps")
 _BEYOND_WAYPOINTS = 8

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
 
+from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
+from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Identified
-
-if TYPE_CHECKING:
-    from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
-    from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
-    from pytest_drive_robust.domain.route import Route
-    from pytest_drive_robust.options.marker import MarkerOptions
-    from pytest_drive_robust.options.run import RunOptions
-    from pytest_drive_robust.perturbations.base import Setting
-    from pytest_drive_robust.registry.registry import Registry
 
 
 class OutsideScopes(Scopes):
