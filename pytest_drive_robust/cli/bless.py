@@ -10,7 +10,7 @@ from pytest_drive_robust.cli.compare import add_baselines, references_of
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import Blessing, bless
 
-DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
+_DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
 the bit on any machine, with any version of Python and of libraries that we allow, for agents that promise it
 (classical, constant, expert, random, reactive). What other agents compute depends on the processor and on those
 versions: bless them on the kind of machine on which they are compared."""
@@ -18,6 +18,7 @@ versions: bless them on the kind of machine on which they are compared."""
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `bless`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
     parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")

@@ -16,7 +16,7 @@ from urllib.request import Request, urlopen
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 
-DESCRIPTION = """Puts FILE, what pytest wrote to GITHUB_STEP_SUMMARY, on the pull request of a GitHub workflow. Another
+_DESCRIPTION = """Puts FILE, what pytest wrote to GITHUB_STEP_SUMMARY, on the pull request of a GitHub workflow. Another
 run changes the same comment. Without a token, or where GitHub refuses it, nothing is written and the exit code is 0:
 the verdict is pytest's."""
 _MOST = 65_536 - 1024
@@ -26,6 +26,7 @@ _PAGE, _PATIENCE_S = 100, 30.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `comment`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("file", metavar="FILE", help="Markdown")
     parser.add_argument("--name", default="drive-robust", help="of several comments on one pull request")
     parser.add_argument(

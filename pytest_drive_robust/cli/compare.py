@@ -17,7 +17,7 @@ from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.references import References, home_of
 from pytest_drive_robust.report.comparison import comparison_text
 
-DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
+_DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
 the embedded world, for agents that promise the same bits everywhere (classical, constant, expert, random, reactive).
 What other agents compute depends on the processor and on versions: their records tell both, and the comparison says
 where they differ."""
@@ -25,6 +25,7 @@ where they differ."""
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `compare`."""
+    parser.description = _DESCRIPTION
     reference = "a stored run, latest, a JSON file of a run, baseline, or baseline:AGENT"
     parser.add_argument("before", metavar="A", help=reference)
     parser.add_argument("after", metavar="B", help="as A")

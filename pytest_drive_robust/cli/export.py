@@ -30,13 +30,14 @@ _WRITERS: Mapping[str, Callable[[Run, Path], Iterable[Path]]] = {
     "rrd": write_rrd,
 }
 _FORMATS = (_OFFICIAL, *_WRITERS)
-DESCRIPTION = """Writes a run for other tools. csv, parquet: the tables episodes, ticks, infractions and requirements.
+_DESCRIPTION = """Writes a run for other tools. csv, parquet: the tables episodes, ticks, infractions and requirements.
 mcap (Foxglove), rrd (Rerun): one file for each episode with its clean twin; choose few. bench2drive: the files of the
 official evaluator. parquet, mcap and rrd need libraries: pip install 'pytest-drive-robust[parquet]'."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; a new one for bench2drive")
     parser.add_argument("--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}")

@@ -13,12 +13,13 @@ from pytest_drive_robust.store.whole_file import refusing_unwritable
 _FOLDER = "robustness"
 _SUITES = ("paper", "minimal")
 _WORKFLOWS = {"github": ".github/workflows/robustness.yml", "gitlab": ".gitlab-ci.yml"}
-DESCRIPTION = """Writes robustness/test_robustness.py with its limits.txt into the current folder, and with --ci the
+_DESCRIPTION = """Writes robustness/test_robustness.py with its limits.txt into the current folder, and with --ci the
 workflow that drives them. A file that exists is never written over: then nothing is written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `init`."""
+    parser.description = _DESCRIPTION
     parser.add_argument(
         "--suite",
         choices=_SUITES,

@@ -14,13 +14,14 @@ from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propos
 from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
-DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
+_DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
 it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the
 file, tighten what matters, commit it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `limits`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("--agent", required=True, metavar="NAME", help="whose limits")
     parser.add_argument(
         "--run",

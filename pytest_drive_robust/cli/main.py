@@ -32,7 +32,7 @@ COMMANDS = {
     "store": "the finished episodes that runs keep for later ones",
 }
 """Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets
-the default `command`: a function of the parsed arguments that returns the exit code. `DESCRIPTION` may say more."""
+the default `command`: a function of the parsed arguments that returns the exit code."""
 
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 
@@ -76,7 +76,5 @@ class _CommandParser(argparse.ArgumentParser):
         """Parse, after the module has added its arguments."""
         module, self.module = self.module, ""
         if module:
-            command = importlib.import_module(module)
-            self.description = getattr(command, "DESCRIPTION", None)
-            command.add_arguments(self)
+            importlib.import_module(module).add_arguments(self)
         return super().parse_known_args(*arguments, **options)

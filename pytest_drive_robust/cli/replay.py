@@ -36,13 +36,14 @@ from pytest_drive_robust.simulators.routes import own_routes, routes_for
 from pytest_drive_robust.verdict.explain import first_divergence
 
 _SUFFIXES = (".mp4", ".png")
-DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
+_DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
 was given, the view from above with its plan, speed and controls, infractions, the first divergence. Without an encoder
 (pip install 'pytest-drive-robust[video]') it writes a PNG of the telling moments instead."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `replay`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
     parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
     parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')

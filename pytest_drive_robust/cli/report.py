@@ -17,13 +17,14 @@ from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes
 
-DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
+_DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
 run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there
 are listed, but cannot be replayed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `report`."""
+    parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("--against", metavar="BASE", help="compare with: a run, or baseline or baseline:AGENT")
     parser.add_argument("--out", metavar="DIR", default="drive-report", help="a folder; default: drive-report")
