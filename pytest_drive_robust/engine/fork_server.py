@@ -49,9 +49,9 @@ class NoWorkerError(Exception):
 class ForkServer:
     """Starts the worker processes of one setup; from any thread. Nothing is started before the first one is asked for.
 
-    On Linux workers are forked. Elsewhere, and where a plugin starts threads while it is imported, forking a process
-    that has loaded numerical libraries is not safe, and each worker is a new Python. Raises `UsageError` on systems
-    without either.
+    It `is_ready` when workers can be started for some agents or all. On Linux workers are forked. Elsewhere, and where
+    a plugin starts threads while it is imported, forking a process that has loaded numerical libraries is not safe, and
+    each worker is a new Python. Raises `UsageError` on systems without either.
     """
 
     def __init__(self, worker_setup: WorkerSetup) -> None:
@@ -64,7 +64,7 @@ class ForkServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
         self._log: IO[bytes] | None = None
-        self._ready = False
+        self.is_ready = False
         self._drives: frozenset[str] | None = None
         self._compiling = (0, 0)
 
@@ -72,11 +72,6 @@ class ForkServer:
     def pid(self) -> int | None:
         """The server's process, while there is one."""
         return self._process.pid if self._process is not None else None
-
-    @property
-    def is_ready(self) -> bool:
-        """True when workers can be started for some agents or all."""
-        return self._ready
 
     @property
     def compiling(self) -> tuple[int, int]:
@@ -131,7 +126,7 @@ class ForkServer:
             forks = self._launch(unwanted)
         if forks is None:
             raise NoWorkerError("the process that starts all others died while it was getting ready.")
-        self._ready = True
+        self.is_ready = True
 
     def _launch(self, unwanted: Callable[[], bool]) -> bool | None:
         """Start a new server and tell whether it forks, None when it died before. Raises `UsageError`, `Stopped`.
@@ -167,7 +162,7 @@ class ForkServer:
         if not self._lock.acquire(blocking=False):  # somebody starts a worker, or the server itself
             return
         try:
-            if self._ready and self._control is not None:
+            if self.is_ready and self._control is not None:
                 with Connection(os.dup(self._control.fileno())) as connection:
                     while connection.poll():
                         self._note(json.loads(connection.recv_bytes()))
@@ -196,7 +191,7 @@ class ForkServer:
             self._control.close()
         if self._process is not None:
             try:  # it kills its workers first; while it loads it has none, and hears nothing
-                self._process.wait(_EXIT_S if self._ready else 0.0)
+                self._process.wait(_EXIT_S if self.is_ready else 0.0)
             except subprocess.TimeoutExpired:
                 with suppress(OSError):
                     os.killpg(self._process.pid, 9)
@@ -204,5 +199,5 @@ class ForkServer:
         if self._log is not None:
             self._log.close()
         self._control = self._process = self._log = None
-        self._ready = False
+        self.is_ready = False
         self._drives, self._compiling = None, (0, 0)

@@ -140,9 +140,7 @@ class _Locator:
         """Return what must be equal for machine code to be current."""
         return self._digest
 
-    def get_disambiguator(self) -> str:
-        """Return what tells apart functions of the same name: the digest, so that several versions live together."""
-        return self._digest
+    get_disambiguator = get_source_stamp  # tells apart functions of the same name: several versions live together
 
     def ensure_cache_path(self) -> None:
         """Make the folder, and remove what nobody used for long. Raises `OSError` where nothing can be written."""

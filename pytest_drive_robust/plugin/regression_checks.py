@@ -21,7 +21,8 @@ from pytest_drive_robust.store.events import Judged
 class RegressionChecks:
     """Checks a finished run. Made before anything is driven, so that a reference that is not there costs nothing.
 
-    Raises `UsageError` for such a reference, and for one of another simulator unless that is allowed.
+    Raises `UsageError` for such a reference, and for one of another simulator unless that is allowed. `comparison` is
+    what comparing found; None before, and where nothing was compared.
     """
 
     def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
@@ -33,7 +34,7 @@ class RegressionChecks:
         # the pages show its replays, too; None for a baseline, which holds scores only
         wanted = self._before is not None and options.report_path is not None
         self.document_before = self._references.document(regression.compare) if wanted else None
-        self._comparison: Comparison | None = None
+        self.comparison: Comparison | None = None
         self._lines: list[str] = []
 
     def finish(self, run: RunResult, *, whole: bool) -> bool:
@@ -54,17 +55,12 @@ class RegressionChecks:
     def sections(self, *, colour: bool) -> list[tuple[str, str]]:
         """Return (title, text) of what there is to tell."""
         told = []
-        if self._comparison is not None:
-            title = f"drive-robust: compared with {self._comparison.before.label}"
-            told.append((title, comparison_text(self._comparison, colour=colour)))
+        if self.comparison is not None:
+            title = f"drive-robust: compared with {self.comparison.before.label}"
+            told.append((title, comparison_text(self.comparison, colour=colour)))
         if self._lines:
             told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
         return told
-
-    @property
-    def comparison(self) -> Comparison | None:
-        """What comparing found; None before, and where nothing was compared."""
-        return self._comparison
 
     def _waived(self, judged: Judged) -> bool:
         waiver = self._waivers.find(judged.requirement, judged.nodeid, agent=judged.agent)
@@ -92,8 +88,8 @@ class RegressionChecks:
 
     def _compare(self, before: Snapshot, document: dict[str, object]) -> bool:
         try:
-            self._comparison = compare(before, snapshot_of(document, label="this run"), self._terms)
+            self.comparison = compare(before, snapshot_of(document, label="this run"), self._terms)
         except DriveRobustError as error:
             self._lines.append(f"ERROR: not compared with {before.label}: {error}")
             return True
-        return bool(self._comparison.refusals or self._comparison.regressions)
+        return bool(self.comparison.refusals or self.comparison.regressions)
