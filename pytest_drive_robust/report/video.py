@@ -39,6 +39,9 @@ def write_video(
     if not has_encoder():
         raise UsageError(f"no H.264 encoder is installed: pip install '{EXTRA}'.")
     import av
+    from av.video.reformatter import Colorspace, VideoReformatter
+
+    bt709 = int(Colorspace.ITU709)
 
     with (
         refusing_unwritable(path),
@@ -46,11 +49,12 @@ def write_video(
         av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"}) as container,
     ):
         stream: Any = None
+        reformatter = VideoReformatter()  # kept: making one takes longer than using it
         for picture in pictures:
             if stream is None:
                 stream = _stream(container, picture, rate_hz)
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
-            frame = frame.reformat(format="yuv420p", src_colorspace="ITU709", dst_colorspace="ITU709")
+            frame = reformatter.reformat(frame, format="yuv420p", src_colorspace=bt709, dst_colorspace=bt709)
             container.mux(stream.encode(frame))
             if wrote is not None:
                 wrote()

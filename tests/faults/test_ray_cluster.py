@@ -126,17 +126,12 @@ def test_agents_that_break_cost_one_episode_each(cluster, project):
     assert len(on_cluster) >= len(futures)  # the copy that travelled drove, not the folder that happens to be here too
 
 
-def test_an_agent_gets_the_gpu_that_it_asks_for(cluster, project):
+def test_an_agent_gets_the_gpu_that_it_asks_for_and_what_no_node_has_is_told_at_once(cluster, project):
     executor = project.ray(cluster.address)
     result = executor.submit(project.requests("withgpu", 1)[0]).result(PATIENCE_S)
     assert executor.slots == 1
-    executor.close()
     assert result.ticks == 60
     assert (project.folder / "devices").read_text() == "0"
-
-
-def test_what_no_node_has_is_told_at_once(cluster, project):
-    executor = project.ray(cluster.address)
     with pytest.raises(UsageError, match=r"num_cpus=1, num_gpus=8, and no node of the cluster has that"):
         executor.submit(project.requests("withmanygpus", 1)[0]).result(PATIENCE_S)
     executor.close()
