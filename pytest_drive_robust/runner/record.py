@@ -30,7 +30,6 @@ def awaited(reading: Reading) -> Awaited:
         rule=reading.kind,
         likely=reading.likely_routes,
         keys=_keys(ordered.perturbed),
-        route_ids=tuple(request.route.id for request in ordered.perturbed),
         clean=str(setting.baseline) if ordered.clean else "",
         clean_keys=_keys(ordered.clean),
     )

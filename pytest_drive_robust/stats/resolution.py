@@ -30,7 +30,6 @@ class Advice:
 
     level: Literal["fine", "warn", "refuse"]
     text: str
-    resolution: float
 
 
 def resolution(
@@ -80,17 +79,17 @@ def advise(
     wish = f"asked margin {margin:.2f} needs about {math.ceil(needed / 10) * 10} routes"
     if routes < FEWEST_FOR_T and margin < _COARSE * scale:
         least = f"Give {FEWEST_FOR_T} routes or more, or a margin of {_COARSE * scale:g} or more"
-        return Advice("refuse", f"{shown} cannot carry a verdict on {what}; {wish}. {least}.", finest)
+        return Advice("refuse", f"{shown} cannot carry a verdict on {what}; {wish}. {least}.")
     if finest > margin:
         catches = f"only catch violations larger than {finest:+.2f} {what} ({_POWER:.0%})"
         text = f"{shown} can {catches if finest < scale else 'catch no violation at all'}; {wish}"
-        return Advice("warn", text, finest)
+        return Advice("warn", text)
     if routes < _ACCEPTED:
         text = (
             f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"
         )
-        return Advice("warn", text, finest)
-    return Advice("fine", "", finest)
+        return Advice("warn", text)
+    return Advice("fine", "")
 
 
 def _standard_errors(alpha: float, power: float) -> float:

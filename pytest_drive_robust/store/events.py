@@ -8,25 +8,35 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
+
+_KINDS: dict[str, type[Any]] = {}
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class Event:
+    """One of the facts below, which a line of a journal calls by the name of its class."""
+
+    def __init_subclass__(cls) -> None:
+        _KINDS[cls.__name__] = cls  # slots make a second class, which stays
+
+
+@dataclass(frozen=True, slots=True)
+class Planned(Event):
     """The episodes (by key) that the selected tests are known to need. May repeat: keys count once."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Advised:
+class Advised(Event):
     """What the routes of the selected tests cannot show, known before anything is driven; sentences."""
 
     sentences: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Identified:
+class Identified(Event):
     """What `agent` and the routes of a scope are made of, so that another run can tell whether it used the same.
 
     `distribution` is `"some-agents 1.2"`, `source` and `weights` are digests; each is empty when it is not known.
@@ -41,7 +51,7 @@ class Identified:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class Asked(Event):
     """A test needs these episodes (by key): one agent under one setting over routes x seeds.
 
     `clean_keys` are their clean twins, empty when nobody asked to compare.
@@ -56,11 +66,11 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Awaited:
+class Awaited(Event):
     """A selected test will read these episodes (by key), and may stop early unless `rule` is `"point"`.
 
     `likely` is how many routes it probably takes, as far as one can tell before anything was read.
-    `keys` stand in the order of reading; `route_ids` names the route of each, one after the other for each seed.
+    `keys` stand in the order of reading.
     `clean_keys` are their clean twins under the setting `clean`, empty when the verdict compares with nothing.
     """
 
@@ -72,13 +82,12 @@ class Awaited:
     rule: str
     likely: int
     keys: tuple[str, ...]
-    route_ids: tuple[str, ...]
     clean: str = ""
     clean_keys: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class Read(Event):
     """So many routes were read for a verdict, which probably takes `likely` of them in all."""
 
     requirement: str
@@ -90,21 +99,21 @@ class Read:
 
 
 @dataclass(frozen=True, slots=True)
-class Spared:
+class Spared(Event):
     """A verdict was in before these episodes (by key) were needed. Another test may still want them."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Used:
+class Used(Event):
     """A verdict or a measured value rests on these episodes (by key): what reports may show."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Compiling:
+class Compiling(Event):
     """So many functions are compiled, of `total` that episodes wait for; equal when none is missing any more."""
 
     done: int
@@ -112,7 +121,7 @@ class Compiling:
 
 
 @dataclass(frozen=True, slots=True)
-class Started:
+class Started(Event):
     """An episode began. `route` is the label of the route, for people."""
 
     key: str
@@ -122,7 +131,7 @@ class Started:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class Finished(Event):
     """An episode ended and is stored. `wall_s` is how many seconds it took."""
 
     key: str
@@ -130,21 +139,21 @@ class Finished:
 
 
 @dataclass(frozen=True, slots=True)
-class Reused:
+class Reused(Event):
     """An episode was needed and found in the store, driven by another process or by an earlier run."""
 
     key: str
 
 
 @dataclass(frozen=True, slots=True)
-class Troubled:
+class Troubled(Event):
     """Something is wrong with the place that keeps the episodes; the run goes on."""
 
     sentence: str
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Judged(Event):
     """A requirement got its verdict in the test `nodeid`.
 
     `verdict` is `"pass"`, `"fail"`, `"inconclusive"` or `"error"`; for an error the numbers are None and `message` says
@@ -174,7 +183,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Searched:
+class Searched(Event):
     """A test asked for the largest severity that holds (`verdict.largest_severity`); `sentence` is the whole answer.
 
     `holds` and `breaks` are severities of `failure` in `unit`, None where none was found; `rule`: what they rest on.
@@ -194,27 +203,6 @@ class Searched:
     holds: float | None
     breaks: float | None
     undecided: tuple[float, ...] = ()
-
-
-Event = (
-    Advised
-    | Planned
-    | Awaited
-    | Identified
-    | Asked
-    | Read
-    | Spared
-    | Used
-    | Compiling
-    | Started
-    | Finished
-    | Reused
-    | Troubled
-    | Judged
-    | Searched
-)
-
-_KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in get_args(Event)}
 
 
 def event_to_json(event: Event) -> str:

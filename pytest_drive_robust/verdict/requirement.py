@@ -146,7 +146,7 @@ class Requirement:
     def advice(self, verdict_rule: VerdictRule, routes: int) -> Advice:
         """Return what so many routes can show of it, by the usual noise; `"fine"` where no evidence is asked for."""
         if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
-            return Advice("fine", "", 0.0)
+            return Advice("fine", "")
         noise, margin = USUAL_NOISE * self._range, self.margin(verdict_rule)
         return advise(routes, margin, noise, what=self.metric.name, scale=self._range, alpha=verdict_rule.alpha)
 

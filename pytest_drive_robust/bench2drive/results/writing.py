@@ -66,7 +66,9 @@ def record_of(result: EpisodeResult, *, index: int, town: str, stamp: str) -> di
 
 def results_document(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the whole file of one run over `records`, finished."""
-    means = {name: round(sum(item["scores"][name] for item in records) / len(records), 6) for name in _SCORES}
+    scores = {name: [item["scores"][name] for item in records] for name in _SCORES}
+    means = {name: round(sum(values) / len(values), 6) for name, values in scores.items()}
+    deviations = {name: round(stdev(values), 3) if len(values) > 1 else 0.0 for name, values in scores.items()}
     rates = _events_per_km(records)
     crashed = any("Simulation crashed" in item["status"] for item in records)
     return {
@@ -77,7 +79,7 @@ def results_document(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
                 "status": _worst([item["status"] for item in records]),
                 "infractions": rates,
                 "scores_mean": means,
-                "scores_std_dev": {name: _deviation([item["scores"][name] for item in records]) for name in _SCORES},
+                "scores_std_dev": deviations,
                 "meta": {
                     "total_length": sum(item["meta"]["route_length"] for item in records),
                     "duration_game": sum(item["meta"]["duration_game"] for item in records),
@@ -128,11 +130,6 @@ def _worst(statuses: Sequence[str]) -> str:
     if any(status.startswith("Failed") for status in statuses):
         return "Failed"
     return "Perfect" if all(status == "Perfect" for status in statuses) else "Completed"
-
-
-def _deviation(values: Sequence[float]) -> float:
-    """Return the standard deviation over n - 1, as the leaderboard does; 0 for one route."""
-    return round(stdev(values), 3) if len(values) > 1 else 0.0
 
 
 def _events_per_km(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
