@@ -22,6 +22,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -60,6 +61,7 @@ The package of the simulator comes with it.
 _LOCKSTEP = "pytest_drive_robust.runner.lockstep.batch"
 
 _BLOCK_BYTES = 1 << 20
+_DEVELOPMENT = re.compile(r"(\.dev\d+)?(\+\S+)?\Z")
 
 
 def identify(scope: Scope, registry: Registry) -> Identified:
@@ -106,8 +108,13 @@ def agent_identity(agent: str, registry: Registry) -> str:
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
     modules = computing_modules(factory)
     code, versions = code_of(factory, libraries=modules is None), versions_of(modules) if modules else {}
-    distribution = "" if entry.registered else entry.origin  # the place of a hook is no part of what it registers
+    distribution = "" if entry.registered else _released(entry.origin)  # a hook's place is no part of what it registers
     return digest_of(agent, distribution, code, weights, configuration, versions)
+
+
+def _released(distribution: str) -> str:
+    """Return `"agents 1.3"` for `"agents 1.3.dev5+g1a2b3c4"`: that part tells commits, the code is counted by itself."""
+    return _DEVELOPMENT.sub("", distribution)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:

@@ -7,6 +7,7 @@ import functools
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -141,6 +142,19 @@ def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
     first = identity_with(agent)
     monkeypatch.setattr(source_files, "_version", lambda top, origin: "another" if top == "numpy" else "same")
     assert identity_with(agent) != first
+
+
+def test_a_commit_of_a_distribution_is_no_part_of_its_version_but_a_release_is(monkeypatch):
+    def identity_from(version):
+        distribution = type("Installed", (), {"name": "some-agents", "version": version})
+        point = metadata.EntryPoint("constant", "drive_robust_agents.constant:Constant", "pytest_drive_robust.agents")
+        vars(point)["dist"] = distribution
+        monkeypatch.setattr(metadata, "entry_points", lambda group: [point] if group == point.group else [])
+        return agent_identity("constant", Registry())
+
+    first = identity_from("1.3.0")
+    assert {identity_from(version) for version in ("1.3.0.dev5+g1a2b3c4", "1.3.0.dev6", "1.3.0+local")} == {first}
+    assert len({first, identity_from("1.3.1"), identity_from("1.3.0rc1"), identity_from("1.3.0.post1")}) == 4
 
 
 @pytest.fixture
