@@ -26,7 +26,6 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import IO, Any
 
-from pytest_drive_robust import errors
 from pytest_drive_robust.engine.messages import refusal
 from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
@@ -51,14 +50,10 @@ class ForkServer:
 
     It `is_ready` when workers can be started for some agents or all. On Linux workers are forked. Elsewhere, and where
     a plugin starts threads while it is imported, forking a process that has loaded numerical libraries is not safe, and
-    each worker is a new Python. Raises `UsageError` on systems without either.
+    each worker is a new Python. `platform_check` is for systems without either.
     """
 
     def __init__(self, worker_setup: WorkerSetup) -> None:
-        if os.name != "posix":
-            raise errors.UsageError(
-                "guarded processes need Linux or macOS (on Windows: inside WSL). Give --drive-executor inline."
-            )
         self._setup = worker_setup
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None

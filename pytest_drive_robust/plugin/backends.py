@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.engine.platform_check import check_platform
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
@@ -80,6 +81,7 @@ def backend_for(
 
             results = ResultsExecutor.read(execution.results, registry.perturbations(), options.asked_reading)
             return OutsideScopes(options, registry, resolve_routes, results), results
+        check_platform(f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results=FOLDER.")
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
         from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
@@ -115,6 +117,7 @@ def _executor(
         return InlineExecutor(
             default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
         )
+    check_platform(f"--drive-executor {execution.executor}")
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )

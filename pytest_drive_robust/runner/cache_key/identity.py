@@ -113,7 +113,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
 
 
 def _released(distribution: str) -> str:
-    """Return `"agents 1.3"` for `"agents 1.3.dev5+g1a2b3c4"`: that part tells commits, the code is counted by itself."""
+    """Return `"agents 1.3"` for `"agents 1.3.dev5+g1a2b3c4"`: that part tells commits, and code counts by itself."""
     return _DEVELOPMENT.sub("", distribution)
 
 
