@@ -18,7 +18,7 @@ ENV NUMBA_CPU_NAME=generic \
     PYTHONUNBUFFERED=1
 RUN useradd --create-home --uid 1000 driver && mkdir -p /work "$NUMBA_CACHE_DIR" && chown driver /work "$NUMBA_CACHE_DIR"
 RUN --mount=type=bind,from=wheels,source=/wheels,target=/wheels pip install -q --no-cache-dir /wheels/*.whl
-USER driver
+USER 1000
 RUN drive-robust warm && chmod -R a+rwX "$NUMBA_CACHE_DIR"
 WORKDIR /work
 CMD ["drive-robust", "--help"]

@@ -1,3 +1,6 @@
+# /// script
+# dependencies = ["nox>=2024.10.9"]
+# ///
 """What is tried beside the tests of a checkout: built wheels, versions of Python and pytest, the site, the benchmarks.
 
 `nox -l` lists the sessions; `CONTRIBUTING.md` says when one runs which.
@@ -14,7 +17,7 @@ from pathlib import Path
 import nox
 
 nox.needs_version = ">=2024.10.9"
-nox.options.sessions = ["wheels", "docs"]
+nox.options.default_venv_backend = "uv|virtualenv"
 
 ROOT = Path(__file__).parent
 PYTHONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
@@ -28,7 +31,7 @@ FOLDERS = ["tests/unit/options", "tests/unit/stats", "tests/unit/verdict", "test
 LAID_OUT = ["tests", "suites", "conftest.py", "pyproject.toml", "action.yml", "README.md"]
 
 
-@nox.session(python=PYTHONS)
+@nox.session(python=PYTHONS, default=False)
 @nox.parametrize("xdist", list(XDIST))
 @nox.parametrize("pytest", list(PYTEST))
 def tests(session: nox.Session, pytest: str, xdist: str) -> None:
@@ -70,7 +73,7 @@ def docs(session: nox.Session) -> None:
     session.run("sphinx-build", "-W", "-n", "-b", "html", "docs", "build/site", *session.posargs)
 
 
-@nox.session(python="3.12")
+@nox.session(python="3.12", default=False)
 def benchmarks(session: nox.Session) -> None:
     """Run the quick benchmarks; with `-- whole` those too that take minutes and want an idle machine."""
     session.install(*_wheels(session))
@@ -115,3 +118,7 @@ def _built(session: nox.Session) -> Path:
         session.run(tools / "check-wheel-contents", *folder.glob("*.whl"), external=True)
         _BUILT.append(folder)
     return _BUILT[0]
+
+
+if __name__ == "__main__":
+    nox.main()
