@@ -1,5 +1,5 @@
 # Both distributions on a CPU, kernels compiled: docker build -t drive-robust --build-arg VERSION=1.2.3 .
-#   docker run --rm -v "$PWD:/work" --user "$(id -u):$(id -g)" drive-robust pytest --drive-robust robustness
+#   docker run --rm -v "$PWD:/work" --user "$(id -u):$(id -g)" -e HOME=/tmp drive-robust pytest --drive-robust robustness
 FROM python:3.12-slim-bookworm AS wheels
 # git's history stays outside (.dockerignore), and with it the version
 ARG VERSION=0.1.0.dev0
