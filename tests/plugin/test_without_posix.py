@@ -55,6 +55,12 @@ def test_the_official_evaluator_says_where_it_drives(run):
     assert "--drive-results=FOLDER" in refused.stderr + refused.stdout
 
 
+def test_results_of_the_official_evaluator_are_read(run, tmp_path):
+    refused = run("pytest", *OPTIONS, f"--drive-results={tmp_path / 'none.json'}")
+    assert refused.returncode == 4, refused.stdout + refused.stderr
+    assert "none.json" in refused.stderr + refused.stdout  # it looked for the file: nothing else was in the way
+
+
 def test_a_replay_drives_and_is_filmed(run):
     pytest.importorskip("av", reason="films need av")
     replayed = run(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
-from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
 from pytest_drive_robust.domain.route import Route
@@ -17,6 +17,9 @@ from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Identified
+
+if TYPE_CHECKING:  # it needs fcntl, and results are read on systems without it, too
+    from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
 
 class OutsideScopes(Scopes):
