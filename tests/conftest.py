@@ -161,7 +161,7 @@ drive_agent = steady
 drive_routes = routes.xml
 drive_verdict = point
 drive_executor = inline
-addopts = -p no:hypothesispytest {plugin}
+addopts = -p no:hypothesispytest -p no:allure_pytest {plugin}
 filterwarnings = ignore:Module already imported
 """
 

@@ -111,7 +111,7 @@ class Campaign:
         folder.mkdir()
         for name, text in (("conftest.py", CONFTEST), ("test_suite.py", SUITE), ("tox.ini", INI)):
             (folder / name).write_text(text)
-        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")
+        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:allure_pytest")
         command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", *without]
         done = subprocess.run(
             [*command, "--drive-json", "run.json", *options], cwd=folder, capture_output=True, text=True, check=False

@@ -130,7 +130,7 @@ class Campaign:
 
     def begin(self, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         """Start pytest in a session of its own."""
-        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest")
+        without = ("-p", "no:cacheprovider", "-p", "no:hypothesispytest", "-p", "no:allure_pytest")
         command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", *without, *arguments]
         with (self.folder / "output.txt").open("ab") as output:
             return subprocess.Popen(

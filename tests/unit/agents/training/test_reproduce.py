@@ -61,6 +61,7 @@ def test_a_share_that_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("whole_study")
 def test_one_command_makes_weights_that_drive(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--agent", "tcp", "--out", str(tmp_path), "--share", "0.0035", "--routes", "901", "--workers", "1"]
     assert main(["reproduce", *arguments]) == 0
