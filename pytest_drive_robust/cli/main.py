@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -35,6 +36,7 @@ COMMANDS = {
 the default `command`: a function of the parsed arguments that returns the exit code."""
 
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
+_CUT_OFF = 1  # as rich has it, which prints the tables
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,9 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`
             register_names_of(word, default_registry())
         code: int = options.command(options)
+        sys.stdout.flush()
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)
         return _USAGE_ERROR
+    except BrokenPipeError:  # as before `| head`; what is left is written nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _CUT_OFF
     return code
 
 

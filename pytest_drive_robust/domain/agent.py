@@ -49,15 +49,12 @@ class Agent(Protocol):
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return the cameras of the rig, each with its own name. GPS, compass, IMU and speed are always there."""
-        ...
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Begin a new episode. `seed` is the only allowed source of randomness."""
-        ...
 
     def act(self, observation: Observation) -> Control:
         """Return the control for this tick. The observation belongs to the agent: it may be kept or written to."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,6 @@ class MetricFunction(Protocol):
 
     def __call__(self, results: Sequence[EpisodeResult], /) -> float | None:
         """Return the metric of `results` (one agent, one setting, never an `infra_error`)."""
-        ...
 
 
 EpisodeValue = Callable[[EpisodeResult, str], "float | None"]

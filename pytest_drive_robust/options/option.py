@@ -26,15 +26,12 @@ class OptionSource(Protocol):
     @property
     def rootpath(self) -> Path:
         """The folder that a relative `--drive-store` starts from."""
-        ...
 
     def getoption(self, name: str) -> Any:
         """Return the value of a command line option."""
-        ...
 
     def getini(self, name: str) -> Any:
         """Return the value of an ini key."""
-        ...
 
 
 class GivenText(NamedTuple):

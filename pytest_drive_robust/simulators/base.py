@@ -64,42 +64,32 @@ class Simulator(Protocol):
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
-        ...
 
     def plan(self) -> GlobalPlan:
         """Return the sparse plan of the current route: what the agent's `reset` gets."""
-        ...
 
     def observe(self) -> Observation:
         """Return the clean sensors of this moment, `truth` left out; a later tick may reuse the pixels."""
-        ...
 
     def truth(self) -> GroundTruth:
         """Return the state of the world of this moment, for scoring, drawing and privileged agents."""
-        ...
 
     def step(self, control: Control) -> WorldState:
         """Advance by one tick. Raises `SimulationError`."""
-        ...
 
     @property
     def done(self) -> End | None:
         """Why the episode is over, or None while it is not."""
-        ...
 
     @property
     def progress_m(self) -> float:
         """Metres of the route that are behind the ego."""
-        ...
 
     def score(self) -> EpisodeScore:
         """Close the criteria (percentages, yield, route completion) and report them."""
-        ...
 
     def versions(self) -> Mapping[str, str]:
         """Return what decides the numbers: backend, its version, versions of libraries that could change a bit."""
-        ...
 
     def close(self) -> None:
         """Free what the world holds. Calling it twice does no harm."""
-        ...

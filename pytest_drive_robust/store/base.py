@@ -19,11 +19,9 @@ class EpisodeStore(Protocol):
 
     def get(self, key: str) -> EpisodeResult | None:
         """Return the finished episode, or None when it must be driven. Never raises."""
-        ...
 
     def put(self, key: str, result: EpisodeResult) -> None:
         """Keep a finished episode: from now on `get` finds it here, whatever the disk does. Never raises."""
-        ...
 
     def claim(self, key: str) -> Claim | None:
         """Return the right to drive an episode, or None when a living process drives it already. Never waits.
@@ -31,11 +29,9 @@ class EpisodeStore(Protocol):
         Ask `get` once more under the claim: its last holder may have finished the episode meanwhile. Put the result
         before you release the claim. The claims of a dead process are free at once.
         """
-        ...
 
     def problems(self) -> tuple[str, ...]:
         """Return what went wrong with the place itself, one sentence each, every one once."""
-        ...
 
 
 class MemoryStore:

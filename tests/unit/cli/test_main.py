@@ -105,3 +105,13 @@ def test_only_the_module_of_the_command_is_imported() -> None:
     assert done.stdout.splitlines()[-1].split() == [
         f"pytest_drive_robust.cli.{name}" for name in ("main", "runs", "tables")
     ]
+
+
+@pytest.mark.parametrize("words", [["doctor"], ["list", "agents"]], ids=["lines", "table"])
+def test_a_reader_that_stops_reading_gets_no_traceback(words: list[str]) -> None:
+    command = [sys.executable, "-m", "pytest_drive_robust.cli", *words]
+    printing = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert printing.stdout is not None
+    printing.stdout.close()
+    assert printing.communicate()[1] == ""
+    assert printing.returncode == 1
