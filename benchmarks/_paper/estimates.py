@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from _paper.published import CLEAN, SETTINGS
 from _paper.results import Results
-from pytest_drive_robust.metrics.episodes import mean
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 
 __all__ = [

@@ -14,10 +14,10 @@ from typing import Any
 
 from _paper.published import AGENTS, CLEAN, SETTINGS
 from _paper.results import FORMAT, DrivenAgent, Results, Scores, results_of
+from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError, UsageError
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
-from pytest_drive_robust.metrics.episodes import mean
 
 __all__ = ["read"]
 

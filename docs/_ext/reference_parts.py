@@ -55,7 +55,7 @@ ENVIRONMENT: Mapping[str, str] = {
     "GITHUB_EVENT_PATH": "the pull request that it comments on; GitHub sets it",
     "GITHUB_REPOSITORY": "the repository of that pull request; GitHub sets it",
     "GITHUB_API_URL": "where GitHub's interface is, for a server of one's own; GitHub sets it",
-    "CI": "where it is set, a stored run names no person",
+    "CI": "where it is set, ``drive-robust bless`` is refused",
     "RAY_ADDRESS": "the cluster of ``--drive-executor ray`` where ``--drive-ray-address`` says nothing",
     "IS_BENCH2DRIVE": "Bench2Drive's switch: an official agent is then given a name to save under, as officially",
     "CARLA_ROOT": "the folder of CARLA, for the official evaluator",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,3 +24,15 @@ def pages() -> Iterator[object]:
 @pytest.mark.parametrize("page", list(pages()))
 def test_a_page_runs_from_an_empty_folder(page: Path, tmp_path: Path) -> None:
     run_page(page, tmp_path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_file_that_a_block_goes_to_is_named_to_the_reader(page: Path) -> None:
+    lines = page.read_text(encoding="utf-8").splitlines()
+    nameless = [
+        named[1]
+        for number, line in enumerate(lines)
+        if (named := re.fullmatch("<!-- file: (.+) -->", line)) is not None
+        and f"`{named[1]}`" not in "\n".join(lines[max(0, number - 4) : number])
+    ]
+    assert nameless == []
