@@ -140,5 +140,5 @@ class Observation:
 
     def private(self) -> Observation:
         """Return a copy whose pixels and truth share no memory with anybody: what the loop hands to the agent."""
-        own = self.map_images(lambda _, image: Image(image.pixels.copy(), image.tick))
-        return own if own.truth is None else replace(own, truth=own.truth.private())
+        cameras = {name: Image(image.pixels.copy(), image.tick) for name, image in self.cameras.items()}
+        return replace(self, cameras=cameras, truth=None if self.truth is None else self.truth.private())

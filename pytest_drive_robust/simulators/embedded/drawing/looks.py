@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass
 from enum import IntEnum
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,6 +221,7 @@ LOOKS: dict[ActorKind, list[Part]] = {
 """The parts of every kind."""
 
 
+@cache
 def part_rows() -> tuple[Floats, NDArray[np.int64]]:
     """Return all parts as (n, 15), and for each kind its first row and the row after its last, (k, 2).
 
