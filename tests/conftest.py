@@ -154,6 +154,7 @@ def test_requirement(drive, requirement):
     drive.check(requirement)
 '''
 
+WITHOUT_OTHERS = "-p no:hypothesispytest -p no:allure_pytest"
 INI = """
 [pytest]
 drive_sim = fake
@@ -161,7 +162,7 @@ drive_agent = steady
 drive_routes = routes.xml
 drive_verdict = point
 drive_executor = inline
-addopts = -p no:hypothesispytest -p no:allure_pytest {plugin}
+addopts = {others} {plugin}
 filterwarnings = ignore:Module already imported
 """
 
@@ -205,6 +206,14 @@ def whole_study(pytestconfig: pytest.Config) -> None:
         pytest.skip("only with --whole-studies")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _only_our_plugin() -> Generator[None]:
+    """Let pytest in processes of its own do without what only this one needs: each would import them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTEST_ADDOPTS", WITHOUT_OTHERS)
+        yield
+
+
 @pytest.fixture
 def plugin_args() -> tuple[str, ...]:
     """What loads our plugin in a new pytest; nothing where it is installed."""
@@ -226,7 +235,7 @@ def suite(
         save_routes(
             [fake_route(str(number), length_m=9.0 + number) for number in (1, 2, 3)], pytester.path / "routes.xml"
         )
-        (pytester.path / "tox.ini").write_text(INI.format(plugin=" ".join(plugin_args)))
+        (pytester.path / "tox.ini").write_text(INI.format(others=WITHOUT_OTHERS, plugin=" ".join(plugin_args)))
         pytester.makeconftest(CONFTEST + conftest)
         body = SUITE.format(sentences="\n".join(sentences)) if sentences else ""
         (pytester.path / "test_suite.py").write_text(body + (test or ""))

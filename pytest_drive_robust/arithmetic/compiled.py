@@ -33,6 +33,12 @@ class CompiledFunction:
 
         return numba_type(self.name)
 
+    def load(self) -> None:
+        """Make or load the machine code, which that of a kernel, once loaded, calls by name."""
+        from pytest_drive_robust.arithmetic import symbols  # loads numba
+
+        symbols.load(self.name)
+
     def __call__(self, *numbers: float) -> float:
         if self.name not in _FOR_PYTHON:
             raise TypeError(f"only compiled code can call this function; arithmetic.scalars.{self.name} is for Python")

@@ -5,6 +5,7 @@ Each is compiled once, by itself, when it is first asked for, and then called by
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -33,20 +34,25 @@ for _module in (series, scalars):
 
 
 def numba_type(name: str) -> Any:
-    """Return what numba takes a function of `compiled` for; its machine code is made or loaded now."""
+    """Return what numba takes a function of `compiled` for."""
     context = _CPU.typing_context
-    function = getattr(series, name, None) or getattr(scalars, name)
-    if name not in _PARTS:
+    if name in _PARTS:
+        function = getattr(series, name, None) or getattr(scalars, name)
+    else:
         function = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name == "atan2" else 1)
     context.refresh()
     return context.resolve_value_type(function)
 
 
+def load(name: str) -> None:
+    """Make or load the machine code of a function of `compiled`, which that of kernels calls by its symbol."""
+    if name not in _PARTS:
+        _symbol(name)
+
+
 def _of_number(name: str, takes: int) -> Any:
     """Return what makes a kernel call the machine code of a function that returns one float."""
-    body = (_taking_one if takes == 1 else _taking_two)(getattr(scalars, name))
-    signature = types.float64(*[types.float64] * takes)
-    symbol = _symbol(name, signature, body)
+    signature, symbol = types.float64(*[types.float64] * takes), _symbol(name)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         declared = ir.FunctionType(_DOUBLE, [_DOUBLE] * takes)
@@ -59,10 +65,7 @@ def _of_number(name: str, takes: int) -> Any:
 
 def _of_pair() -> Any:
     """Return what makes a kernel call the machine code of `cos_sin`, which writes two floats."""
-    symbol = _symbol(
-        "cos_sin", _TYPES.void(_TYPES.float64, _TYPES.CPointer(_TYPES.float64)), _writing_two(scalars.cos_sin)
-    )
-    pair = _TYPES.UniTuple(types.float64, 2)
+    symbol, pair = _symbol("cos_sin"), _TYPES.UniTuple(types.float64, 2)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         declared = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE.as_pointer()])
@@ -74,8 +77,17 @@ def _of_pair() -> Any:
     return intrinsic(lambda _, x: (pair(types.float64), generate))
 
 
-def _symbol(name: str, signature: Any, body: Callable[..., Any]) -> str:
-    """Compile a function and return the symbol of its machine code."""
+@functools.cache
+def _symbol(name: str) -> str:
+    """Compile or load a function, once, and return the symbol of its machine code."""
+    function, double = getattr(scalars, name), _TYPES.float64
+    body: Callable[..., Any]
+    if name == "cos_sin":
+        body, signature = _writing_two(function), _TYPES.void(double, _TYPES.CPointer(double))
+    elif name == "atan2":
+        body, signature = _taking_two(function), double(double, double)
+    else:
+        body, signature = _taking_one(function), double(double)
     compiled: Any = CFunc(
         body, (signature.args, signature.return_type), {}, {"error_model": "numpy", "forceinline": True}
     )

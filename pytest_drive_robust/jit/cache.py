@@ -26,6 +26,7 @@ import numba
 import numpy as np
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 
 from pytest_drive_robust.jit.kernels import Kernel
 
@@ -92,7 +93,7 @@ def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) 
         digest.update(repr(sorted(value.targetoptions.items(), key=str)).encode())
         value = value.py_func
     elif isinstance(getattr(value, "py_func", None), FunctionType):  # of `arithmetic.compiled`
-        _ = value._numba_type_  # makes its machine code, which that of the kernel, once loaded, calls by name
+        value.load()
         value = value.py_func
     if isinstance(value, FunctionType):
         _add_function(value, digest, seen)
@@ -172,10 +173,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled code for a signature, or None; what cannot be read is not there."""
-        target_context.refresh()
+        rtsys.initialize(target_context)
         try:
             self._open(sig, target_context.codegen())
-            found = super().load_overload(sig, target_context)
+            found = self._load_overload(sig, target_context)
         except Exception:  # whatever unpickling a broken file raises
             with suppress(OSError):
                 os.unlink(self._cache_file._index_path)
@@ -194,7 +195,6 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def holds(self, sig: Any, target_context: Any) -> bool:
         """Return whether there is compiled code for a signature."""
-        target_context.refresh()
         try:
             self._open(sig, target_context.codegen())
             return self._cache_file.load(self._index_key(sig, target_context.codegen())) is not None

@@ -124,7 +124,7 @@ class _Session:
         environ = {
             name: value
             for name, value in os.environ.items()
-            if name != "CI" and not name.startswith(("PYTEST_", "COV_", "GITHUB_"))
+            if name == "PYTEST_ADDOPTS" or (name != "CI" and not name.startswith(("PYTEST_", "COV_", "GITHUB_")))
         }
         path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
         done = subprocess.run(
