@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.jit.cache import cache_folder
+
 HELPER = Path(__file__).parents[1] / "helpers" / "without_posix.py"
 OPTIONS = ["--drive-robust", "-q", "-p", "no:cacheprovider"]
 
@@ -17,6 +19,8 @@ def run(suite, plugin_args, monkeypatch):
     """Run a module on such a system, beside a suite of one requirement on the fake simulator."""
     pytester = suite("DS under clean >= 60")
     monkeypatch.setenv("PYTHONPATH", str(HELPER.parents[2]))
+    # HOME is another one here, and without `pwd` there is no telling where the kernels lie that are compiled already
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache_folder().parents[1]))
 
     def run(*words):
         command = [sys.executable, str(HELPER), *words]

@@ -148,6 +148,7 @@ class _Walk:
         self._installed: dict[str, str] = {}  # versions
         self._tops: set[str] = set()
         self._files: set[Path] = set()
+        self._folders: set[Path] = set()
         self._find = functools.cache(_find)  # many files import the same few
         folder = _package_folder(file, module)
         if folder is None:
@@ -167,6 +168,9 @@ class _Walk:
         return hashlib.blake2b(lines.encode(errors="surrogatepass"), digest_size=16).hexdigest()
 
     def _add_folder(self, folder: Path) -> None:
+        if folder in self._folders:
+            return
+        self._folders.add(folder)
         for place, folders, names in os.walk(folder):
             folders[:] = sorted(name for name in folders if not _is_hidden(name))
             for name in sorted(names):
@@ -240,12 +244,17 @@ def _imports(content: bytes) -> Iterator[str]:
 
 def _content_digest(path: Path, content: bytes) -> str:
     """Return a file's digest, of a test file without its tests: an agent or perturbation beside them is not theirs."""
-    if _TEST_FILE.fullmatch(path.name):
-        with suppress(SyntaxError, ValueError):
-            tree = ast.parse(content)
-            tree.body = [part for part in tree.body if not str(getattr(part, "name", "")).lower().startswith("test")]
-            content = ast.dump(tree).encode(errors="surrogatepass")
-    return hashlib.blake2b(content).hexdigest()
+    counted = _without_tests(content) if _TEST_FILE.fullmatch(path.name) else content
+    return hashlib.blake2b(counted).hexdigest()
+
+
+@functools.lru_cache(maxsize=1024)  # the same files are behind an agent, its perturbations and its simulator
+def _without_tests(content: bytes) -> bytes:
+    with suppress(SyntaxError, ValueError):
+        tree = ast.parse(content)
+        tree.body = [part for part in tree.body if not str(getattr(part, "name", "")).lower().startswith("test")]
+        return ast.dump(tree).encode(errors="surrogatepass")
+    return content
 
 
 def _package_folder(file: Path, module: str) -> Path | None:
