@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
+from pytest_drive_robust.arithmetic.scalars import cos_sin, tan
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Floats2, Ints1, Ints2, Packed1, Packed2
 
@@ -104,20 +105,30 @@ class CameraView(NamedTuple):
     @classmethod
     def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
         """Return the view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
-        c, s = cos(yaw_rad), sin(yaw_rad)
-        yaw, pitch = yaw_rad + math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
+        c, s = cos_sin(yaw_rad)
+        turned, pitch, focal_px, cos_pitch, sin_pitch = _mount(camera)
+        yaw = yaw_rad + turned
+        cos_yaw, sin_yaw = cos_sin(yaw) if turned != 0.0 else (c, s)
         return cls(
             x_m + c * camera.x_m - s * camera.y_m,
             y_m + s * camera.x_m + c * camera.y_m,
             max(float(camera.z_m), _LOWEST_M),
             yaw,
             pitch,
-            camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0),
-            cos(yaw),
-            sin(yaw),
-            cos(pitch),
-            sin(pitch),
+            focal_px,
+            cos_yaw,
+            sin_yaw,
+            cos_pitch,
+            sin_pitch,
         )
+
+
+@functools.lru_cache(maxsize=64)  # asked for in every frame
+def _mount(camera: CameraSpec) -> tuple[float, float, float, float, float]:
+    """Return what all views of a camera share: yaw and pitch of the mount, focal length, cosine and sine of that pitch."""
+    pitch = math.radians(camera.pitch_deg)
+    focal_px = camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0)
+    return math.radians(camera.yaw_deg), pitch, focal_px, *cos_sin(pitch)
 
 
 class Headlamps(NamedTuple):
