@@ -125,7 +125,7 @@ class CameraView(NamedTuple):
 
 @functools.lru_cache(maxsize=64)  # asked for in every frame
 def _mount(camera: CameraSpec) -> tuple[float, float, float, float, float]:
-    """Return what all views of a camera share: yaw and pitch of the mount, focal length, cosine and sine of that pitch."""
+    """Return what all views of a camera share: yaw and pitch, the focal length, cosine and sine of the pitch."""
     pitch = math.radians(camera.pitch_deg)
     focal_px = camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0)
     return math.radians(camera.yaw_deg), pitch, focal_px, *cos_sin(pitch)
