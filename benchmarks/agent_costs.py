@@ -213,7 +213,7 @@ def main() -> None:
 
 def show(rows: Sequence[Subject]) -> None:
     columns = ("", "weights", "parameters", "ms/tick", "of episode", "torch", f"{AT_ONCE} at once", "own MB", "all MB")
-    table = Table(*columns, title="CPU ms of an agent per tick on one core, and MB of a child that drives it")
+    table = Table(*columns, title="CPU ms of an agent per tick on one core, and MB of a worker that drives it")
     for row in rows:
         table.add_row(
             row.title,
