@@ -19,8 +19,9 @@ from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
-from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
+from pytest_drive_robust.simulators.embedded.routes import default_set
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
+from pytest_drive_robust.simulators.routes import resolve_routes
 
 Observed = dict[str, NDArray[Any]]
 _TARGET_AHEAD_M = 5.0
@@ -48,8 +49,8 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
       whether the end was reached without an infraction
 
     Each `reset` draws a route and a seed for its actors from the environment's own generator, so `reset(seed=...)`
-    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. Training routes of your
-    own go in as `routes`.
+    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. `routes` are those of
+    `--drive-routes` (`"full"`, `"mine.xml"`, `"101,2301"`), or the routes themselves.
 
     `snapshot` and `restore` branch an episode: try several actions from the same moment, or search ahead::
 
@@ -63,14 +64,14 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     def __init__(
         self,
-        routes: Sequence[Route] | None = None,
+        routes: str | Sequence[Route] = default_set,
         *,
         cameras: Sequence[CameraSpec] = (),
         options: SimulatorOptions | None = None,
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self._routes = tuple(routes) if routes is not None else named_routes(default_set)
+        self._routes = resolve_routes(routes) if isinstance(routes, str) else tuple(routes)
         self._cameras = tuple(cameras)
         self._simulator = EmbeddedSimulator(options)
         self._plan = GlobalPlan(())

@@ -53,6 +53,18 @@ def test_it_is_registered_under_its_name():
     env.close()
 
 
+def test_routes_are_named_as_on_the_command_line_or_given():
+    shown = [route.id for route in named_routes("dev10")[:2]]
+    for routes in (named_routes("dev10")[:2], f"dev10:{','.join(shown)}"):
+        env = gymnasium.make("drive_robust/World-v0", routes=routes)
+        for route in shown:
+            assert env.reset(options={"route": route})[1]["route"] == route
+        with pytest.raises(UnknownNameError, match="route of this environment"):
+            env.reset(options={"route": "2901"})
+    with pytest.raises(UnknownNameError, match=r"nothing\.xml"):
+        gymnasium.make("drive_robust/World-v0", routes="nothing.xml")
+
+
 def test_progress_is_rewarded():
     env = WorldEnv()
     _, info = env.reset(seed=3, options={"route": ROUTES[0]})
