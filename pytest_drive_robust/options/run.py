@@ -90,7 +90,7 @@ class RunOptions:
             "routes": self.routes,
             "seeds": list(self.seeds),
             "simulator": self.simulator,
-            "vehicle": self.vehicle,
+            **({} if self.vehicle == DEFAULT_VEHICLE else {"vehicle": self.vehicle}),
             "reading": self.reading,
             "metrics": self.metrics,
             "stuck_stop_s": self.stuck_stop_s,

@@ -16,12 +16,7 @@ from pytest_drive_robust.verdict.evaluate import Verdict
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
     """Return the whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
-    lines = [
-        *_headline(verdict),
-        *_promise(verdict),
-        *_summaries(verdict),
-        *_worst(verdict),
-    ]
+    lines = [*_headline(verdict), *_promise(verdict), *_summaries(verdict), *_worst(verdict)]
     if privileged:
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
     if verdict.worst:

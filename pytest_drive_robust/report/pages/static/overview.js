@@ -129,7 +129,7 @@ driveRobust.views.set("", (() => {
     const made = [run.stored.date, run.stored.commit].filter(Boolean).join(", ");
     const rows = [
       ["run", [run.label, made].filter(Boolean).join(", ")],
-      ["simulator", options.simulator], ["vehicle", options.vehicle ?? "bicycle"], ["routes", options.routes], ["seeds", options.seeds.join(", ")],
+      ["simulator", options.simulator], ["routes", options.routes], ["seeds", options.seeds.join(", ")],
       ["reading", options.reading ?? "paper"], ["metrics", options.metrics], ["verdicts", `${options.verdict}, margin ${options.margin}, alpha ${options.alpha}${options.correction === "none" ? "" : `, ${options.correction}`}`],
       ["stopped when standing", options.stuck_stop_s ? `${options.stuck_stop_s} s` : "no"],
       ...Object.entries(run.agents).map(([name, item]) => [name, [item.distribution, item.source && `code ${item.source}`, item.weights && `weights ${item.weights}`].filter(Boolean).join(", ")]),
