@@ -155,10 +155,8 @@ def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
 
 def _way(town: Town, source: Arm, target: Arm, lane: str, *, junction: int) -> DrawnLane:
     first, last = (town.lanes[k] for k in (town.chains[source.inward(lane)][-1], town.chains[target.outward(lane)][0]))
-    centre, speed_mps = (
-        lines.bridge(tuple(first.centre[-1]), tuple(last.centre[0])),
-        min(first.speed_mps, last.speed_mps),
-    )
+    centre = lines.bridge(tuple(first.centre[-1]), tuple(last.centre[0]))
+    speed_mps = min(first.speed_mps, last.speed_mps)
     kind = LaneKind.DRIVING if lane == "0" else LaneKind.BIKING
     drawn = DrawnLane(centre, float(arc_lengths(centre)[-1]), first.width_m, PLAIN, speed_mps, kind, junction)
     town.add(drawn)
