@@ -1,4 +1,4 @@
-"""CARLA's Lincoln MKZ backwards: from a wanted acceleration to the pedals.
+"""CARLA's Lincoln MKZ forwards and backwards: from pedals to speed, from a wanted acceleration to pedals.
 
 The numbers are those of the embedded world's `mkz` (`simulators.embedded.kernels.mkz` tells their sources, and what
 holds where the fits say nothing). Speeds are in km/h, changes in km/h per tick of 50 ms, as in the fits.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["FRONT_M", "REAR_M", "STEER_MAX_RAD", "pedals"]
+__all__ = ["FRONT_M", "REAR_M", "STEER_MAX_RAD", "pedals", "speed_after"]
 
 STEER_MAX_RAD = 0.36848336
 REAR_M, FRONT_M = 1.4178275, -0.090769015
@@ -39,6 +39,20 @@ def pedals(speed_mps: float, acceleration_mps2: float) -> tuple[float, float]:
         fades = beyond / (_LEAN - _LEAST)
         return _root(steady - kmh - fades * _LEAN - wanted, rising + fades, bending), 0.0
     return _root(steady - kmh - wanted, rising, bending), 0.0
+
+
+def speed_after(speed_mps: float, throttle: float, brake: float) -> float:
+    """Return the speed after a tick in m/s."""
+    whole = 3.6 * speed_mps
+    kmh = min(whole, _MOST_KMH)
+    coasting = kmh + _gained(kmh) - _COAST
+    after = coasting + _COAST * min(throttle / _LEAST, 1.0)
+    if throttle > _LEAST:
+        steady, rising, bending = _throttle_terms(kmh)
+        fades = _beyond(kmh) * max(_LEAN - throttle, 0.0) / (_LEAN - _LEAST)
+        after = steady + (rising + bending * throttle) * throttle - fades
+    after += brake * (min(_after_brakes(kmh), coasting) - after)
+    return max(after + (whole - kmh) * (1.0 - _FALL_OFF), 0.0) / 3.6
 
 
 def _throttle_terms(kmh: float) -> tuple[float, float, float]:

@@ -9,7 +9,8 @@ import math
 from typing import NamedTuple, Protocol
 
 from drive_robust_agents._planning import mkz
-from pytest_drive_robust.arithmetic.scalars import atan
+from pytest_drive_robust import Control
+from pytest_drive_robust.arithmetic.scalars import atan, cos, sin, tan
 from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = [
@@ -20,11 +21,13 @@ __all__ = [
     "WHEELBASE_M",
     "Bicycle",
     "Mkz",
+    "Moved",
     "Pedals",
     "Vehicle",
     "vehicle_called",
 ]
 
+_DT_S = 0.05
 WHEELBASE_M = 2.85
 STEER_MAX_RAD = 0.61
 """What a full `steer` turns the wheels by."""
@@ -41,8 +44,16 @@ class Pedals(NamedTuple):
     brake: float
 
 
+class Moved(NamedTuple):
+    """What a tick does: where the middle moves beside the heading, the turn for each m/s, the speed afterwards."""
+
+    slip_rad: float
+    turn_rad: float
+    speed_mps: float
+
+
 class Vehicle(Protocol):
-    """What a control does to a vehicle, backwards. Its middle is `rear_m` before the rear axle."""
+    """What a control does to a vehicle, and backwards. Its middle is `rear_m` before the rear axle."""
 
     rear_m: float
     steer_delay_s: float
@@ -56,6 +67,9 @@ class Vehicle(Protocol):
 
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return the pedals that accelerate this vehicle as much as `pedals` accelerate the bicycle."""
+
+    def moved(self, speed_mps: float, control: Control) -> Moved:
+        """Return what a control does in a tick, but for lags, drag and the limits of grip."""
 
 
 class Bicycle:
@@ -77,6 +91,14 @@ class Bicycle:
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return the pedals as they are."""
         return pedals
+
+    def moved(self, speed_mps: float, control: Control) -> Moved:
+        """Return the tick of a kinematic bicycle about its middle."""
+        tangent = tan(control.steer * STEER_MAX_RAD)
+        slip = atan(0.5 * tangent)
+        push = control.throttle * min(ACCEL_MAX_MPS2, POWER_WPKG / max(speed_mps, 1.0)) if control.brake <= 0.0 else 0.0
+        after = max(speed_mps + _DT_S * (push - control.brake * BRAKE_MAX_MPS2), 0.0)
+        return Moved(slip, _DT_S * cos(slip) * tangent / WHEELBASE_M, after)
 
 
 class Mkz:
@@ -101,6 +123,12 @@ class Mkz:
         engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(speed_mps, 1.0))
         push = -BRAKE_MAX_MPS2 * pedals.brake if pedals.brake > 0.0 else engine * pedals.throttle
         return self.pedals(speed_mps, push - 0.12 - 0.018 * speed_mps - 0.0006 * speed_mps * speed_mps)
+
+    def moved(self, speed_mps: float, control: Control) -> Moved:
+        """Return the tick by the fits."""
+        slip = atan(mkz.REAR_M / (mkz.FRONT_M + mkz.REAR_M) * tan(control.steer * mkz.STEER_MAX_RAD))
+        after = mkz.speed_after(speed_mps, control.throttle, control.brake)
+        return Moved(slip, _DT_S * sin(slip) / mkz.REAR_M, after)
 
 
 _VEHICLES: dict[str, type[Bicycle] | type[Mkz]] = {"bicycle": Bicycle, "mkz": Mkz}

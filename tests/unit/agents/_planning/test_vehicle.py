@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drive_robust_agents._planning import mkz, vehicle
 from drive_robust_agents._planning.vehicle import Bicycle, Mkz, Pedals, vehicle_called
-from pytest_drive_robust.domain.control import VEHICLES
+from pytest_drive_robust.domain.control import VEHICLES, Control
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.kernels import ego
@@ -46,6 +46,14 @@ def test_the_mkz_gets_the_acceleration_that_is_wanted_or_the_nearest_there_is(sp
     found = speed_after(speed_mps, throttle, brake)
     low, high = speed_after(speed_mps, 0.0, 1.0), speed_after(speed_mps, 1.0, 0.0)
     assert found == pytest.approx(min(max(speed_mps + wanted * DT_S, low), high), abs=1e-9)
+
+
+@given(speed_mps=st.floats(0.0, 40.0), throttle=st.floats(0.0, 1.0), brake=st.floats(0.0, 1.0))
+def test_the_agents_know_the_mkz_forwards_too(speed_mps: float, throttle: float, brake: float) -> None:
+    moved = Mkz().moved(speed_mps, Control(throttle, 0.2, brake))
+    assert moved.speed_mps == pytest.approx(speed_after(speed_mps, throttle, brake), abs=1e-9)
+    slip, yaw_rate = turn_of(1.0, 0.2 * MKZ_STEER_MAX_RAD)
+    assert (moved.slip_rad, moved.turn_rad) == pytest.approx((slip, DT_S * yaw_rate))
 
 
 @given(curvature_per_m=st.floats(-0.26, 0.26))
