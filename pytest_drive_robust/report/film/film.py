@@ -22,7 +22,7 @@ _BANNER_S = 1.5
 class Film:
     """Shows `clean` on the left and `perturbed` on the right in step; one tape alone stands in the middle.
 
-    >>> HEIGHT, WIDTH
+    >>> c.HEIGHT, c.WIDTH
     (720, 1280)
     """
 

@@ -63,7 +63,7 @@ def _drive_bicycle(world: WorldArrays, throttle: float, steer: float, brake: flo
     lag = BRAKE_LAG_S if command < ego[c.EGO_ACCEL] else DRIVE_LAG_S
     ego[c.EGO_ACCEL] += (command - ego[c.EGO_ACCEL]) * (1.0 - exp(-dt / lag))
     moving = drag if v > 0.0 or ego[c.EGO_ACCEL] > drag else max(ego[c.EGO_ACCEL], 0.0)
-    return max(0.0, v + (ego[c.EGO_ACCEL] - moving) * dt)
+    return float(max(0.0, v + (ego[c.EGO_ACCEL] - moving) * dt))
 
 
 @inner
