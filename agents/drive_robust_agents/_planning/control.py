@@ -59,8 +59,8 @@ def steer_along(ego: EgoState, line: Floats, row: int, *, vehicle: Vehicle = _BI
 
 
 def pedals(ego: EgoState, acceleration_mps2: float, steer: float, *, vehicle: Vehicle = _BICYCLE) -> Control:
-    """Return the control that gives an acceleration; brakes hold a standing ego."""
+    """Return the control that brings a vehicle to an acceleration; brakes hold a standing ego."""
     if acceleration_mps2 < -0.1 and ego.speed_mps < 0.3:
         return Control(throttle=0.0, steer=steer, brake=0.5)
-    throttle, brake = vehicle.pedals(ego.speed_mps, acceleration_mps2)
+    throttle, brake = vehicle.pedals(ego.speed_mps, vehicle.eased(ego.forward_mps2, acceleration_mps2))
     return Control(throttle=throttle, steer=steer, brake=brake)

@@ -28,6 +28,8 @@ __all__ = [
 ]
 
 _DT_S = 0.05
+_EASE = 0.22
+"""The share of a tick on the way to a higher acceleration: that of an engine with a lag of 0.2 s (`forecast`)."""
 WHEELBASE_M = 2.85
 STEER_MAX_RAD = 0.61
 """What a full `steer` turns the wheels by."""
@@ -65,6 +67,9 @@ class Vehicle(Protocol):
     def pedals(self, speed_mps: float, acceleration_mps2: float) -> Pedals:
         """Return the pedals that give an acceleration, or the nearest that there is."""
 
+    def eased(self, acceleration_mps2: float, wanted_mps2: float) -> float:
+        """Return the acceleration to ask for in this tick, of that of now and of the wanted one."""
+
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return the pedals that accelerate this vehicle as much as `pedals` accelerate the bicycle."""
 
@@ -87,6 +92,10 @@ class Bicycle:
         push = acceleration_mps2 + 0.12 + 0.018 * speed_mps + 0.0006 * speed_mps * speed_mps
         engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(speed_mps, 1.0))
         return Pedals(min(max(push / engine, 0.0), 1.0), min(max(-push / BRAKE_MAX_MPS2, 0.0), 1.0))
+
+    def eased(self, acceleration_mps2: float, wanted_mps2: float) -> float:
+        """Return the wanted one: the vehicle has lags of its own."""
+        return wanted_mps2
 
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return the pedals as they are."""
@@ -117,6 +126,13 @@ class Mkz:
     def pedals(self, speed_mps: float, acceleration_mps2: float) -> Pedals:
         """Return the pedals for the next tick."""
         return Pedals(*mkz.pedals(speed_mps, acceleration_mps2))
+
+    def eased(self, acceleration_mps2: float, wanted_mps2: float) -> float:
+        """Return the wanted one when it is less, else something on the way to it, as plans expect of an engine.
+
+        Without that a plan of one tick would be driven before the next one is made, back and forth.
+        """
+        return min(wanted_mps2, acceleration_mps2 + _EASE * (wanted_mps2 - acceleration_mps2))
 
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return what gives the bicycle's acceleration, once its lags are over."""

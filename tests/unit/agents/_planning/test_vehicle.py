@@ -77,3 +77,9 @@ def test_pedals_made_for_the_bicycle_accelerate_the_mkz_as_much() -> None:
         assert Bicycle().as_bicycle(speed_mps, pedals) == pedals
         throttle, brake = Mkz().as_bicycle(speed_mps, pedals)
         assert speed_after(speed_mps, throttle, brake) == pytest.approx(speed_mps + wanted * DT_S, abs=1e-9)
+
+
+def test_the_mkz_brakes_at_once_and_pulls_by_and_by_as_the_bicycle_does_by_itself() -> None:
+    assert (Bicycle().eased(-3.0, 2.0), Bicycle().eased(2.0, -3.0)) == (2.0, -3.0)
+    assert Mkz().eased(2.0, -3.0) == -3.0
+    assert -3.0 < Mkz().eased(-3.0, 2.0) < 2.0
