@@ -31,6 +31,7 @@ from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.vehicle import vehicle_called
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
@@ -50,13 +51,17 @@ _EDGE_M = 0.3
 
 
 class Expert:
-    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past."""
+    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past.
+
+    `vehicle` is what it drives, as `--drive-vehicle` says it; it raises `UnknownNameError` for no such name.
+    """
 
     privileged = True
     portable_bits = True
     consumes: frozenset[str] = frozenset()
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: str = "bicycle") -> None:
+        self._vehicle = vehicle_called(vehicle, agent="expert")
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -259,4 +264,5 @@ class Expert:
         self._ego = ego
         passing = self._pass is not None or self._siren.active
         self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
-        return pedals(ego, acceleration, steer_along(ego, line, now.scene.index(now.row)))
+        steer = steer_along(ego, line, now.scene.index(now.row), vehicle=self._vehicle)
+        return pedals(ego, acceleration, steer, vehicle=self._vehicle)

@@ -32,10 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _init(options: argparse.Namespace) -> int:
     starter = files(__package__) / "starter"
-    wanted = {
-        Path(_FOLDER, "test_robustness.py"): "suite.txt",
-        Path(_FOLDER, "limits.txt"): f"{options.suite}.txt",
-    }
+    wanted = {Path(_FOLDER, "test_robustness.py"): "suite.txt", Path(_FOLDER, "limits.txt"): f"{options.suite}.txt"}
     if options.ci:
         wanted[Path(_WORKFLOWS[options.ci])] = f"{options.ci}.yml"
     there = [str(path) for path in wanted if path.exists() or path.is_symlink()]

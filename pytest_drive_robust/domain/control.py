@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+VEHICLES = ("bicycle", "mkz")
+"""What takes controls: a car of our own, or one that responds as CARLA's Lincoln MKZ does. The first is the usual."""
+
 
 @dataclass(frozen=True, slots=True)
 class Control:

@@ -18,8 +18,8 @@ from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.runner.scopes import Scopes
-from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.runner.scopes import Scopes, simulator_options
+from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import resolve_routes
 
 
@@ -46,7 +46,7 @@ class ProbePlugin:
         options, registry = self._options, default_registry()
         try:
             scope = Scopes(options, registry, resolve_routes).of(MarkerOptions())
-            simulator = registry.simulator(options.simulator, SimulatorOptions(stuck_stop_s=options.stuck_stop_s))
+            simulator = registry.simulator(options.simulator, simulator_options(options))
             found = drive_twice(scope.need(Setting.CLEAN, clean=False).perturbed[0], registry, simulator)
         except UsageError as error:  # a conftest.py that only the workers read may know the name
             return f"probe: not driven: {error}"

@@ -142,11 +142,7 @@ def _quartets(
 
 
 def _findings(
-    new: Cell,
-    pairs: Sequence[Pair],
-    quartets: Sequence[Quartet],
-    allowances: Sequence[Allowance],
-    kind: VerdictKind,
+    new: Cell, pairs: Sequence[Pair], quartets: Sequence[Quartet], allowances: Sequence[Allowance], kind: VerdictKind
 ) -> Iterable[Finding]:
     for allowance in allowances:
         if new.broken:

@@ -135,7 +135,10 @@ def _story(word: str, score: RouteScore) -> str:
 def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
     fingerprint = score.fingerprint
     options = RunOptions(
-        simulator=fingerprint.simulator, stuck_stop_s=fingerprint.stuck_stop_s, plugins=fingerprint.plugins
+        simulator=fingerprint.simulator,
+        vehicle=fingerprint.vehicle,
+        stuck_stop_s=fingerprint.stuck_stop_s,
+        plugins=fingerprint.plugins,
     )
     episode = Episode(cell.agent, score.route_id, cell.setting, score.worst_seed)
     return replay_command(episode, options, routes_spec=cell.routes_spec)

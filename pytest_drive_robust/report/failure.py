@@ -7,7 +7,7 @@ import shlex
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.metrics.summary import Summary
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, DEFAULT_VEHICLE, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
@@ -16,12 +16,7 @@ from pytest_drive_robust.verdict.evaluate import Verdict
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
     """Return the whole message: value and limit, summaries, worst routes, and the command that replays the worst."""
-    lines = [
-        *_headline(verdict),
-        *_promise(verdict),
-        *_summaries(verdict),
-        *_worst(verdict),
-    ]
+    lines = [*_headline(verdict), *_promise(verdict), *_summaries(verdict), *_worst(verdict)]
     if privileged:
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
     if verdict.worst:
@@ -52,6 +47,8 @@ def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -
         words += ["--stuck-stop", f"{options.stuck_stop_s:g}"]
     if options.simulator != DEFAULT_SIMULATOR:
         words += ["--sim", options.simulator]
+    if options.vehicle != DEFAULT_VEHICLE:
+        words += ["--vehicle", options.vehicle]
     return " ".join(_quoted(word) for word in words)
 
 

@@ -19,6 +19,11 @@ from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.store.events import Identified
 
 
+def simulator_options(options: RunOptions) -> SimulatorOptions:
+    """Return what the world of a run is made with."""
+    return SimulatorOptions(stuck_stop_s=options.stuck_stop_s, vehicle=options.vehicle)
+
+
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.
 
@@ -108,7 +113,7 @@ class Scopes:
                 self._registry,
                 simulator=self._settings.simulator,
                 world=self._simulator,
-                options=SimulatorOptions(stuck_stop_s=self._settings.stuck_stop_s),
+                options=simulator_options(self._settings),
                 mode="lockstep" if together else "single",
             )
         return self._identities[agent]
@@ -137,4 +142,4 @@ class Scopes:
     def _simulator(self) -> Simulator:
         """Return a world that is asked and never driven."""
         self._registry.require("simulators", self._settings.simulator)
-        return self._registry.simulator(self._settings.simulator)
+        return self._registry.simulator(self._settings.simulator, simulator_options(self._settings))

@@ -145,12 +145,7 @@ def degradation_forms(
 
 
 def mean_forms(
-    limit: float,
-    comparison: str,
-    *,
-    margin: float,
-    low: float = -math.inf,
-    high: float = math.inf,
+    limit: float, comparison: str, *, margin: float, low: float = -math.inf, high: float = math.inf
 ) -> LinearForms:
     """Return the forms of a mean over routes against `limit`, for values in `low..high`.
 

@@ -99,11 +99,7 @@ def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidenc
 
 
 def jackknife_interval(
-    value: float,
-    without_route: Sequence[float],
-    confidence: float = 0.95,
-    *,
-    bounds: tuple[float, float] = _EVERYTHING,
+    value: float, without_route: Sequence[float], confidence: float = 0.95, *, bounds: tuple[float, float] = _EVERYTHING
 ) -> tuple[float, float]:
     """Return the jackknife t interval of any smooth statistic; of a mean it is `mean_interval`.
 

@@ -151,11 +151,7 @@ def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: V
 
 
 def measure(
-    metric: Metric,
-    *,
-    clean: Sequence[EpisodeResult],
-    perturbed: Sequence[EpisodeResult],
-    mode: str = "bench2drive",
+    metric: Metric, *, clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult], mode: str = "bench2drive"
 ) -> tuple[float, tuple[float, float]]:
     """Return the value of a metric and its 95 % interval (low, high); the unit of analysis is the route.
 

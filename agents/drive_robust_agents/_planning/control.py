@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.projection import project
-from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
+from drive_robust_agents._planning.vehicle import Bicycle, Vehicle
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic.scalars import atan, cos, sin
 from pytest_drive_robust.arithmetic.signals import moving_sum
@@ -18,8 +18,7 @@ __all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
 
 Floats = NDArray[np.float64]
 
-_STEER_DELAY_S = 0.15
-"""The wheels follow the steering late by about this much."""
+_BICYCLE = Bicycle()
 _SETTLE_M, _SETTLE_S = 2.0, 0.45
 
 
@@ -37,16 +36,16 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
     return np.array(limits)
 
 
-def steer_along(ego: EgoState, line: Floats, row: int) -> float:
+def steer_along(ego: EgoState, line: Floats, row: int, *, vehicle: Vehicle = _BICYCLE) -> float:
     """Return the steering (-1..1) that brings the ego onto a line and keeps it there.
 
     `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The curvature of the line, corrected by
     the angle and the distance to it so that the ego comes back without overshooting, within a length that grows with
     the speed; all at the place where the ego will be once the wheels have turned.
     """
-    v, reach = ego.speed_mps, ego.speed_mps * _STEER_DELAY_S
-    yaw = ego.yaw_rad + ego.yaw_rate_radps * _STEER_DELAY_S
-    slip = atan(0.5 * WHEELBASE_M * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
+    v, reach = ego.speed_mps, ego.speed_mps * vehicle.steer_delay_s
+    yaw = ego.yaw_rad + ego.yaw_rate_radps * vehicle.steer_delay_s
+    slip = atan(vehicle.rear_m * ego.yaw_rate_radps / max(v, 1.0))  # the middle moves aside of the nose
     moves = 0.5 * (ego.yaw_rad + yaw) + slip
     x, y = ego.x_m + reach * cos(moves), ego.y_m + reach * sin(moves)
     at, right = project(line, row - 6, row + 14, x, y)
@@ -55,20 +54,13 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
     heading = line[k, 2] + (at - k) * bend
     length = max(_SETTLE_M, _SETTLE_S * v)
-    lean = math.remainder(yaw + atan(0.5 * WHEELBASE_M * bend) - heading, math.tau)
-    curvature = bend - 2.0 * lean / length - right / (length * length)
-    return min(max(atan(WHEELBASE_M * curvature) / STEER_MAX_RAD, -1.0), 1.0)
+    lean = math.remainder(yaw + atan(vehicle.rear_m * bend) - heading, math.tau)
+    return vehicle.steer(bend - 2.0 * lean / length - right / (length * length))
 
 
-def pedals(ego: EgoState, acceleration_mps2: float, steer: float) -> Control:
-    """Return the control that gives an acceleration against drag and engine power; brakes hold a standing ego."""
-    v = ego.speed_mps
-    if acceleration_mps2 < -0.1 and v < 0.3:
+def pedals(ego: EgoState, acceleration_mps2: float, steer: float, *, vehicle: Vehicle = _BICYCLE) -> Control:
+    """Return the control that brings a vehicle to an acceleration; brakes hold a standing ego."""
+    if acceleration_mps2 < -0.1 and ego.speed_mps < 0.3:
         return Control(throttle=0.0, steer=steer, brake=0.5)
-    push = acceleration_mps2 + 0.12 + 0.018 * v + 0.0006 * v * v
-    engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0))
-    return Control(
-        throttle=min(max(push / engine, 0.0), 1.0),
-        steer=steer,
-        brake=min(max(-push / BRAKE_MAX_MPS2, 0.0), 1.0),
-    )
+    throttle, brake = vehicle.pedals(ego.speed_mps, vehicle.eased(ego.forward_mps2, acceleration_mps2))
+    return Control(throttle=throttle, steer=steer, brake=brake)

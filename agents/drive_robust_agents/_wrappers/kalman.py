@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from drive_robust_agents._planning.vehicle import ACCEL_MAX_MPS2, BRAKE_MAX_MPS2, POWER_WPKG, STEER_MAX_RAD, WHEELBASE_M
+from drive_robust_agents._planning.vehicle import Bicycle, Vehicle
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
@@ -46,10 +46,11 @@ class PoseEstimate(NamedTuple):
 class PositionFilter:
     """Predicts by the last command, then corrects by GPS, compass and speedometer; one object per episode.
 
-    The first estimate is the first measurement.
+    The first estimate is the first measurement. `vehicle` is what the commands drive, the bicycle unless it is given.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: Vehicle | None = None) -> None:
+        self._vehicle = vehicle or Bicycle()
         self._state: PoseEstimate | None = None
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
 
@@ -67,7 +68,7 @@ class PositionFilter:
             return self._state
         state, spread = list(self._state), self._spread
         for _ in range(ticks):
-            state, spread = _predicted(state, last, spread)
+            state, spread = _predicted(self._vehicle, state, last, spread)
         for k, value in enumerate(measured):
             if not math.isnan(value):
                 away = value - state[k]
@@ -78,14 +79,10 @@ class PositionFilter:
         return self._state
 
 
-def _predicted(state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
-    """Predict one tick of a kinematic bicycle about the middle of the vehicle, and how the spread grows by it."""
+def _predicted(vehicle: Vehicle, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
+    """Predict one tick about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
-    tangent = scalars.tan(last.steer * STEER_MAX_RAD)
-    slip = scalars.atan(0.5 * tangent)
-    turn = _DT_S * scalars.cos(slip) * tangent / WHEELBASE_M
-    push = last.throttle * min(ACCEL_MAX_MPS2, POWER_WPKG / max(v, 1.0)) if last.brake <= 0.0 else 0.0
-    after = max(v + _DT_S * (push - last.brake * BRAKE_MAX_MPS2), 0.0)
+    slip, turn, after = vehicle.moved(v, last)
     c, s = (_DT_S * part for part in scalars.cos_sin(yaw + slip))
     moved = [x + v * c, y + v * s, yaw + v * turn, after]
     # columns of the Jacobian beyond the identity: x, y by yaw; x, y, yaw by speed

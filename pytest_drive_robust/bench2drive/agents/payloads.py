@@ -25,16 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.bench2drive.agents.official_rig import (
-    CAMERA,
-    GNSS,
-    IMU,
-    LIDAR,
-    MAP,
-    RADAR,
-    OfficialRig,
-    Sensor,
-)
+from pytest_drive_robust.bench2drive.agents import official_rig
 from pytest_drive_robust.bench2drive.agents.opendrive import opendrive_of
 from pytest_drive_robust.bench2drive.agents.ray_sensors import detections, sweep
 from pytest_drive_robust.domain.geodesy import to_geodetic
@@ -66,7 +57,7 @@ def game_time_s(tick: int) -> float:
 class Payloads:
     """The sensors of one episode. Their noise is a function of the seed, the route, the sensor and the tick."""
 
-    def __init__(self, rig: OfficialRig, *, seed: int, route: str) -> None:
+    def __init__(self, rig: official_rig.OfficialRig, *, seed: int, route: str) -> None:
         self._rig = rig
         self._draws = Draws(seed, route, "leaderboard sensors")
         self._map: str | None = None
@@ -76,36 +67,36 @@ class Payloads:
         frame = frame_number(observation.tick)
         return {sensor.id: (frame, self._payload(sensor, observation)) for sensor in self._rig.sensors}
 
-    def _payload(self, sensor: Sensor, seen: Observation) -> object:
-        if sensor.type == CAMERA:
+    def _payload(self, sensor: official_rig.Sensor, seen: Observation) -> object:
+        if sensor.type == official_rig.CAMERA:
             return _bgra(seen.cameras[sensor.id])
-        if sensor.type == GNSS:
+        if sensor.type == official_rig.GNSS:
             return self._position(sensor, seen)
-        if sensor.type == IMU:
+        if sensor.type == official_rig.IMU:
             return self._motion(sensor, seen)
-        if sensor.type in (LIDAR, RADAR, MAP):
+        if sensor.type in (official_rig.LIDAR, official_rig.RADAR, official_rig.MAP):
             return self._from_truth(sensor, seen)
         return {"speed": seen.speed.mps}
 
-    def _from_truth(self, sensor: Sensor, seen: Observation) -> object:
+    def _from_truth(self, sensor: official_rig.Sensor, seen: Observation) -> object:
         truth = seen.truth
         assert truth is not None  # the adapter is privileged when a sensor needs it
-        if sensor.type == LIDAR:
+        if sensor.type == official_rig.LIDAR:
             return sweep(sensor, truth)
-        if sensor.type == RADAR:
+        if sensor.type == official_rig.RADAR:
             return detections(sensor, truth, self._draws)
         if self._map is None:
             self._map = opendrive_of(truth.lane_map)
         return {"opendrive": self._map}
 
-    def _position(self, sensor: Sensor, seen: Observation) -> NDArray[np.float64]:
+    def _position(self, sensor: official_rig.Sensor, seen: Observation) -> NDArray[np.float64]:
         yaw = seen.compass.yaw_rad
         x_m = seen.gps.x_m + sensor.x_m * math.cos(yaw) - sensor.y_m * math.sin(yaw)
         y_m = seen.gps.y_m + sensor.x_m * math.sin(yaw) + sensor.y_m * math.cos(yaw)
         noise = np.array(self._draws.normal(sensor.id, seen.tick)[:3]) * _GNSS_NOISE
         return np.array([*to_geodetic(x_m, y_m), sensor.z_m]) + noise
 
-    def _motion(self, sensor: Sensor, seen: Observation) -> NDArray[np.float64]:
+    def _motion(self, sensor: official_rig.Sensor, seen: Observation) -> NDArray[np.float64]:
         """Return what an IMU that turns with its mount measures: accelerations along its own axes, its own heading."""
         turn = math.radians(sensor.yaw_deg)
         forward, right = seen.imu.forward_mps2, seen.imu.right_mps2

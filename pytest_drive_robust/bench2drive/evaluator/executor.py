@@ -11,15 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
 
+from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
-from pytest_drive_robust.bench2drive.evaluator.drive import (
-    DrivenRoute,
-    EvaluatorSetup,
-    RunFolder,
-    drive_route,
-    setting_as_json,
-)
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection
@@ -90,27 +84,27 @@ class Bench2DriveExecutor:
         for request in requests:
             read_agent(request.episode.agent)
             self._require_route(request.route)
-            setting_as_json(request.setting, seed=request.episode.seed)
+            drive.setting_as_json(request.setting, seed=request.episode.seed)
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode as soon as a slot is free."""
         return self._pool.submit(self._drive, request)
 
-    def run_folder(self, request: EpisodeRequest) -> RunFolder:
+    def run_folder(self, request: EpisodeRequest) -> drive.RunFolder:
         """Return the folder for everything that decides the results alike: what is in it is of the same kind."""
         setup = self._setup(request)
         parts = (*setup.identity.values(), request.identity)
         digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
-        return RunFolder(self._folder / f"{setup.agent.stem}-seed{setup.seed}-{digest}")
+        return drive.RunFolder(self._folder / f"{setup.agent.stem}-seed{setup.seed}-{digest}")
 
     def close(self) -> None:
         """Kill evaluators and servers at once."""
         self._stop.set()
         self._pool.shutdown(cancel_futures=True)
 
-    def _setup(self, request: EpisodeRequest) -> EvaluatorSetup:
+    def _setup(self, request: EpisodeRequest) -> drive.EvaluatorSetup:
         agent, config = read_agent(request.episode.agent)
-        return EvaluatorSetup(
+        return drive.EvaluatorSetup(
             self._checkout, agent, config, request.setting, request.episode.seed, self._routes,
             **self._options,  # type: ignore[arg-type]
         )  # fmt: skip
@@ -121,7 +115,7 @@ class Bench2DriveExecutor:
         slot = self._free.get()
         try:
             setup = replace(self._setup(request), gpu=self._gpus[slot % len(self._gpus)])
-            driven = drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop)
+            driven = drive.drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
@@ -150,7 +144,7 @@ class Bench2DriveExecutor:
             )
 
 
-def _result(driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
+def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: drive.RunFolder) -> EpisodeResult:
     """Return the episode; `infra_error` when no try gave a score.
 
     Raises `UsageError` for a record whose score does not follow from its infractions.

@@ -12,27 +12,14 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.jit.arrays import Pixels
 from pytest_drive_robust.metrics.score import driving_score
-from pytest_drive_robust.report.film.canvas import (
-    BACKGROUND,
-    DIM,
-    GOOD,
-    INK,
-    PANEL,
-    WRONG,
-    Colour,
-    Rectangle,
-    bar,
-    fill,
-    text,
-    wrapped,
-)
+from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.story import StoryEvent
 from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above
 from pytest_drive_robust.runner.replay.recording import Tape, TapeTick, main_camera
 
 _FRESH_S = 1.5
 """For so long an infraction is shouted, then it is only told."""
-_FRAME: Colour = (90, 96, 106)
+_FRAME: c.Colour = (90, 96, 106)
 
 
 @dataclass(frozen=True)
@@ -41,20 +28,20 @@ class EpisodePane:
 
     tape: Tape
     title: str
-    colour: Colour
+    colour: c.Colour
     ground: GroundPicture
     events: tuple[StoryEvent, ...]
     left: int
 
     @property
-    def camera_box(self) -> Rectangle:
+    def camera_box(self) -> c.Rectangle:
         """Where the pictures of the camera lie."""
-        return Rectangle(self.left + 8, 90, 392, 221)
+        return c.Rectangle(self.left + 8, 90, 392, 221)
 
     @property
-    def view_box(self) -> Rectangle:
+    def view_box(self) -> c.Rectangle:
         """Where the view from above lies."""
-        return Rectangle(self.left + 408, 66, 224, 394)
+        return c.Rectangle(self.left + 408, 66, 224, 394)
 
     def draw(self, picture: Pixels, position: int, *, twin: EgoState | None) -> None:
         """Draw the moment at `position`, or the last one when the episode is over. `twin`: the clean ego, if any."""
@@ -68,31 +55,33 @@ class EpisodePane:
         self._numbers(picture, moment)
         self._captions(picture, position, at)
         if any(0 <= position - event.tick <= _FRESH_S / self.tape.result.dt_s for event in self.events):
-            cv2.rectangle(picture, (self.left + 1, 35), (self.left + 638, 463), WRONG, 4)
+            cv2.rectangle(picture, (self.left + 1, 35), (self.left + 638, 463), c.WRONG, 4)
 
     def _head(self, picture: Pixels) -> None:
-        fill(picture, Rectangle(self.left, 34, 640, 28), self.colour)
-        text(picture, self.title, (self.left + 10, 55), size=0.7, bold=True, colour=BACKGROUND, within=430)
-        text(picture, _score(self.tape), (self.left + 630, 55), size=0.7, bold=True, colour=BACKGROUND, align="right")
+        c.fill(picture, c.Rectangle(self.left, 34, 640, 28), self.colour)
+        c.text(picture, self.title, (self.left + 10, 55), size=0.7, bold=True, colour=c.BACKGROUND, within=430)
+        c.text(
+            picture, _score(self.tape), (self.left + 630, 55), size=0.7, bold=True, colour=c.BACKGROUND, align="right"
+        )
 
     def _camera(self, picture: Pixels, at: int, moment: TapeTick) -> None:
         box = self.camera_box
-        fill(picture, box, PANEL)
+        c.fill(picture, box, c.PANEL)
         images = self.tape.images(at)
         if not images:
-            text(picture, "no picture", (box.x + box.width // 2, box.y + 110), colour=DIM, align="centre")
+            c.text(picture, "no picture", (box.x + box.width // 2, box.y + 110), colour=c.DIM, align="centre")
             return
         words = "a front camera, not given to the agent" if self.tape.shown_only else "what the agent is given"
         main = main_camera(images)
         if not self.tape.shown_only:
             words += f": {main}"
-        text(picture, words, (box.x, box.y - 8), size=0.5, colour=DIM, within=box.width)
+        c.text(picture, words, (box.x, box.y - 8), size=0.5, colour=c.DIM, within=box.width)
         others = [name for name in images if name != main]
         thumb_px = 0 if not others else min(62, box.width // len(others) * 9 // 16)
-        _fit(picture, images[main][0], Rectangle(box.x, box.y, box.width, box.height - thumb_px))
+        _fit(picture, images[main][0], c.Rectangle(box.x, box.y, box.width, box.height - thumb_px))
         for number, name in enumerate(others):
             width = box.width // len(others)
-            _fit(picture, images[name][0], Rectangle(box.x + number * width, box.bottom - thumb_px, width, thumb_px))
+            _fit(picture, images[name][0], c.Rectangle(box.x + number * width, box.bottom - thumb_px, width, thumb_px))
         if moment.real is not None:
             self._age(picture, moment.state.tick - images[main][1])
 
@@ -101,88 +90,88 @@ class EpisodePane:
         if ticks < 2:
             return
         box = self.camera_box
-        cv2.rectangle(picture, (box.x + 1, box.y + 1), (box.right - 2, box.bottom - 2), WRONG, 4)
-        fill(picture, Rectangle(box.x, box.y, box.width, 30), WRONG)
+        cv2.rectangle(picture, (box.x + 1, box.y + 1), (box.right - 2, box.bottom - 2), c.WRONG, 4)
+        c.fill(picture, c.Rectangle(box.x, box.y, box.width, 30), c.WRONG)
         words = f"THIS PICTURE IS {ticks * self.tape.result.dt_s:.2f} s OLD"
-        text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
+        c.text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
 
     def _numbers(self, picture: Pixels, moment: TapeTick) -> None:
         """Write the speed in large figures; beside it what the agent asks and what the car gets."""
         x, y = self.left + 8, self.camera_box.bottom
         speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"
-        text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
-        text(picture, "km/h", (x + 60, y + 37), size=0.5, colour=DIM)
+        c.text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
+        c.text(picture, "km/h", (x + 60, y + 37), size=0.5, colour=c.DIM)
         given = moment.speed_mps
         if given is not None and abs(given - moment.state.ego.speed_mps) > 0.3:
-            text(picture, f"told {given * 3.6:.0f} km/h", (x + 4, y + 56), size=0.45, colour=WRONG, within=104)
-        _pedals(picture, Rectangle(x + 114, y + 8, 278, 20), "agent asks", moment.asked)
-        _pedals(picture, Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)
+            c.text(picture, f"told {given * 3.6:.0f} km/h", (x + 4, y + 56), size=0.45, colour=c.WRONG, within=104)
+        _pedals(picture, c.Rectangle(x + 114, y + 8, 278, 20), "agent asks", moment.asked)
+        _pedals(picture, c.Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)
 
     def _captions(self, picture: Pixels, position: int, at: int) -> None:
         """Write the newest infractions, the end when it is there, and show what the camera would have shown."""
-        box = Rectangle(self.left + 8, self.camera_box.bottom + 62, 392, 86)
+        box = c.Rectangle(self.left + 8, self.camera_box.bottom + 62, 392, 86)
         real = self.tape.real(at)
         if real is not None:
-            inset = Rectangle(box.right - 153, box.y, 153, box.height)
+            inset = c.Rectangle(box.right - 153, box.y, 153, box.height)
             _fit(picture, real, inset)
-            cv2.rectangle(picture, (inset.x, inset.y), (inset.right - 1, inset.bottom - 1), INK, 1)
-            fill(picture, Rectangle(inset.x, inset.y, 88, 17), INK)
-            text(picture, "really there", (inset.x + 5, inset.y + 13), size=0.42, colour=BACKGROUND, within=80)
-            box = Rectangle(box.x, box.y, inset.x - box.x - 6, box.height)
+            cv2.rectangle(picture, (inset.x, inset.y), (inset.right - 1, inset.bottom - 1), c.INK, 1)
+            c.fill(picture, c.Rectangle(inset.x, inset.y, 88, 17), c.INK)
+            c.text(picture, "really there", (inset.x + 5, inset.y + 13), size=0.42, colour=c.BACKGROUND, within=80)
+            box = c.Rectangle(box.x, box.y, inset.x - box.x - 6, box.height)
         result = self.tape.result
         over = at == len(self.tape.moments) - 1
         happened = [event for event in self.events if event.tick <= position]
-        lines = [(f"{event.tick * result.dt_s:.2f} s  {event.words}", WRONG) for event in happened[-1:]]
+        lines = [(f"{event.tick * result.dt_s:.2f} s  {event.words}", c.WRONG) for event in happened[-1:]]
         loud = bool(happened) and position - happened[-1].tick <= _FRESH_S / result.dt_s
         if over:
-            lines.append((result.end_detail, GOOD if result.outcome is Outcome.COMPLETED else WRONG))
+            lines.append((result.end_detail, c.GOOD if result.outcome is Outcome.COMPLETED else c.WRONG))
         elif len(happened) > 1:
-            lines.insert(0, (f"{len(happened) - 1} infraction{'s' * (len(happened) > 2)} before", WRONG))
+            lines.insert(0, (f"{len(happened) - 1} infraction{'s' * (len(happened) > 2)} before", c.WRONG))
         y = box.y
         for number, (words, colour) in enumerate(lines):
             newest = number == len(lines) - 1
-            place = Rectangle(box.x, y, box.width, 40)
+            place = c.Rectangle(box.x, y, box.width, 40)
             y += _caption(picture, words, place, colour, loud=newest and (loud or over)) + 4
 
 
-def _caption(picture: Pixels, words: str, box: Rectangle, colour: Colour, *, loud: bool) -> int:
+def _caption(picture: Pixels, words: str, box: c.Rectangle, colour: c.Colour, *, loud: bool) -> int:
     """Write a sentence on at most two lines, on its colour when it is news; return the height that it took."""
     size = 0.6
-    lines = wrapped(words, size=size, within=box.width - 24, bold=loud)
+    lines = c.wrapped(words, size=size, within=box.width - 24, bold=loud)
     height = 20 * len(lines) + 5
-    fill(picture, Rectangle(box.x, box.y, box.width if loud else 6, height), colour)
+    c.fill(picture, c.Rectangle(box.x, box.y, box.width if loud else 6, height), colour)
     for number, line in enumerate(lines):
         place = (box.x + 14, box.y + 18 + 20 * number)
-        text(picture, line, place, size=size, bold=loud, within=box.width - 20)
+        c.text(picture, line, place, size=size, bold=loud, within=box.width - 20)
     return height
 
 
-def _pedals(picture: Pixels, box: Rectangle, name: str, control: Control | None) -> None:
+def _pedals(picture: Pixels, box: c.Rectangle, name: str, control: Control | None) -> None:
     """Draw the throttle in green, the brake in red, steering as a needle."""
-    text(picture, name, (box.x, box.y + 15), size=0.48, colour=INK)
-    throttle = Rectangle(box.x + 94, box.y, 72, box.height)
-    brake = Rectangle(box.x + 170, box.y, 60, box.height)
-    steer = Rectangle(box.x + 234, box.y, 44, box.height)
-    bar(picture, throttle, 0.0 if control is None else control.throttle, GOOD)
-    bar(picture, brake, 0.0 if control is None else control.brake, WRONG)
+    c.text(picture, name, (box.x, box.y + 15), size=0.48, colour=c.INK)
+    throttle = c.Rectangle(box.x + 94, box.y, 72, box.height)
+    brake = c.Rectangle(box.x + 170, box.y, 60, box.height)
+    steer = c.Rectangle(box.x + 234, box.y, 44, box.height)
+    c.bar(picture, throttle, 0.0 if control is None else control.throttle, c.GOOD)
+    c.bar(picture, brake, 0.0 if control is None else control.brake, c.WRONG)
     for part, words in ((throttle, "gas"), (brake, "brake"), (steer, "")):
         cv2.rectangle(picture, (part.x, part.y), (part.right - 1, part.bottom - 1), _FRAME, 1)
-        text(picture, words, (part.x + 5, part.y + 14), size=0.42)
+        c.text(picture, words, (part.x + 5, part.y + 14), size=0.42)
     middle = steer.x + steer.width // 2
     cv2.line(picture, (middle, steer.y + 2), (middle, steer.bottom - 3), _FRAME, 1)
     if control is not None:
         needle = middle + round(control.steer * (steer.width / 2 - 3))
-        cv2.line(picture, (needle, steer.y + 2), (needle, steer.bottom - 3), INK, 3)
+        cv2.line(picture, (needle, steer.y + 2), (needle, steer.bottom - 3), c.INK, 3)
 
 
-def _fit(picture: Pixels, pixels: Pixels, box: Rectangle) -> None:
+def _fit(picture: Pixels, pixels: Pixels, box: c.Rectangle) -> None:
     """Draw the image as large as it goes into the box without being bent."""
     height, width = pixels.shape[:2]
     scale = min(box.width / width, box.height / height)
     wide, high = max(1, math.floor(width * scale)), max(1, math.floor(height * scale))
     method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
     x, y = box.x + (box.width - wide) // 2, box.y + (box.height - high) // 2
-    Rectangle(x, y, wide, high).of(picture)[:] = cv2.resize(pixels, (wide, high), interpolation=method)
+    c.Rectangle(x, y, wide, high).of(picture)[:] = cv2.resize(pixels, (wide, high), interpolation=method)
 
 
 def _score(tape: Tape) -> str:

@@ -9,20 +9,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.jit.arrays import Pixels
-from pytest_drive_robust.report.film.canvas import (
-    BACKGROUND,
-    CLEAN,
-    DIM,
-    HEIGHT,
-    INK,
-    MARK,
-    PERTURBED,
-    WIDTH,
-    Colour,
-    Rectangle,
-    fill,
-    text,
-)
+from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.episode_pane import EpisodePane
 from pytest_drive_robust.report.film.story import story_of
 from pytest_drive_robust.report.film.strips import Strips
@@ -35,7 +22,7 @@ _BANNER_S = 1.5
 class Film:
     """Shows `clean` on the left and `perturbed` on the right in step; one tape alone stands in the middle.
 
-    >>> HEIGHT, WIDTH
+    >>> c.HEIGHT, c.WIDTH
     (720, 1280)
     """
 
@@ -47,7 +34,9 @@ class Film:
         places = (0, 640) if perturbed is not None else (320,)
         self._panes = tuple(
             EpisodePane(tape, tape.result.episode.setting, colour, ground, events, left)
-            for tape, colour, events, left in zip(tapes, (CLEAN, PERTURBED), self.story.events, places, strict=False)
+            for tape, colour, events, left in zip(
+                tapes, (c.CLEAN, c.PERTURBED), self.story.events, places, strict=False
+            )
         )
         self._strips = Strips([tape.result for tape in tapes], self.story)
         self._empty = _backdrop(tapes)
@@ -83,7 +72,7 @@ class Film:
         """Lay the telling moments on one picture, two in a row."""
         pictures = [self.picture(position) for position in self.story.telling()]
         if len(pictures) % 2 and len(pictures) > 1:
-            pictures.append(np.full_like(pictures[0], BACKGROUND))
+            pictures.append(np.full_like(pictures[0], c.BACKGROUND))
         rows = [np.concatenate(pictures[i : i + 2], axis=1) for i in range(0, len(pictures), 2)]
         return np.asarray(np.concatenate(rows), np.uint8)
 
@@ -103,30 +92,32 @@ class Film:
         if not at <= position <= at + _BANNER_S / self.dt_s:
             return
         words = f"FIRST DIVERGENCE at {at * self.dt_s:.2f} s: {apart}"
-        fill(picture, Rectangle(0, 0, WIDTH, 34), MARK)
-        text(picture, words, (WIDTH // 2, 25), size=0.75, bold=True, colour=BACKGROUND, within=1240, align="centre")
-        cv2.rectangle(picture, (1, 34), (WIDTH - 2, 463), MARK, 3)
+        c.fill(picture, c.Rectangle(0, 0, c.WIDTH, 34), c.MARK)
+        c.text(
+            picture, words, (c.WIDTH // 2, 25), size=0.75, bold=True, colour=c.BACKGROUND, within=1240, align="centre"
+        )
+        cv2.rectangle(picture, (1, 34), (c.WIDTH - 2, 463), c.MARK, 3)
 
 
 def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
     """Return what never changes: the title and the legend of the views from above."""
-    picture = np.full((HEIGHT, WIDTH, 3), BACKGROUND, np.uint8)
+    picture = np.full((c.HEIGHT, c.WIDTH, 3), c.BACKGROUND, np.uint8)
     episode = tapes[0].result.episode
     title = f"{episode.agent} on {episode.route_id} {tapes[0].result.scenario}, seed {episode.seed}"
     plans = [moment.plan for tape in tapes for moment in tape.moments if moment.plan is not None]
-    entries: list[tuple[str, Colour, bool]] = [
+    entries: list[tuple[str, c.Colour, bool]] = [
         ("route", ROUTE, True),
         ("plan", PATH, any(plan.path for plan in plans)),
         ("target points", TARGET_POINT, any(plan.target_points for plan in plans)),
         ("speed points", SPEED_POINT, any(plan.speed_points for plan in plans)),
-        ("clean twin", CLEAN, len(tapes) == 2),
-        ("told place", INK, any(is_misplaced(moment) for tape in tapes for moment in tape.moments)),
+        ("clean twin", c.CLEAN, len(tapes) == 2),
+        ("told place", c.INK, any(is_misplaced(moment) for tape in tapes for moment in tape.moments)),
     ]
-    x = WIDTH - 10
+    x = c.WIDTH - 10
     for words, colour, there in reversed(entries):
         if there:
-            x -= text(picture, words, (x, 23), size=0.5, colour=DIM, align="right") + 6
+            x -= c.text(picture, words, (x, 23), size=0.5, colour=c.DIM, align="right") + 6
             cv2.line(picture, (x - 18, 18), (x, 18), colour, 4)
             x -= 32
-    text(picture, title, (10, 24), size=0.65, colour=INK, bold=True, within=x - 20)
+    c.text(picture, title, (10, 24), size=0.65, colour=c.INK, bold=True, within=x - 20)
     return picture

@@ -10,28 +10,14 @@ import numpy as np
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.jit.arrays import Floats, Pixels
-from pytest_drive_robust.report.film.canvas import (
-    BACKGROUND,
-    CLEAN,
-    DIM,
-    INK,
-    MARK,
-    PANEL,
-    PERTURBED,
-    WRONG,
-    Colour,
-    Rectangle,
-    fill,
-    text,
-    text_width,
-)
+from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.story import Story
 
-AREA = Rectangle(0, 466, 1280, 254)
+AREA = c.Rectangle(0, 466, 1280, 254)
 _LEFT, _RIGHT = 118, 1264
-_FAILURE = Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)
+_FAILURE = c.Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)
 _AXIS_Y = 714
-_COLOURS = (CLEAN, PERTURBED)
+_COLOURS = (c.CLEAN, c.PERTURBED)
 _MARK_SIZE = 0.45
 _STEPS_S = (1, 2, 5, 10, 20, 50, 100)
 
@@ -40,7 +26,7 @@ _STEPS_S = (1, 2, 5, 10, 20, 50, 100)
 class _Strip:
     name: str
     unit: str
-    box: Rectangle
+    box: c.Rectangle
     low: float
     high: float
 
@@ -53,9 +39,9 @@ class Strips:
         self._dt_s = results[0].dt_s
         fastest = max(float(result.trace.column("speed_mps").max(initial=0.0)) * 3.6 for result in results)
         self._strips = (
-            _Strip("speed", "km/h", Rectangle(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
-            _Strip("gas", "brake", Rectangle(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
-            _Strip("steer", "", Rectangle(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
+            _Strip("speed", "km/h", c.Rectangle(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
+            _Strip("gas", "brake", c.Rectangle(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
+            _Strip("steer", "", c.Rectangle(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
         )
         self._picture = self._painted(results)
 
@@ -66,12 +52,12 @@ class Strips:
         now = self._column(position)
         for box in (_FAILURE, *(strip.box for strip in self._strips)):
             later = picture[box.y : box.bottom, now : box.right]
-            later[:] = later // 2 + np.array(BACKGROUND, np.uint8) // 2
-        cv2.line(picture, (now, _FAILURE.y), (now, self._strips[-1].box.bottom), INK, 2)
+            later[:] = later // 2 + np.array(c.BACKGROUND, np.uint8) // 2
+        cv2.line(picture, (now, _FAILURE.y), (now, self._strips[-1].box.bottom), c.INK, 2)
         skims = position in self._story.skimmed and position < self._story.length
         second = f"{position * self._dt_s:.2f} s" + (f"  >> {self._story.SKIM} x" if skims else "")
         align = "right" if now > _RIGHT - 150 else "left"
-        text(picture, second, (now + (-8 if align == "right" else 8), 516), size=0.5, bold=True, align=align)
+        c.text(picture, second, (now + (-8 if align == "right" else 8), 516), size=0.5, bold=True, align=align)
 
     def _column(self, position: float) -> int:
         return _LEFT + round((_RIGHT - _LEFT - 1) * position / max(self._story.length, 1))
@@ -79,7 +65,7 @@ class Strips:
     def _painted(self, results: Sequence[EpisodeResult]) -> Pixels:
         """Paint the whole area as it looks when everything has happened."""
         whole = np.zeros((AREA.bottom, AREA.width, 3), np.uint8)
-        fill(whole, AREA, BACKGROUND)
+        c.fill(whole, AREA, c.BACKGROUND)
         self._scale(whole)
         for result, colour in zip(results, _COLOURS, strict=False):
             for strip, values in zip(self._strips, _curves(result), strict=True):
@@ -92,11 +78,13 @@ class Strips:
     def _scale(self, picture: Pixels) -> None:
         """Draw boxes, names, and a line for every few seconds."""
         for strip in self._strips:
-            fill(picture, strip.box, PANEL)
+            c.fill(picture, strip.box, c.PANEL)
             middle = strip.box.y + strip.box.height // 2
             second_line = 18 if strip.unit else 0
-            text(picture, strip.name, (_LEFT - 10, middle + 5 - second_line // 2), size=0.5, align="right")
-            text(picture, strip.unit, (_LEFT - 10, middle + 5 + second_line // 2), size=0.5, colour=DIM, align="right")
+            c.text(picture, strip.name, (_LEFT - 10, middle + 5 - second_line // 2), size=0.5, align="right")
+            c.text(
+                picture, strip.unit, (_LEFT - 10, middle + 5 + second_line // 2), size=0.5, colour=c.DIM, align="right"
+            )
         for strip in self._strips[1:]:
             middle = strip.box.y + strip.box.height // 2
             cv2.line(picture, (_LEFT, middle), (_RIGHT - 1, middle), (70, 75, 84), 1)
@@ -105,17 +93,17 @@ class Strips:
         for limit in range(step_kmh, round(0.85 * speed.high) + 1, step_kmh):
             y = self._row(speed, limit)
             cv2.line(picture, (_LEFT, y), (_RIGHT - 1, y), (58, 63, 72), 1)
-            text(picture, str(limit), (_RIGHT - 4, y - 3), size=0.4, colour=DIM, align="right")
+            c.text(picture, str(limit), (_RIGHT - 4, y - 3), size=0.4, colour=c.DIM, align="right")
         seconds = self._story.length * self._dt_s
         step = next((step for step in _STEPS_S if seconds / step <= 16), 500)
         for second in range(0, int(seconds) + 1, step):
             x = self._column(second / self._dt_s)
             for strip in self._strips:
-                cv2.line(picture, (x, strip.box.bottom - 4), (x, strip.box.bottom), DIM, 1)
+                cv2.line(picture, (x, strip.box.bottom - 4), (x, strip.box.bottom), c.DIM, 1)
             words = f"{second} s" if second == 0 else str(second)
-            text(picture, words, (x, _AXIS_Y), size=0.45, colour=DIM, align="left" if second == 0 else "centre")
+            c.text(picture, words, (x, _AXIS_Y), size=0.45, colour=c.DIM, align="left" if second == 0 else "centre")
 
-    def _curve(self, picture: Pixels, strip: _Strip, values: Floats, colour: Colour) -> None:
+    def _curve(self, picture: Pixels, strip: _Strip, values: Floats, colour: c.Colour) -> None:
         if len(values) < 2:
             return
         x = [self._column(position + 1) for position in range(len(values))]
@@ -130,36 +118,38 @@ class Strips:
 
     def _failures(self, picture: Pixels, result: EpisodeResult) -> None:
         """Draw when the perturbation was at work."""
-        fill(picture, _FAILURE, PANEL)
-        text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
+        c.fill(picture, _FAILURE, c.PANEL)
+        c.text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
         for span in result.schedule:
             left, right = self._column(span.first_tick), self._column(span.last_tick + 1)
-            fill(picture, Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), PERTURBED)
+            c.fill(picture, c.Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), c.PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
         """Draw lines through all strips at the first divergence and every infraction, words where there is room."""
         bottom = self._strips[-1].box.bottom
-        marks = [(self._column(event.tick), event.words, WRONG) for items in self._story.events for event in items]
+        marks = [(self._column(event.tick), event.words, c.WRONG) for items in self._story.events for event in items]
         if self._story.divergence is not None:
             at = self._story.divergence[0]
-            marks.append((self._column(at), f"first divergence {at * self._dt_s:.2f} s", MARK))
+            marks.append((self._column(at), f"first divergence {at * self._dt_s:.2f} s", c.MARK))
         marks.sort(key=lambda mark: mark[:2])
         for number, (x, words, colour) in enumerate(marks):
             cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), colour, 2)
-            if colour == MARK:
+            if colour == c.MARK:
                 corners = np.array(((x - 7, _FAILURE.y - 18), (x + 7, _FAILURE.y - 18), (x, _FAILURE.y - 6)), np.int32)
-                cv2.fillConvexPoly(picture, corners, MARK, cv2.LINE_AA)
+                cv2.fillConvexPoly(picture, corners, c.MARK, cv2.LINE_AA)
             else:
-                cv2.drawMarker(picture, (x, _FAILURE.y - 10), WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
+                cv2.drawMarker(picture, (x, _FAILURE.y - 10), c.WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
             self._name(picture, words, x, colour, [mark[0] for mark in marks if mark[0] != x], first=number == 0)
 
-    def _name(self, picture: Pixels, words: str, x: int, colour: Colour, others: Sequence[int], *, first: bool) -> None:
+    def _name(
+        self, picture: Pixels, words: str, x: int, colour: c.Colour, others: Sequence[int], *, first: bool
+    ) -> None:
         """Write the words right of a mark, or left of the first one; nothing where another mark is in the way."""
-        need = text_width(words, _MARK_SIZE) + 24
+        need = c.text_width(words, _MARK_SIZE) + 24
         if x + need <= min((other for other in others if other > x), default=_RIGHT + 12):
-            text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
+            c.text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
         elif first and x - need >= 0:
-            text(picture, words, (x - 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour, align="right")
+            c.text(picture, words, (x - 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour, align="right")
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:

@@ -95,12 +95,7 @@ class EpisodeTable:
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
         """Return kind, second, sentence and place in cm of every infraction, by time; the place is None where none."""
         return [
-            [
-                self.word(item.kind.value),
-                round(item.tick * result.dt_s, 2),
-                self.word(item.detail),
-                *_place(item),
-            ]
+            [self.word(item.kind.value), round(item.tick * result.dt_s, 2), self.word(item.detail), *_place(item)]
             for item in sorted(result.infractions, key=lambda event: event.tick)
         ]
 

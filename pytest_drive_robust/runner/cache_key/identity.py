@@ -31,15 +31,8 @@ from pytest_drive_robust.domain.agent import computing_modules, has_portable_bit
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key import source_files
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of
-from pytest_drive_robust.runner.cache_key.source_files import (
-    code_digest,
-    file_of,
-    hex_of,
-    module_digest,
-    source_digest,
-    versions_of,
-)
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -71,7 +64,7 @@ def identify(scope: Scope, registry: Registry) -> Identified:
     return Identified(
         agent=scope.agent,
         distribution=entry.origin,
-        source=source_digest(factory),
+        source=source_files.source_digest(factory),
         weights=weights_digest(getattr(factory, "weights", ()), agent=scope.agent),
         routes=tuple(f"{route.id}={route_digest(route)}" for route in scope.routes),
     )
@@ -85,7 +78,7 @@ def identity_of(
     `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
     gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
     """
-    driving = code_digest((_LOCKSTEP,)) if mode == "lockstep" else ""
+    driving = source_files.code_digest((_LOCKSTEP,)) if mode == "lockstep" else ""
     world_digest = simulator_identity(simulator, registry, world, options)
     return digest_of(agent_identity(agent, registry), world_digest, mode, driving)
 
@@ -107,7 +100,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
         ) from None
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
     modules = computing_modules(factory)
-    code, versions = code_of(factory, libraries=modules is None), versions_of(modules) if modules else {}
+    code, versions = code_of(factory, libraries=modules is None), source_files.versions_of(modules) if modules else {}
     distribution = "" if entry.registered else _released(entry.origin)  # a hook's place is no part of what it registers
     return digest_of(agent, distribution, code, weights, configuration, versions)
 
@@ -125,18 +118,18 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     """
     factory = registry.entry("simulators", name).load()
     modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
-    others = [module_digest(file_of(module), module.__name__) for module in modules]
+    others = [source_files.module_digest(source_files.file_of(module), module.__name__) for module in modules]
     facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
     place = f"{getattr(factory, '__module__', '')}."
     # Every other world may use the sensors and criteria of `embedded`.
-    ours = code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
+    ours = source_files.code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
     own = "" if place.startswith(f"{simulators.__name__}.") else code_of(factory)
-    return digest_of(facts, {} if has_portable_bits(world) else versions_of(()), ours, own, others)
+    return digest_of(facts, {} if has_portable_bits(world) else source_files.versions_of(()), ours, own, others)
 
 
 def route_digest(route: Route) -> str:
     """Return 12 hex digits of everything that the route says."""
-    return hex_of(repr(route).encode())
+    return source_files.hex_of(repr(route).encode())
 
 
 def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *, agent: str) -> str:

@@ -15,14 +15,7 @@ from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
-from pytest_drive_robust.simulators.embedded.map import (
-    CompiledTown,
-    Passage,
-    compile_town,
-    follow,
-    join,
-    turn_of,
-)
+from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
 from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.control import VEHICLES, Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
@@ -46,6 +46,7 @@ class EmbeddedSimulator:
     version = "2"
     dt_s = DT_S
     portable_bits = True
+    vehicles = VEHICLES
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
@@ -155,8 +156,9 @@ class EmbeddedSimulator:
         return self.frame
 
     def versions(self) -> Mapping[str, str]:
-        """Return its own version: no version of a library changes a bit (`pytest_drive_robust.arithmetic`)."""
-        return {"simulator": f"{self.name} {self.version}"}
+        """Return its own version, and the vehicle unless it is the usual one: no version of a library changes a bit."""
+        vehicle = {} if self.options.vehicle == VEHICLES[0] else {"vehicle": self.options.vehicle}
+        return {"simulator": f"{self.name} {self.version}", **vehicle}
 
     def close(self) -> None:
         """Forget the current world."""

@@ -183,9 +183,7 @@ def green_then_red(green_s: float, red_s: float) -> Program:
     )
 
 
-def compile_programs(
-    programs: list[Program],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def compile_programs(programs: list[Program]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
     before = np.array([int(program.before) for program in programs], dtype=np.int64)
     states = np.zeros((len(programs), MAX_PHASES), dtype=np.int64)

@@ -13,6 +13,8 @@ EVENT_CAPACITY = 256
 EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_ACCEL, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(9)
 EGO_COLUMNS = 9
 
+VEHICLE_BICYCLE, VEHICLE_MKZ = range(2)  # as `simulators.base.VEHICLES`
+
 # --- actors: one row each ---
 A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)
 A_TARGET_V, A_TARGET_LAT, A_LAT_RATE, A_END_S = range(10, 14)
@@ -62,6 +64,7 @@ class Statics(NamedTuple):
     """What does not change within an episode."""
 
     dt_s: float
+    vehicle: int
     tick_cap: int
     stuck_stop_s: float
     route: Floats2  # (n, 4): x, y, yaw, speed limit; about one row a metre

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.series import wrap_angle
-from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.domain.control import VEHICLES, Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
@@ -18,8 +18,13 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
-from pytest_drive_robust.simulators.embedded.kernels.ego import GRIP_MPS2, WHEELBASE_M
-from pytest_drive_robust.simulators.embedded.kernels.entry_points import actor_rows, pack_world, settle, tick
+from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
+    actor_rows,
+    pack_world,
+    settle,
+    settle_turn,
+    tick,
+)
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.stage import RED, Stage, compile_programs
 from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
@@ -121,11 +126,7 @@ class World:
         ego[c.EGO_YAW] = wrap_angle(yaw_rad)
         if speed_mps == 0.0:
             ego[[c.EGO_ACCEL, c.EGO_FORWARD]] = 0.0
-        turn, slip = scalars.tan(ego[c.EGO_STEER]), scalars.atan(0.5 * scalars.tan(ego[c.EGO_STEER]))
-        yaw_rate = speed_mps * scalars.cos(slip) * turn / WHEELBASE_M
-        if abs(yaw_rate) * speed_mps > GRIP_MPS2:
-            yaw_rate = math.copysign(GRIP_MPS2 / speed_mps, yaw_rate)
-        ego[[c.EGO_RIGHT, c.EGO_YAW_RATE]] = speed_mps * yaw_rate, yaw_rate
+        settle_turn(self._arrays)
 
 
 def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
@@ -176,6 +177,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         raise RouteError(f"route {dense.route.id}: an actor's path has no length")
     return Statics(
         dt_s=DT_S,
+        vehicle=VEHICLES.index(options.vehicle),
         tick_cap=options.tick_cap,
         stuck_stop_s=np.inf if options.stuck_stop_s is None else float(options.stuck_stop_s),
         route=dense.rows,

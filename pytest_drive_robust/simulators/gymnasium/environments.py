@@ -22,11 +22,7 @@ from highway_env.vehicle.objects import RoadObject
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
-from pytest_drive_robust.simulators.gymnasium.live_road import (
-    ACCELERATION_RANGE_MPS2,
-    STEERING_RANGE_RAD,
-    EgoAction,
-)
+from pytest_drive_robust.simulators.gymnasium.live_road import ACCELERATION_RANGE_MPS2, STEERING_RANGE_RAD, EgoAction
 
 Environment = gymnasium.Env[Any, Any]
 

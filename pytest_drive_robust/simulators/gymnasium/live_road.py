@@ -15,19 +15,13 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneMap, WorldState
-from pytest_drive_robust.simulators.embedded.kernels.ego import (
-    ACCEL_MAX_MPS2,
-    BRAKE_MAX_MPS2,
-    POWER_WPKG,
-    STEER_MAX_RAD,
-    WHEELBASE_M,
-)
+from pytest_drive_robust.simulators.embedded.kernels import ego as bicycle
 
 _HEIGHT_M = {ActorKind.CAR: 1.55, ActorKind.TRUCK: 3.2, ActorKind.BARRIER: 1.0, ActorKind.BICYCLE: 1.7}
 _TRUCK_M, _BICYCLE_M = 7.0, 1.0
 _BRAKING_MPS2 = -0.7
 _NO_LIGHTS = np.zeros(0, dtype=np.int64)
-ACCELERATION_RANGE_MPS2 = (-BRAKE_MAX_MPS2, ACCEL_MAX_MPS2)
+ACCELERATION_RANGE_MPS2 = (-bicycle.BRAKE_MAX_MPS2, bicycle.ACCEL_MAX_MPS2)
 STEERING_RANGE_RAD = (-0.9, 0.9)
 """A full turn of the wheel needs 0.887 rad of highway-env's car, whose wheelbase is its length of 5 m."""
 
@@ -193,9 +187,9 @@ def acceleration_and_steering(
     lags, which highway-env does not have. A brake never becomes a reverse gear: the acceleration is limited to what
     brings the car to rest within `dt_s`.
     """
-    engine_mps2 = min(ACCEL_MAX_MPS2, POWER_WPKG / max(speed_mps, 1.0))
-    push_mps2 = control.throttle * engine_mps2 if control.brake <= 0.0 else -control.brake * BRAKE_MAX_MPS2
-    curvature = math.tan(control.steer * STEER_MAX_RAD) / WHEELBASE_M
+    engine_mps2 = min(bicycle.ACCEL_MAX_MPS2, bicycle.POWER_WPKG / max(speed_mps, 1.0))
+    push_mps2 = control.throttle * engine_mps2 if control.brake <= 0.0 else -control.brake * bicycle.BRAKE_MAX_MPS2
+    curvature = math.tan(control.steer * bicycle.STEER_MAX_RAD) / bicycle.WHEELBASE_M
     return max(push_mps2, -max(speed_mps, 0.0) / dt_s), math.atan(length_m * curvature)
 
 

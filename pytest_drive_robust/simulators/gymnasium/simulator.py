@@ -17,17 +17,8 @@ from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
+from pytest_drive_robust.simulators.gymnasium import environments
 from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
-from pytest_drive_robust.simulators.gymnasium.environments import (
-    RATE_HZ,
-    WORKING,
-    ClassAttributes,
-    Environment,
-    find_spec,
-    make_environment,
-    reset_seed,
-    routes_of,
-)
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
 from pytest_drive_robust.simulators.gymnasium.road_map import junction_keys, read_map
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line, itinerary_of
@@ -55,21 +46,21 @@ class GymnasiumSimulator:
     """
 
     version = "1"
-    dt_s = 1.0 / RATE_HZ
+    dt_s = 1.0 / environments.RATE_HZ
 
     def __init__(self, identifier: str, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
-        self._spec = find_spec(identifier)
+        self._spec = environments.find_spec(identifier)
         self.name = f"gymnasium:{identifier}"
-        self._classes = ClassAttributes()
-        self._env: Environment | None = None
+        self._classes = environments.ClassAttributes()
+        self._env: environments.Environment | None = None
         self._episode: _Episode | None = None
-        if self._spec.id not in WORKING:  # a stranger's: tell now whether it can be driven
+        if self._spec.id not in environments.WORKING:  # a stranger's: tell now whether it can be driven
             with self._classes.inside():
-                self._env = make_environment(self._spec, name=self.name)
+                self._env = environments.make_environment(self._spec, name=self.name)
 
     @property
-    def environment(self) -> Environment:
+    def environment(self) -> environments.Environment:
         """The gymnasium environment of the current episode. Raises `SimulationError` before the first `reset`."""
         if self._env is None:
             raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
@@ -77,7 +68,7 @@ class GymnasiumSimulator:
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
         """Return the routes of those names, without names `intersection-v1-0` to `-9`. Raises `UnknownNameError`."""
-        return routes_of(self.name, self._spec.id, names)
+        return environments.routes_of(self.name, self._spec.id, names)
 
     def check_route(self, route: Route) -> None:
         """Raise `RouteError` for a route that is none of this environment's."""
@@ -87,10 +78,10 @@ class GymnasiumSimulator:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
         number = self._reset_seed(route, seed)
         self._episode = None
-        self._classes = ClassAttributes()
+        self._classes = environments.ClassAttributes()
         with self._classes.inside():
             if self._env is None:
-                self._env = make_environment(self._spec, name=self.name)
+                self._env = environments.make_environment(self._spec, name=self.name)
             self._env.reset(seed=number)
             self._episode = self._begin(self._env, route, cameras)
         return self._episode.state
@@ -158,7 +149,7 @@ class GymnasiumSimulator:
             self._env = None
 
     def _reset_seed(self, route: Route, seed: int) -> int:
-        return reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
+        return environments.reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
 
     @property
     def _now(self) -> _Episode:
@@ -166,7 +157,7 @@ class GymnasiumSimulator:
             raise SimulationError(f"{self.name} has no route yet: call reset(route, seed=..., cameras=...)")
         return self._episode
 
-    def _begin(self, env: Environment, route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
+    def _begin(self, env: environments.Environment, route: Route, cameras: Sequence[CameraSpec]) -> _Episode:
         inner: Any = env.unwrapped
         network, start = inner.road.network, np.asarray(inner.vehicle.position, dtype=float)
         line = draw_line(network, itinerary_of(inner), start, junction_keys(network))

@@ -39,13 +39,29 @@ def test_the_command_line_wins_over_the_ini_file():
 def test_every_option_is_read(tmp_path):
     files = tmp_path / "run.json", tmp_path / "run.csv", tmp_path / "look"
     values = (
-        *("a", "r.xml", "3, 1", "s", "released", "fixed", "list", "0.2", "0.01", "skip", "holm", "12.5", "kept", "on"),
+        *(
+            "a",
+            "r.xml",
+            "3, 1",
+            "s",
+            "mkz",
+            "released",
+            "fixed",
+            "list",
+            "0.2",
+            "0.01",
+            "skip",
+            "holm",
+            "12.5",
+            "kept",
+            "on",
+        ),
         *(*map(str, files), "on", "on"),
     )
     config = FakeConfig(**{option.name: value for option, value in zip(options_of(RunOptions), values, strict=True)})
     verdict_rule = VerdictRule("list", 0.2, 0.01)
     assert RunOptions.from_pytest_config(config) == RunOptions(
-        *("a", "r.xml", (3, 1), "s", "released", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True),
+        *("a", "r.xml", (3, 1), "s", "mkz", "released", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True),
         *(*files, True, True),
     )
 

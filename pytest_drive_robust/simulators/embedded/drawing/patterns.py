@@ -66,11 +66,7 @@ def _wave(phase: float, share: float, steep: float) -> float:
     phase -= np.float32(np.int32(phase))
     phase = phase + _1 if phase < _0 else phase
     rise, again, fall = phase * steep + _HALF, (phase - _1) * steep + _HALF, (phase - share) * steep + _HALF
-    rise, again, fall = (
-        rise if rise < _1 else _1,
-        again if again > _0 else _0,
-        fall if fall > _0 else _0,
-    )
+    rise, again, fall = (rise if rise < _1 else _1, again if again > _0 else _0, fall if fall > _0 else _0)
     fall = fall if fall < _1 else _1
     wave = rise + again - fall
     wave = wave if wave > _0 else _0

@@ -149,9 +149,5 @@ def _lighten(
         more = gain * near * near * dark
         more = more if faces[u] == 0 else _0
         red, green, blue = red + red * more, green + green * more * _GREEN, blue + blue * more * _BLUE
-        red, green, blue = (
-            red if red < _255 else _255,
-            green if green < _255 else _255,
-            blue if blue < _255 else _255,
-        )
+        red, green, blue = (red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255)
         colours[u] = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)

@@ -1,4 +1,4 @@
-"""How the ego moves: a kinematic bicycle with the lags, limits and grip of a Lincoln MKZ sized car."""
+"""How the ego moves: `bicycle`, a kinematic one with lags, limits and grip for a car of that size, or CARLA's `mkz`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from pytest_drive_robust.arithmetic.compiled import atan, cos, cos_sin, exp, tan, wrap_angle
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.kernels.mkz import MKZ_STEER_MAX_RAD, mkz_speed, mkz_turn
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 WHEELBASE_M = 2.85
@@ -36,11 +37,23 @@ def _on_dirt(world: WorldArrays, throttle: float, steer: float) -> tuple[float, 
 
 
 @inner
-def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
-    """Move the ego: a kinematic bicycle with steering rate and lag, engine power, drag, brake lag; v >= 0."""
-    throttle, steer = _on_dirt(world, throttle, steer)
-    ego = world.ego
-    dt, v = world.dt_s, ego[c.EGO_V]
+def turning(world: WorldArrays, speed_mps: float) -> tuple[float, float]:
+    """Return the angle from the heading to where the middle moves, and the yaw rate, as the wheels are turned now."""
+    wheel = world.ego[c.EGO_STEER]
+    if world.vehicle == c.VEHICLE_MKZ:
+        return mkz_turn(speed_mps, wheel)
+    slip = atan(0.5 * tan(wheel))
+    yaw_rate = speed_mps * cos(slip) * tan(wheel) / WHEELBASE_M
+    if abs(yaw_rate) * speed_mps > GRIP_MPS2:
+        yaw_rate = math.copysign(GRIP_MPS2 / speed_mps, yaw_rate)
+        slip = 0.0
+    return slip, yaw_rate
+
+
+@inner
+def _drive_bicycle(world: WorldArrays, throttle: float, steer: float, brake: float) -> float:
+    """Turn the wheels, with a rate and a lag, and return the speed after the tick: engine power, drag, brake lag."""
+    ego, dt, v = world.ego, world.dt_s, world.ego[c.EGO_V]
     wanted = steer * STEER_MAX_RAD - ego[c.EGO_STEER]
     turn = wanted * (1.0 - exp(-dt / STEER_LAG_S))
     ego[c.EGO_STEER] += min(max(turn, -STEER_RATE_RADPS * dt), STEER_RATE_RADPS * dt)
@@ -50,14 +63,25 @@ def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) ->
     lag = BRAKE_LAG_S if command < ego[c.EGO_ACCEL] else DRIVE_LAG_S
     ego[c.EGO_ACCEL] += (command - ego[c.EGO_ACCEL]) * (1.0 - exp(-dt / lag))
     moving = drag if v > 0.0 or ego[c.EGO_ACCEL] > drag else max(ego[c.EGO_ACCEL], 0.0)
-    after = max(0.0, v + (ego[c.EGO_ACCEL] - moving) * dt)
-    slip = atan(0.5 * tan(ego[c.EGO_STEER]))
-    mean = 0.5 * (v + after)
-    yaw_rate = mean * cos(slip) * tan(ego[c.EGO_STEER]) / WHEELBASE_M
-    if abs(yaw_rate) * mean > GRIP_MPS2:
-        yaw_rate = math.copysign(GRIP_MPS2 / mean, yaw_rate)
-        slip = 0.0
-    direction = ego[c.EGO_YAW] + slip + 0.5 * yaw_rate * dt
+    return float(max(0.0, v + (ego[c.EGO_ACCEL] - moving) * dt))
+
+
+@inner
+def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
+    """Move the ego with the speed in the middle of the tick; CARLA's fits are made for that at its start. v >= 0."""
+    throttle, steer = _on_dirt(world, throttle, steer)
+    ego = world.ego
+    dt, v = world.dt_s, ego[c.EGO_V]
+    if world.vehicle == c.VEHICLE_MKZ:
+        ego[c.EGO_STEER] = steer * MKZ_STEER_MAX_RAD
+        after = mkz_speed(v, throttle, brake)
+        ego[c.EGO_ACCEL] = (after - v) / dt
+        mean, half = v, 0.0
+    else:
+        after = _drive_bicycle(world, throttle, steer, brake)
+        mean, half = 0.5 * (v + after), 0.5
+    slip, yaw_rate = turning(world, mean)
+    direction = ego[c.EGO_YAW] + slip + half * yaw_rate * dt
     along, beside = cos_sin(direction)
     ego[c.EGO_X] += mean * along * dt
     ego[c.EGO_Y] += mean * beside * dt

@@ -11,13 +11,7 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import project
-from pytest_drive_robust.simulators.embedded.scenarios.parts import (
-    KMH,
-    ahead,
-    right_hand,
-    rolling_start,
-    scenery,
-)
+from pytest_drive_robust.simulators.embedded.scenarios.parts import KMH, ahead, right_hand, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 

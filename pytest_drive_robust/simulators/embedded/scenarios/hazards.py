@@ -14,14 +14,7 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
-from pytest_drive_robust.simulators.embedded.scenarios.parts import (
-    ahead,
-    oncoming_gaps,
-    right_hand,
-    scenery,
-    side_traffic,
-    speed,
-)
+from pytest_drive_robust.simulators.embedded.scenarios import parts
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
@@ -44,7 +37,7 @@ _CONE_STEP_M = 6.0
 )
 def hazard_at_side_lane(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; the lane to the left is in use."""
-    side_traffic(stage, 50.0)
+    parts.side_traffic(stage, 50.0)
     stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
@@ -57,7 +50,7 @@ def hazard_at_side_lane(stage: Stage) -> None:
 )
 def hazard_at_side_lane_two_ways(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; cars come the other way."""
-    oncoming_gaps(stage)
+    parts.oncoming_gaps(stage)
     stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
@@ -70,20 +63,20 @@ def hazard_at_side_lane_two_ways(stage: Stage) -> None:
 )
 def vehicle_opens_door_two_ways(stage: Stage) -> None:
     """A parked car opens its door when the ego is 3 s or 10 m away; cars come the other way."""
-    at = ahead(stage, 48.0, at_least_m=25.0)
+    at = parts.ahead(stage, 48.0, at_least_m=25.0)
     left_side = stage.lane_width_m / 2.0 - _PARKED_IN_LANE_M
     stage.stand(ActorKind.CAR, at, left_side + SIZES_M[ActorKind.CAR][1] / 2.0)
     hinge_m = left_side - SIZES_M[ActorKind.DOOR][1] / 2.0
     door = stage.stand(ActorKind.DOOR, at + 0.3, hinge_m, appears=True)
     stage.cast.script(door, Arrival(3.0, 10.0), Script(0.0, right_m=hinge_m), at=stage.spot(at + 0.3))
-    oncoming_gaps(stage)
+    parts.oncoming_gaps(stage)
     stage.end_m = stage.trigger_m + at + 20.0
 
 
 @scenario("InvadingTurn", parameters={"distance": (75.0, 85.0), "offset": (0.18, 0.34)}, blocked_test_off=True)
 def invading_turn(stage: Stage) -> None:
     """In a bend, cones push the oncoming cars over the centre line by `offset`: keep to the right."""
-    far = ahead(stage, 80.0, at_least_m=45.0)
+    far = parts.ahead(stage, 80.0, at_least_m=45.0)
     over = min(max(stage.spec.number("offset", 0.25), -0.5), 0.5)
     path = _pushed_aside(stage, far, stage.lane_width_m / 2.0 + over)
     stage.flow(
@@ -100,16 +93,16 @@ def control_loss(stage: Stage) -> None:
     """Dirt on the road at 14, 48 and 74 m disturbs throttle and steering."""
     for at in _DIRT_M:
         stage.dirt(at)
-    scenery(stage)
+    parts.scenery(stage)
     stage.end_m = stage.trigger_m + _DIRT_M[-1] + 10.0
 
 
 def _bicycles(stage: Stage) -> float:
     """Put two bicycles 9 m apart on the road; return the metres from the trigger to where the last one stops."""
-    at = ahead(stage, 43.0)
-    ride = speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
+    at = parts.ahead(stage, 43.0)
+    ride = parts.speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
     drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
-    edge = right_hand(stage) * _BICYCLE_SHIFT * stage.lane_width_m / 2.0
+    edge = parts.right_hand(stage) * _BICYCLE_SHIFT * stage.lane_width_m / 2.0
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
         bicycle = stage.cast.add(

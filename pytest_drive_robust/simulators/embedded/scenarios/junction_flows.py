@@ -9,16 +9,11 @@ from __future__ import annotations
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.map import follow, join
-from pytest_drive_robust.simulators.embedded.scenarios.parts import (
-    RED_S,
-    end_behind_junction,
-    meeting_point,
-    route_flow,
-)
+from pytest_drive_robust.simulators.embedded.scenarios import parts
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
 from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Program, Stage, red_then_green
 
-_OWN_RED = red_then_green(RED_S)
+_OWN_RED = red_then_green(parts.RED_S)
 
 
 def _turn(
@@ -43,8 +38,8 @@ def _turn(
         path = stage.given_flow() if given else None
         if path is None:
             path = stage.from_arm(from_arm, into=into)
-        route_flow(stage, path, meets_ahead_m=stage.junction_ahead_m())
-        end_behind_junction(stage)
+        parts.route_flow(stage, path, meets_ahead_m=stage.junction_ahead_m())
+        parts.end_behind_junction(stage)
 
     scenario(name, flow=flow, blocked_test_off=True)(build)
 
@@ -89,10 +84,10 @@ _turn(
 @scenario("CrossingBicycleFlow", flow=((8.0, 12.0), (5.0, 30.0)), blocked_test_off=True)
 def crossing_bicycle_flow(stage: Stage) -> None:
     """Turn across a biking lane whose riders go straight on; the ego's light is red for five seconds first."""
-    stage.lights(ego=red_then_green(RED_S), opposite=GREEN)
+    stage.lights(ego=red_then_green(parts.RED_S), opposite=GREEN)
     path = _first_biking_lane(stage)
-    route_flow(stage, path, meets_ahead_m=stage.junction_ahead_m(), kinds=(ActorKind.BICYCLE,))
-    end_behind_junction(stage)
+    parts.route_flow(stage, path, meets_ahead_m=stage.junction_ahead_m(), kinds=(ActorKind.BICYCLE,))
+    parts.end_behind_junction(stage)
 
 
 def _first_biking_lane(stage: Stage) -> int:
@@ -103,7 +98,7 @@ def _first_biking_lane(stage: Stage) -> int:
         if lane.kind is not LaneKind.BIKING or not lane.junction:
             continue
         path = stage.add_path(join(lane_map, follow(lane_map, lane.index)))
-        met = meeting_point(stage, path)
+        met = parts.meeting_point(stage, path)
         if met is not None:
             crossed.append((met[0], path))
     if not crossed:

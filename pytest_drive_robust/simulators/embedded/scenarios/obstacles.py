@@ -9,12 +9,7 @@ import math
 from collections.abc import Callable
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.simulators.embedded.scenarios.parts import (
-    ahead,
-    oncoming_gaps,
-    right_hand,
-    side_traffic,
-)
+from pytest_drive_robust.simulators.embedded.scenarios.parts import ahead, oncoming_gaps, right_hand, side_traffic
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 

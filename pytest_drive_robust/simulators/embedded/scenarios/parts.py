@@ -89,13 +89,7 @@ def rolling_start(stage: Stage) -> float:
     return stage.start_mps
 
 
-def route_flow(
-    stage: Stage,
-    path: int,
-    *,
-    meets_ahead_m: float,
-    kinds: tuple[ActorKind, ...] = _CARS,
-) -> None:
+def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[ActorKind, ...] = _CARS) -> None:
     """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
     The type's ranges stand in for what the file leaves out. Its drivers keep their speed and give way to nobody, as

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_drive_robust.simulators.embedded.scenarios.parts import (
-    RED_S,
-    cross_traffic,
-    end_behind_junction,
-    lights_turn_green,
-    lights_turn_red,
-)
+from pytest_drive_robust.simulators.embedded.scenarios import parts
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
@@ -23,22 +17,22 @@ def t_junction(stage: Stage) -> None:
     """A junction of three arms with lights or a stop sign on the stem; the other arms carry traffic."""
     lights = any(line.is_light for line in stage.dense.lane_map.stop_lines)
     if lights:
-        lights_turn_green(stage, red_s=stage.draw("red", *_RED_S))
-    cross_traffic(stage, lights=lights)
-    end_behind_junction(stage)
+        parts.lights_turn_green(stage, red_s=stage.draw("red", *_RED_S))
+    parts.cross_traffic(stage, lights=lights)
+    parts.end_behind_junction(stage)
 
 
 @scenario("VanillaNonSignalizedTurn")
 def vanilla_turn(stage: Stage) -> None:
     """A plain turn where nothing is controlled; there is traffic on the other road."""
-    cross_traffic(stage)
-    end_behind_junction(stage)
+    parts.cross_traffic(stage)
+    parts.end_behind_junction(stage)
 
 
 @scenario("VanillaNonSignalizedTurnEncounterStopsign")
 def vanilla_stop_sign(stage: Stage) -> None:
     """A plain turn behind a stop sign: come to rest, then go."""
-    end_behind_junction(stage)
+    parts.end_behind_junction(stage)
 
 
 @scenario("VanillaSignalizedTurnEncounterGreenLight")
@@ -47,14 +41,14 @@ def vanilla_green_light(stage: Stage) -> None:
 
     Then lights go on as usual in CARLA: the next green is that of one of the arms, in one of four cases the ego's.
     """
-    lights_turn_red(stage, red_s=RED_S + (_ARM_S if stage.draw("arm", 0.0, 1.0) < _OTHER_ARMS else 0.0))
-    cross_traffic(stage, lights=True)
-    end_behind_junction(stage)
+    parts.lights_turn_red(stage, red_s=parts.RED_S + (_ARM_S if stage.draw("arm", 0.0, 1.0) < _OTHER_ARMS else 0.0))
+    parts.cross_traffic(stage, lights=True)
+    parts.end_behind_junction(stage)
 
 
 @scenario("VanillaSignalizedTurnEncounterRedLight")
 def vanilla_red_light(stage: Stage) -> None:
     """A plain turn; the light is red for five seconds, then green."""
-    lights_turn_green(stage)
-    cross_traffic(stage, lights=True)
-    end_behind_junction(stage)
+    parts.lights_turn_green(stage)
+    parts.cross_traffic(stage, lights=True)
+    parts.end_behind_junction(stage)

@@ -11,13 +11,7 @@ from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.simulators.embedded.geometry import moved
-from pytest_drive_robust.simulators.embedded.towns.junction import (
-    Connection,
-    chains_through,
-    connect,
-    crosswalk,
-    draw_arms,
-)
+from pytest_drive_robust.simulators.embedded.towns import junction
 from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN, piece, retreat, road
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, Draw, Section, Town
 
@@ -71,8 +65,8 @@ def rural(names: str, control: dict[str, str]) -> Draw:
         box = width + rng.uniform(8.5, 11.5)
         minor = replace(major, speed_mps=13.9)
         arms = [Arm(name, _HEADINGS[name], box, major if name in "EW" else minor) for name in names]
-        draw_arms(town, arms, length_m=_COUNTRY_ARM_M, crosswalks=False)
-        chains_through(town, connect(town, arms, controls=control))
+        junction.draw_arms(town, arms, length_m=_COUNTRY_ARM_M, crosswalks=False)
+        junction.chains_through(town, junction.connect(town, arms, controls=control))
         town.building_gap_m = (12.0, 35.0)
 
     return draw
@@ -80,8 +74,8 @@ def rural(names: str, control: dict[str, str]) -> Draw:
 
 def _junction(town: Town, names: str, box_m: float, section: Section, *, control: dict[str, str]) -> None:
     arms = [Arm(name, _HEADINGS[name], box_m, section) for name in names]
-    draw_arms(town, arms, length_m=_ARM_M)
-    chains_through(town, connect(town, arms, controls=control))
+    junction.draw_arms(town, arms, length_m=_ARM_M)
+    junction.chains_through(town, junction.connect(town, arms, controls=control))
 
 
 def _close_sidewalk(town: Town) -> None:
@@ -104,7 +98,7 @@ def grid(town: Town, rng: RandomNumbers) -> None:
     section = Section(1, 1, width, rng.choice(_TOWN_LIMITS_MPS))
     box = width + rng.uniform(5.0, 8.0)
     apart = rng.uniform(75.0, 95.0), rng.uniform(75.0, 95.0)
-    ways: dict[int, list[Connection]] = {}
+    ways: dict[int, list[junction.Connection]] = {}
     junctions = [
         _arms(column, row, (column * apart[0], row * apart[1]), box, section)
         for column, row in product(range(_SIZE), repeat=2)
@@ -114,9 +108,9 @@ def grid(town: Town, rng: RandomNumbers) -> None:
         for arm in arms:
             if not arm.ends_here:
                 road(town, arm.name, arm.edge(), [(between_m.get(arm.name[0], _ARM_M), 0.0)], arm.section)
-            crosswalk(town, arm)
+            junction.crosswalk(town, arm)
     for arms in junctions:
-        for made in connect(town, arms, controls={arm.name: "light" for arm in arms}):
+        for made in junction.connect(town, arms, controls={arm.name: "light" for arm in arms}):
             ways.setdefault(town.chains[made.source.inward("0")][-1], []).append(made)
     _name_chains(town, ways)
 
@@ -136,7 +130,7 @@ def _arms(column: int, row: int, centre: tuple[float, float], box_m: float, sect
     ]
 
 
-def _name_chains(town: Town, ways: dict[int, list[Connection]]) -> None:
+def _name_chains(town: Town, ways: dict[int, list[junction.Connection]]) -> None:
     for side in "EWNS":
         for number in range(_SIZE):
             entry = town.chains[f"{side}{number}.b0"]
@@ -148,7 +142,7 @@ def _name_chains(town: Town, ways: dict[int, list[Connection]]) -> None:
                     town.chains[f"{side}{number}.{first.turn}-{second.turn}0"] = _straight_out(town, ways, chain)
 
 
-def _straight_out(town: Town, ways: dict[int, list[Connection]], chain: list[int]) -> list[int]:
+def _straight_out(town: Town, ways: dict[int, list[junction.Connection]], chain: list[int]) -> list[int]:
     """Prolong a chain straight on over every crossing to the edge of the town."""
     while chain[-1] in ways:
         onward = next(made for made in ways[chain[-1]] if made.turn == "straight")
@@ -163,7 +157,7 @@ def roundabout(town: Town, rng: RandomNumbers) -> None:
     section = Section(1, 1, width, rng.choice([11.0, 12.5]))
     ring = _Ring(town, section, radius, bend, rng.uniform(7.0, 8.0))
     arms = [Arm(name, heading, ring.box_m, section) for name, heading in _HEADINGS.items()]
-    draw_arms(town, arms, length_m=110.0)
+    junction.draw_arms(town, arms, length_m=110.0)
     ring.draw(arms)
 
 

@@ -15,16 +15,8 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, moved
 from pytest_drive_robust.simulators.embedded.towns.junction import control_of, crosswalk
 from pytest_drive_robust.simulators.embedded.towns.pieces import PLAIN
 from pytest_drive_robust.simulators.embedded.towns.town import Arm, DrawnLane, Section, Town
+from pytest_drive_robust.simulators.embedded.traced import lines
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
-from pytest_drive_robust.simulators.embedded.traced.lines import (
-    bridge,
-    crossing_point,
-    joined,
-    prolonged,
-    reversed_line,
-    shifted,
-    straight,
-)
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 
@@ -60,7 +52,7 @@ def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: floa
         crosswalk(town, arm)
     inside = _connect(town, [arm for arm, _ in arms], roads)
     entry_m = float(arc_lengths(ways.before)[-1])
-    return joined(ways.before, inside[1:-1], ways.after), max(entry_m - _TRIGGER_BEFORE_M, 0.0)
+    return lines.joined(ways.before, inside[1:-1], ways.after), max(entry_m - _TRIGGER_BEFORE_M, 0.0)
 
 
 def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
@@ -84,16 +76,16 @@ def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
     assert after is not None
     start, end = tuple(before[-1]), tuple(after[0])
     turn = math.remainder(end[2] - start[2], math.tau)
-    corner = crossing_point(start, end)
+    corner = lines.crossing_point(start, end)
     if corner is None or not _TURN_RAD < abs(turn) < math.pi - _TURN_RAD or min(corner) < 4.0:
         return None
     room = corner[0] - (trigger_m + _TRIGGER_BEFORE_M - course.start_m)
     least = min(max(course.start_m + corner[0] - _TRIGGER_BEFORE_M - 0.5, _SMALLEST_M), _BOX_M[0])
     box = min(max(min(*corner, room, _BOX_M[1]), least), max(min(corner), _SMALLEST_M))
-    entry = prolonged(before, after_m=corner[0] - box) if corner[0] > box else before
-    leave = prolonged(after, before_m=corner[1] - box) if corner[1] > box else after
+    entry = lines.prolonged(before, after_m=corner[0] - box) if corner[0] > box else before
+    leave = lines.prolonged(after, before_m=corner[1] - box) if corner[1] > box else after
     own, onward = moved(tuple(entry[-1]), 0.0, -LANE_M / 2.0), moved(tuple(leave[0]), 0.0, -LANE_M / 2.0)
-    middle = crossing_point(own, onward)
+    middle = lines.crossing_point(own, onward)
     assert middle is not None
     centre = moved(own, middle[0])[:2]
     return _Ways(entry, leave, centre, (own[2], onward[2] + math.pi))
@@ -118,8 +110,8 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
     """Return (arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
     plain = Section(1, 1, LANE_M, roads.speed_mps)
     own = Section(1, 1, LANE_M, roads.speed_mps, biking_m=_BIKING_M if roads.biking else 0.0)
-    entry = reversed_line(shifted(prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
-    leave = shifted(prolonged(ways.after, after_m=_ARM_M), -LANE_M / 2.0)
+    entry = lines.reversed_line(lines.shifted(lines.prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
+    leave = lines.shifted(lines.prolonged(ways.after, after_m=_ARM_M), -LANE_M / 2.0)
     turns = abs(math.remainder(leave[0, 2] - entry[0, 2] - math.pi, math.tau)) > _TURN_RAD
     arms = [_arm("in", entry, ways.centre, own), _arm("out", leave, ways.centre, plain if turns else own)]
     others = [("ahead", ways.across_rad[0], own), ("back", ways.across_rad[1], plain)]
@@ -128,7 +120,7 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
     for (name, heading, section), like in zip(others, tuple(arms), strict=True):
         box = like[0].box_m if turns else max(arms[0][0].box_m, arms[1][0].box_m)
         edge = moved((*ways.centre, heading), box)
-        arms.append(_arm(name, straight(edge, _ARM_M), ways.centre, section))
+        arms.append(_arm(name, lines.straight(edge, _ARM_M), ways.centre, section))
     return arms if roads.arms == 4 else [*arms[:2], arms[3]]
 
 
@@ -163,7 +155,8 @@ def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
 
 def _way(town: Town, source: Arm, target: Arm, lane: str, *, junction: int) -> DrawnLane:
     first, last = (town.lanes[k] for k in (town.chains[source.inward(lane)][-1], town.chains[target.outward(lane)][0]))
-    centre, speed_mps = bridge(tuple(first.centre[-1]), tuple(last.centre[0])), min(first.speed_mps, last.speed_mps)
+    centre = lines.bridge(tuple(first.centre[-1]), tuple(last.centre[0]))
+    speed_mps = min(first.speed_mps, last.speed_mps)
     kind = LaneKind.DRIVING if lane == "0" else LaneKind.BIKING
     drawn = DrawnLane(centre, float(arc_lengths(centre)[-1]), first.width_m, PLAIN, speed_mps, kind, junction)
     town.add(drawn)

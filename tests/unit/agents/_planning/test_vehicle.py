@@ -1,13 +1,85 @@
-"""The agents know the vehicle that they drive."""
+"""The agents know the vehicles that they drive: what they ask for is what they get."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from drive_robust_agents._planning import vehicle
+from drive_robust_agents._planning import mkz, vehicle
+from drive_robust_agents._planning.vehicle import Bicycle, Mkz, Pedals, vehicle_called
+from pytest_drive_robust.domain.control import VEHICLES, Control
+from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.kernels import ego
+from pytest_drive_robust.simulators.embedded.kernels.mkz import MKZ_STEER_MAX_RAD, mkz_speed, mkz_turn
+
+DT_S = 0.05
 
 
-@pytest.mark.parametrize("name", vehicle.__all__)
-def test_its_numbers_are_those_of_the_embedded_world(name: str) -> None:
+@uncached_entry
+def speed_after(speed_mps: float, throttle: float, brake: float) -> float:
+    return mkz_speed(speed_mps, throttle, brake)
+
+
+@uncached_entry
+def turn_of(speed_mps: float, wheel_rad: float) -> tuple[float, float]:
+    return mkz_turn(speed_mps, wheel_rad)
+
+
+@pytest.mark.parametrize("name", ["ACCEL_MAX_MPS2", "BRAKE_MAX_MPS2", "POWER_WPKG", "STEER_MAX_RAD", "WHEELBASE_M"])
+def test_the_bicycles_numbers_are_those_of_the_embedded_world(name: str) -> None:
     assert getattr(vehicle, name) == getattr(ego, name)
+
+
+def test_every_vehicle_of_the_world_has_its_inverse() -> None:
+    assert [type(vehicle_called(name, agent="expert")) for name in VEHICLES] == [Bicycle, Mkz]
+    with pytest.raises(UnknownNameError, match=r"no vehicle named 'mzk'. Did you mean 'mkz'.*'expert:vehicle=mkz'"):
+        vehicle_called("mzk", agent="expert")
+
+
+@given(speed_mps=st.floats(0.0, 40.0), wanted=st.floats(-25.0, 10.0))
+def test_the_mkz_gets_the_acceleration_that_is_wanted_or_the_nearest_there_is(speed_mps: float, wanted: float) -> None:
+    throttle, brake = mkz.pedals(speed_mps, wanted)
+    assert 0.0 <= throttle <= 1.0
+    assert 0.0 <= brake <= 1.0
+    found = speed_after(speed_mps, throttle, brake)
+    low, high = speed_after(speed_mps, 0.0, 1.0), speed_after(speed_mps, 1.0, 0.0)
+    assert found == pytest.approx(min(max(speed_mps + wanted * DT_S, low), high), abs=1e-9)
+
+
+@given(speed_mps=st.floats(0.0, 40.0), throttle=st.floats(0.0, 1.0), brake=st.floats(0.0, 1.0))
+def test_the_agents_know_the_mkz_forwards_too(speed_mps: float, throttle: float, brake: float) -> None:
+    moved = Mkz().moved(speed_mps, Control(throttle, 0.2, brake))
+    assert moved.speed_mps == pytest.approx(speed_after(speed_mps, throttle, brake), abs=1e-9)
+    slip, yaw_rate = turn_of(1.0, 0.2 * MKZ_STEER_MAX_RAD)
+    assert (moved.slip_rad, moved.turn_rad) == pytest.approx((slip, DT_S * yaw_rate))
+
+
+@given(curvature_per_m=st.floats(-0.26, 0.26))
+def test_the_mkz_follows_the_curvature_that_is_wanted(curvature_per_m: float) -> None:
+    steer = Mkz().steer(curvature_per_m)
+    assert turn_of(2.0, steer * MKZ_STEER_MAX_RAD)[1] == pytest.approx(2.0 * curvature_per_m, abs=1e-9)
+
+
+@pytest.mark.parametrize("curvature_per_m", [0.28, 0.7, 5.0])
+def test_what_the_wheels_cannot_do_is_all_that_they_can(curvature_per_m: float) -> None:
+    assert Mkz().steer(curvature_per_m) == 1.0
+    assert Mkz().steer(-curvature_per_m) == -1.0
+
+
+def test_pedals_made_for_the_bicycle_accelerate_the_mkz_as_much() -> None:
+    for speed_mps, pedals, wanted in (
+        (5.0, Pedals(0.4, 0.0), 0.4 * 5.0 - 0.225),
+        (20.0, Pedals(1.0, 0.0), 2.75 - 0.72),
+        (10.0, Pedals(0.0, 0.5), -4.36),
+    ):
+        assert Bicycle().as_bicycle(speed_mps, pedals) == pedals
+        throttle, brake = Mkz().as_bicycle(speed_mps, pedals)
+        assert speed_after(speed_mps, throttle, brake) == pytest.approx(speed_mps + wanted * DT_S, abs=1e-9)
+
+
+def test_the_mkz_brakes_at_once_and_pulls_by_and_by_as_the_bicycle_does_by_itself() -> None:
+    assert (Bicycle().eased(-3.0, 2.0), Bicycle().eased(2.0, -3.0)) == (2.0, -3.0)
+    assert Mkz().eased(2.0, -3.0) == -3.0
+    assert -3.0 < Mkz().eased(-3.0, 2.0) < 2.0
