@@ -140,17 +140,14 @@ class RunOutputs:
             except Exception as error:
                 parts.append(f"the table could not be drawn: {_reason(error)}")
         if self._page is not None:
-            parts.append(f"report: {_from_here(self._page)}")
+            here = self._page.is_relative_to(Path.cwd())
+            parts.append(f"report: {self._page.relative_to(Path.cwd()) if here else self._page}")
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:
         versions = {"pytest-drive-robust": __version__, **_libraries(), **self._versions}
         events, notes = self._record.events(), tuple(self._notes)
         return RunResult.of(self._options, events, self._record.store.get, versions=versions, notes=notes)
-
-
-def _from_here(path: Path) -> Path:
-    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _libraries() -> dict[str, str]:

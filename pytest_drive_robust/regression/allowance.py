@@ -39,12 +39,8 @@ class Allowance:
     def sentence(self) -> str:
         """What is claimed: `"DS drops by 5 % at most"`."""
         verb = "rises" if self.metric == "RD" else "drops"
-        return f"{self.metric} {verb} by {self.amount_text} at most"
-
-    @property
-    def amount_text(self) -> str:
-        """`"5 %"` or `"0.05"`."""
-        return f"{100.0 * self.amount:g} %" if self.relative else f"{self.amount:g}"
+        amount = f"{100.0 * self.amount:g} %" if self.relative else f"{self.amount:g}"
+        return f"{self.metric} {verb} by {amount} at most"
 
 
 DEFAULT_ALLOWANCES = (Allowance("DS", 0.05, relative=True),)

@@ -31,11 +31,6 @@ def worst_episode(verdict: Verdict) -> Episode:
     return Episode(verdict.agent, worst.route_id, str(verdict.requirement.setting), worst.seed)
 
 
-def value_text(metric: str, setting: str, value: float) -> str:
-    """Return `"RD under 200 ms latency = 0.44"`."""
-    return f"{metric} under {setting} = {shown(metric, value)}"
-
-
 def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -> str:
     """Return the command line that drives one episode again, without the options that say what the defaults say."""
     words = ["drive-robust", *(word for plugin in options.plugins for word in ("-p", plugin))]
@@ -56,7 +51,7 @@ def _headline(verdict: Verdict) -> list[str]:
     """Return value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
     metric = requirement.metric.name
-    value = value_text(metric, str(requirement.setting), verdict.value)
+    value = f"{metric} under {requirement.setting} = {shown(metric, verdict.value)}"
     limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
     alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
     interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)

@@ -116,7 +116,7 @@ class ProgressState:
         """Return the episodes that are needed, as far as one can tell, and not finished."""
         if self._left is None:
             likely = self._likely.keys()
-            needed = likely | (self._keys - self._spared - self._likely.unlikely(likely))
+            needed = likely | (self._keys - self._spared - (self._likely.read_keys - likely))
             self._left = frozenset((needed | self._running.keys()) - self._finished)
         return self._left
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 
 from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Started
 
@@ -33,7 +33,7 @@ class LikelyEpisodes:
     def __init__(self) -> None:
         self._open: dict[_Ident, Awaited] = {}
         self._likely: dict[_Ident, int] = {}
-        self._all: set[str] = set()
+        self.read_keys: set[str] = set()
         self._settings: set[tuple[str, str, tuple[int, ...], str]] = set()
         self._taken = [1.0] * _USUAL_VERDICTS
 
@@ -41,7 +41,7 @@ class LikelyEpisodes:
         """Take in an event."""
         if isinstance(event, Awaited):
             self._open.setdefault(_ident(event), event)
-            self._all.update(event.keys, event.clean_keys)
+            self.read_keys.update(event.keys, event.clean_keys)
             place = (event.agent, event.routes_spec, event.seeds)
             self._settings.update({(*place, event.setting), (*place, event.clean)})
         elif isinstance(event, Read):
@@ -68,10 +68,6 @@ class LikelyEpisodes:
             likely.update(item.keys[:count])
             likely.update(item.clean_keys[:count])
         return likely
-
-    def unlikely(self, likely: Collection[str]) -> set[str]:
-        """Return the episodes that requirements read and that are not among `likely`."""
-        return self._all.difference(likely)
 
     def _likely_of(self, ident: _Ident, item: Awaited) -> int:
         planned = len(item.keys) // max(1, len(item.seeds))

@@ -44,11 +44,6 @@ class SeverityProbe:
     meets: bool
     routes: int
 
-    @property
-    def goes_up(self) -> bool:
-        """True when the search goes on above this level."""
-        return self.answer == "holds" or (self.answer == "undecided" and self.meets)
-
 
 @total_ordering
 @dataclass(frozen=True, eq=False)
@@ -187,7 +182,8 @@ def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[Sever
     while above - below > 1:
         middle = (below + above) // 2
         probes.append(ask(ladder.levels[middle]))
-        below, above = (middle, above) if probes[-1].goes_up else (below, middle)
+        goes_up = probes[-1].answer == "holds" or (probes[-1].answer == "undecided" and probes[-1].meets)
+        below, above = (middle, above) if goes_up else (below, middle)
     return tuple(probes)
 
 

@@ -38,18 +38,14 @@ class EpisodePane:
         """Where the pictures of the camera lie."""
         return c.Rectangle(self.left + 8, 90, 392, 221)
 
-    @property
-    def view_box(self) -> c.Rectangle:
-        """Where the view from above lies."""
-        return c.Rectangle(self.left + 408, 66, 224, 394)
-
     def draw(self, picture: Pixels, position: int, *, twin: EgoState | None) -> None:
         """Draw the moment at `position`, or the last one when the episode is over. `twin`: the clean ego, if any."""
         last = len(self.tape.moments) - 1
         at = min(position, last)
         moment = self.tape.moments[at]
         marks = [event.place for event in self.events if event.tick <= position and event.place is not None]
-        draw_from_above(picture, self.view_box, self.ground, moment, colour=self.colour, twin=twin, marks=marks)
+        view = c.Rectangle(self.left + 408, 66, 224, 394)
+        draw_from_above(picture, view, self.ground, moment, colour=self.colour, twin=twin, marks=marks)
         self._head(picture)
         self._camera(picture, at, moment)
         self._numbers(picture, moment)

@@ -101,13 +101,9 @@ def agent_identity(agent: str, registry: Registry) -> str:
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
     modules = computing_modules(factory)
     code, versions = code_of(factory, libraries=modules is None), source_files.versions_of(modules) if modules else {}
-    distribution = "" if entry.registered else _released(entry.origin)  # a hook's place is no part of what it registers
+    # A hook's place is no part of what it registers; of "agents 1.3.dev5+g1a2b3c4" the end tells commits: code counts.
+    distribution = "" if entry.registered else _DEVELOPMENT.sub("", entry.origin)
     return digest_of(agent, distribution, code, weights, configuration, versions)
-
-
-def _released(distribution: str) -> str:
-    """Return `"agents 1.3"` for `"agents 1.3.dev5+g1a2b3c4"`: that part tells commits, and code counts by itself."""
-    return _DEVELOPMENT.sub("", distribution)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:

@@ -69,9 +69,9 @@ def connect(town: Town, arms: list[Arm], *, controls: dict[str, str]) -> list[Co
         lanes = source.section.forward
         for lane in range(lanes):
             for target in arms:
-                if target is source or not _may_turn(turn_between(source, target), lane, lanes):
-                    continue
-                made.append(_connection(town, source, target, lane, junction=junction))
+                turns_from = {"left": 0, "straight": lane, "right": lanes - 1}
+                if target is not source and turns_from.get(turn_between(source, target)) == lane:
+                    made.append(_connection(town, source, target, lane, junction=junction))
             if source.name in controls:
                 key = town.chains[source.inward(str(lane))][-1]
                 town.controls.append(control_of(source, key, controls[source.name]))
@@ -97,10 +97,6 @@ def control_of(arm: Arm, lane: int, what: str) -> JunctionControl:
     edge = arm.section.forward * arm.section.width_m + arm.section.biking_m
     aside = (1.0 - math.sqrt(0.5)) * (arm.box_m - edge) + _OFF_KERB_M
     return JunctionControl(lane, what, arm.box_m + edge + aside, aside)
-
-
-def _may_turn(turn: str, lane: int, lanes: int) -> bool:
-    return turn == "straight" or (turn == "left" and lane == 0) or (turn == "right" and lane == lanes - 1)
 
 
 def _connection(town: Town, source: Arm, target: Arm, lane: int, *, junction: int) -> Connection:
