@@ -104,6 +104,7 @@ driveRobust.views.set("episode", (() => {
     if (row && row.routesAre === "elsewhere") words.push("--routes", row.routesSpec);
     if (options.stuck_stop_s) words.push("--stuck-stop", options.stuck_stop_s);
     if (options.simulator !== "embedded") words.push("--sim", options.simulator);
+    if (options.vehicle) words.push("--vehicle", options.vehicle);
     return words.map((word) => quoted(String(word))).join(" ");
   }
 
