@@ -23,6 +23,7 @@ from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpi
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
 from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
+from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
@@ -40,13 +41,15 @@ class Mixture:
     """Who drives: an agent by name or reference, or by a weights file, and the expert for a share `beta` of the time.
 
     `agent` is the learned agent that the data is for; its class reads the weights. Any other agent may drive, too.
-    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean.
+    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean. Both
+    drive `vehicle`; an agent that is named, and not a weights file, is told of it by its name (`tcp:vehicle=mkz`).
     """
 
     agent: str
     driver: str
     beta: float
     settings: tuple[str, ...] = ()
+    vehicle: str = VEHICLES[0]
 
     def setting(self, rng: np.random.Generator) -> Setting:
         """Draw the setting of an episode. Raises `RequirementError` for a sentence that is none."""
@@ -61,7 +64,7 @@ def agent_of(mixture: Mixture) -> Agent:
         if not file.is_file():
             raise UsageError(f"--dagger {mixture.driver}: there is no such weights file.")
         factory = cast("Callable[..., Agent]", registry.entry("agents", mixture.agent).load())
-        return factory(weights=file)
+        return factory(weights=file, vehicle=mixture.vehicle)
     return registry.agent(mixture.driver)
 
 
@@ -81,7 +84,7 @@ def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: in
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S, vehicle=mixture.vehicle)
     simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
