@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from drive_robust_agents.training.data.dagger import file_and_options
 from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from pytest_drive_robust.registry.registry import Registry
 
 __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
-
-_OPTIONS = ".safetensors+"
 
 
 class CandidateFactory:
@@ -58,10 +57,7 @@ def candidate_name(agent: str, file: Path, *, vehicle: str = VEHICLES[0]) -> str
 def candidate(argument: str) -> CandidateFactory:
     """Return the factory of `AGENT=FILE` or `AGENT=FILE+OPTIONS`. Raises `UsageError`."""
     agent, equals, file = argument.partition("=")
-    options = ""
-    if _OPTIONS in file and not Path(file).is_file():
-        file, _, options = file.rpartition(_OPTIONS)
-        file += _OPTIONS.removesuffix("+")
+    file, options = file_and_options(file)
     if not equals or not Path(file).is_file():
         raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")
     if agent not in RECIPES:

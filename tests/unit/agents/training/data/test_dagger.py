@@ -128,6 +128,14 @@ def test_agents_come_by_name_by_reference_and_by_their_weights(tmp_path: Path) -
         agent_of(Mixture("tcp", str(tmp_path / "none.safetensors"), 0.5))
 
 
+def test_options_of_the_agent_stand_behind_its_weights() -> None:
+    agent = agent_of(Mixture("tcp", f"{SHIPPED / 'tcp.safetensors'}+tuning=published", 0.5, (), "mkz"))
+    assert isinstance(agent, TCP)
+    assert (type(agent.vehicle), agent.tuning) == (Mkz, "published")
+    with pytest.raises(UsageError, match="Did you mean 'tuning'"):
+        agent_of(Mixture("tcp", f"{SHIPPED / 'tcp.safetensors'}+tunin=published", 0.5))
+
+
 def test_on_another_vehicle_both_drive_it() -> None:
     mixed = Mixture("tcp", str(SHIPPED / "tcp.safetensors"), 1.0, (), "mkz")
     agent = agent_of(mixed)
