@@ -4,8 +4,10 @@ The perfect network is the privileged expert. At a tick the world is snapshot, a
 3 s, and the world is put back: what the fork did are the waypoints, the line that it followed is the path. So whatever
 is lost against the expert's own driving is lost by the controller, and not by eyes that see badly.
 
-`--published` drives TCP, UniAD and VAD with the published gains and target rules instead, `--settings` under
-perturbations: latency shows how stiff a controller is, GPS noise what its target point does to it.
+`--vehicle` is what is driven, `--tuning` whose numbers the controllers have: ours, made for the bicycle and converted
+for another vehicle, or the published ones, made for CARLA's car, as they are. Several of each stand for all pairs of
+them. `--settings` drives under perturbations: latency shows how stiff a controller is, GPS noise what its target point
+does to it.
 """
 
 from __future__ import annotations
@@ -15,17 +17,21 @@ import math
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 
 from rich.progress import track
 
+from drive_robust_agents._planning.vehicle import Pedals as BicyclePedals
+from drive_robust_agents._planning.vehicle import vehicle_called
 from drive_robust_agents._wrappers import tuning
-from drive_robust_agents._wrappers.path_controller import PathController
+from drive_robust_agents._wrappers.path_controller import PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Pedals, Point, WaypointController, WaypointTuning
 from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.labels import path_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.perturbations import Setting
@@ -34,7 +40,12 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.routes import resolve_routes
 
-TUNINGS = {"tcp": (tuning.TCP, 4), "uniad": (tuning.UNIAD, 6), "vad": (tuning.VAD, 6)}
+TUNINGS: dict[str, dict[tuning.Tuning, tuple[WaypointTuning, int]]] = {
+    "tcp": {"ours": (tuning.TCP, 4), "published": (tuning.TCP_PUBLISHED, 4)},
+    "uniad": {"ours": (tuning.UNIAD, 6), "published": (tuning.UNIAD_PUBLISHED, 6)},
+    "vad": {"ours": (tuning.VAD, 6), "published": (tuning.VAD_PUBLISHED, 6)},
+}
+PATHS = {"ours": tuning.SIMLINGO, "published": tuning.SIMLINGO_PUBLISHED}
 AGENTS = ("expert", *TUNINGS, "simlingo")
 SPEED_POINTS = 10
 
@@ -44,6 +55,8 @@ Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
 class Perfect:
     """An agent whose waypoints are the expert's own future; `make` makes an episode's controller.
 
+    What the controller gives is driven on `vehicle` as it is, or `converts` it from the bicycle first.
+
     The expert drives on anew when the future that is known is `every` ticks old. Ticks are those of the observations:
     under a setting that holds controls, `act` is not called in each of them.
     """
@@ -51,7 +64,17 @@ class Perfect:
     privileged = True
     consumes = frozenset({"gps", "compass", "speed"})
 
-    def __init__(self, simulator: EmbeddedSimulator, make: Callable[[], Steer], *, horizon_s: float, every: int):
+    def __init__(
+        self,
+        simulator: EmbeddedSimulator,
+        make: Callable[[], Steer],
+        *,
+        horizon_s: float,
+        every: int,
+        vehicle: str = "bicycle",
+        converts: bool = False,
+    ):
+        self._vehicle, self._converts = vehicle, converts
         self._simulator, self._make, self._every = simulator, make, every
         self._ticks = round(20.0 * horizon_s) + every
 
@@ -59,7 +82,7 @@ class Perfect:
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        self.expert, self._planner, self._steer = Expert(), RoutePlanner(route), self._make()
+        self.expert, self._planner, self._steer = Expert(self._vehicle), RoutePlanner(route), self._make()
         self.expert.reset(route, seed)
         self._future: list[EgoState] = []
         self._tick = self._branched = 0
@@ -74,7 +97,12 @@ class Perfect:
         target = self._planner.step(gps.x_m, gps.y_m)
         local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
         pedals = self._steer(self, ego, observation.speed.mps, local)
-        return Control(pedals.throttle, pedals.steer, pedals.brake)
+        throttle, steer, brake = pedals.throttle, pedals.steer, pedals.brake
+        if self._converts:
+            drives = vehicle_called(self._vehicle, agent="expert")
+            throttle, brake = drives.as_bicycle(observation.speed.mps, BicyclePedals(throttle, brake))
+            steer = drives.steer_as_bicycle(steer)
+        return Control(throttle, steer, brake)
 
     @property
     def age_ticks(self) -> int:
@@ -114,25 +142,25 @@ def by_waypoints(numbers: WaypointTuning, count: int) -> Callable[[], Steer]:
     return make
 
 
-def by_path() -> Steer:
-    controller = PathController()
-    return lambda net, ego, mps, _: controller.step(net.path(ego), net.waypoints(ego, 0.25, SPEED_POINTS), mps)
+def by_path(numbers: PathTuning) -> Callable[[], Steer]:
+    def make() -> Steer:
+        controller = PathController(numbers)
+        return lambda net, ego, mps, _: controller.step(net.path(ego), net.waypoints(ego, 0.25, SPEED_POINTS), mps)
+
+    return make
 
 
-def published(numbers: WaypointTuning) -> WaypointTuning:
-    """Return Bench2Drive's gains and rules with the caps of ours."""
-    caps = ("cruise_throttle", "free_throttle", "coast_above_mps")
-    return replace(tuning.PUBLISHED, **{name: getattr(numbers, name) for name in caps})
-
-
-def agent_of(name: str, simulator: EmbeddedSimulator, given: argparse.Namespace) -> Perfect | Expert:
+def agent_of(
+    name: str, simulator: EmbeddedSimulator, *, vehicle: str, tuned: tuning.Tuning, every: int
+) -> Perfect | Expert:
     if name == "expert":
-        return Expert()
+        return Expert(vehicle)
     if name == "simlingo":
-        return Perfect(simulator, by_path, horizon_s=0.25 * SPEED_POINTS, every=given.every)
-    numbers, count = TUNINGS[name]
-    make = by_waypoints(published(numbers) if given.published else numbers, count)
-    return Perfect(simulator, make, horizon_s=0.5 * count, every=given.every)
+        make, horizon_s = by_path(PATHS[tuned]), 0.25 * SPEED_POINTS
+    else:
+        numbers, count = TUNINGS[name][tuned]
+        make, horizon_s = by_waypoints(numbers, count), 0.5 * count
+    return Perfect(simulator, make, horizon_s=horizon_s, every=every, vehicle=vehicle, converts=tuned == "ours")
 
 
 def main() -> None:
@@ -141,21 +169,32 @@ def main() -> None:
     parser.add_argument("--routes", default="one-per-scenario", help="a named set, a route file, or route ids")
     parser.add_argument("--settings", default="clean", help="sentences, separated by commas")
     parser.add_argument("--every", type=int, default=8, help="a new branch every so many ticks (default: 8)")
-    parser.add_argument("--published", action="store_true", help="published gains and target rules")
+    parser.add_argument("--vehicle", default="bicycle", help="bicycle, mkz, or both, separated by commas")
+    parser.add_argument("--tuning", default="ours", help="ours, published, or both, separated by commas")
     given = parser.parse_args()
-    for name in given.agents.split(","):
-        for setting in map(Setting.parse, given.settings.split(",")):
-            scores, failed = [], []
-            for route in track(resolve_routes(given.routes), f"{name}, {setting}", transient=True):
-                simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0))
-                agent = agent_of(name, simulator, given)
-                result = drive_episode(simulator, agent, route=route, setting=setting, seed=0, agent_name=name)
-                if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-                    raise SystemExit(f"{name} on {route.label}: {result.end_detail}")
-                scores.append(driving_score(result))
-                failed += [] if is_success(result) else [route.label]
-            success = f"{len(scores) - len(failed)}/{len(scores)}"
-            print(f"{name:9s} {setting!s:20s} SR {success}  DS {statistics.mean(scores):.1f}  {', '.join(failed)}")
+    vehicles, agents = given.vehicle.split(","), given.agents.split(",")
+    settings = [Setting.parse(one) for one in given.settings.split(",")]
+    tunings = [tuning.tuning_called(one, agent="tcp") for one in given.tuning.split(",")]
+    for vehicle, name, tuned, setting in product(vehicles, agents, tunings, settings):
+        if name != "expert" or tuned == tunings[0]:
+            drive(name, setting, vehicle=vehicle, tuned=tuned, routes=resolve_routes(given.routes), every=given.every)
+
+
+def drive(
+    name: str, setting: Setting, *, vehicle: str, tuned: tuning.Tuning, routes: Sequence[Route], every: int
+) -> None:
+    scores, failed = [], []
+    for route in track(routes, f"{name}, {setting}", transient=True):
+        simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0, vehicle=vehicle))
+        agent = agent_of(name, simulator, vehicle=vehicle, tuned=tuned, every=every)
+        result = drive_episode(simulator, agent, route=route, setting=setting, seed=0, agent_name=name)
+        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+            raise SystemExit(f"{name} on {route.label}: {result.end_detail}")
+        scores.append(driving_score(result))
+        failed += [] if is_success(result) else [route.label]
+    who = f"{vehicle:8s} {name:9s} {'' if name == 'expert' else tuned:10s} {setting!s:20s}"
+    success = f"{len(scores) - len(failed)}/{len(scores)}"
+    print(f"{who} SR {success}  DS {statistics.mean(scores):.1f}  {', '.join(failed)}", flush=True)
 
 
 if __name__ == "__main__":

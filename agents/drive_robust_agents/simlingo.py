@@ -31,11 +31,13 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
-from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter
+from drive_robust_agents._wrappers import tuning as numbers
+from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, PublishedCar
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
+from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
 
@@ -63,7 +65,8 @@ class SimLingo(LearnedAgent):
     * `"elapsed"`: where the same filter has it, told by the observation's tick how long ago the last call was;
     * `"none"`: where GPS and compass have it.
 
-    The first two are the same to the bit while it is asked in every tick.
+    The first two are the same to the bit while it is asked in every tick. Both predict with `vehicle`, or with
+    `tuning="published"` with the published model of CARLA's car. `vehicle` and `tuning` are those of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"`
     or `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
@@ -88,6 +91,8 @@ class SimLingo(LearnedAgent):
         *,
         safety: bool = False,
         position_filter: Filtered | None = None,
+        vehicle: str = "bicycle",
+        tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
@@ -102,7 +107,10 @@ class SimLingo(LearnedAgent):
         self.commentary, self.safety = commentary, safety
         self.instruction = None if instruction is None else parse_instruction(instruction)
         self._method = GENERATE if commentary else "forward"
-        super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
+        super().__init__(
+            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            weights=weights, network=network,
+        )  # fmt: skip
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return one wide camera above and behind the driver."""
@@ -111,7 +119,8 @@ class SimLingo(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        self._filter, self._controller, self._creep = PositionFilter(), PathController(), Creep()
+        path = numbers.SIMLINGO if self.tuning == "ours" else numbers.SIMLINGO_PUBLISHED
+        self._filter, self._controller, self._creep = self._made_filter(), PathController(path), Creep()
         self._last: Control | None = None
         self._tick: int | None = None
         self.said = ""
@@ -139,6 +148,9 @@ class SimLingo(LearnedAgent):
             ticks = max(1, observation.tick - before)
         return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
 
+    def _made_filter(self) -> PositionFilter:
+        return PositionFilter(self.vehicle if self.tuning == "ours" else PublishedCar())
+
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)
         if self.instruction is not None:
@@ -156,8 +168,9 @@ class SimLingo(LearnedAgent):
         pedals = self._controller.step(path, waypoints, observation.speed.mps)
         control = Control(pedals.throttle, pedals.steer, pedals.brake)
         if self._creep.step(observation.speed.mps):
-            control = Control(Creep.THROTTLE, pedals.steer)
-        self._last = _FULL_BRAKE if self._last is None else control
+            least = pedals.throttle if self.tuning == "published" else 0.0
+            control = Control(max(Creep.THROTTLE, least), pedals.steer)
+        self._last = _FULL_BRAKE if self._last is None else self._given(control, observation.speed.mps)
         return self._last
 
 

@@ -5,7 +5,8 @@ and what ties them, the measurements (speed, target point, command), the target 
 and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
 four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
 wrapper is why GPS noise hurts it and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what
-of the network is not kept; gains and caps are those of our vehicle (`_wrappers.tuning`).
+of the network is not kept; gains and caps are those of our vehicle (`_wrappers.tuning`), with
+`tuning="published"` those of CARLA's.
 
 `mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
 `"ctrl"` by the control branch alone; `"fused"` by both, as the paper does.
@@ -23,9 +24,10 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.weights import SHIPPED
-from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
+from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.errors import UsageError
 
@@ -67,6 +69,8 @@ class Fusion:
 class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
+    `vehicle` and `tuning` are those of `LearnedAgent`.
+
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
     tests. Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
@@ -82,6 +86,8 @@ class TCP(LearnedAgent):
         self,
         mode: Mode = "traj",
         *,
+        vehicle: str = "bicycle",
+        tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
@@ -92,7 +98,10 @@ class TCP(LearnedAgent):
         if mode not in get_args(Mode):
             raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
         self.mode: Mode = mode
-        super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
+        super().__init__(
+            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            weights=weights, network=network,
+        )  # fmt: skip
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return one wide camera at the front edge of the roof."""
@@ -101,7 +110,8 @@ class TCP(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        self._controller, self._fusion = WaypointController(tuning.TCP), Fusion()
+        self._numbers = numbers.TCP if self.tuning == "ours" else numbers.TCP_PUBLISHED
+        self._controller, self._fusion = WaypointController(self._numbers), Fusion()
         self._coasts = True
 
     def _look(self, observation: Observation) -> NetworkRow:
@@ -130,10 +140,12 @@ class TCP(LearnedAgent):
         if self.mode != "traj":
             direct = _direct(outputs["action"].tolist())
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
-            most = 0.0 if control.brake > 0.5 else capped_throttle(tuning.TCP, speed_mps, control.steer)
+            if self._numbers.full_brake and control.brake > 0.0:
+                control = Control(control.throttle, control.steer, 1.0)
+            most = 0.0 if control.brake > 0.5 else capped_throttle(self._numbers, speed_mps, control.steer)
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
-        return control
+        return self._given(control, speed_mps)
 
 
 def _direct(action: Sequence[float]) -> Control:

@@ -23,8 +23,8 @@ have); the memory is 0.5 s old at run time too.
 
 The wrapper is that of Bench2DriveZoo's `uniad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no throttle above a
-speed (5 m/s there), the brake dropped where the throttle is larger. Gains and that speed are those of our vehicle
-(`_wrappers.tuning`).
+speed (5 m/s there), the brake dropped where the throttle is larger. Gains and target rules are those of our vehicle
+(`_wrappers.tuning`), with `tuning="published"` those of CARLA's.
 """
 
 from __future__ import annotations
@@ -39,9 +39,11 @@ from numpy.typing import NDArray
 from drive_robust_agents._nets.bev_grid import BevSpec
 from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.weights import SHIPPED
-from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.bev_agent import BevAgent
 from drive_robust_agents._wrappers.collision import clear_of
+from drive_robust_agents._wrappers.pid import WaypointTuning
+from drive_robust_agents._wrappers.tuning import Tuning
 
 __all__ = ["OCCUPIED_FROM", "UniAD"]
 
@@ -54,7 +56,9 @@ _CENTRES = BevSpec().centres(finer=2)
 class UniAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints clear of what will be occupied, a control out.
 
-    `optimise=False` leaves the plan as the network gives it. `weights` is a file with its `manifest.json` beside it;
+    `optimise=False` leaves the plan as the network gives it. `vehicle` and `tuning` are those of `LearnedAgent`.
+
+    `weights` is a file with its `manifest.json` beside it;
     those that ship by default. `engine` is `"onnx"` or `"torch"`; `device`, `dtype` and `threads` are those of
     `_nets.inference`. `network` replaces the network, for tests. Raises `UsageError` for weights that are missing or
     not what their manifest says.
@@ -64,13 +68,18 @@ class UniAD(BevAgent):
     architecture = "uniad:UniadNet"
     weights = (SHIPPED / "uniad.safetensors", SHIPPED / "uniad.onnx")
     configuration: ClassVar[Mapping[str, object]] = {"engine": "onnx", "dtype": "float32", "optimise": True}
-    tuning = tuning.UNIAD
+    tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {
+        "ours": numbers.UNIAD,
+        "published": numbers.UNIAD_PUBLISHED,
+    }
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}
 
     def __init__(
         self,
         *,
         optimise: bool = True,
+        vehicle: str = "bicycle",
+        tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
@@ -78,7 +87,10 @@ class UniAD(BevAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        super().__init__(engine=engine, device=device, dtype=dtype, threads=threads, weights=weights, network=network)
+        super().__init__(
+            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            weights=weights, network=network,
+        )  # fmt: skip
         self._optimise = optimise
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:

@@ -19,7 +19,8 @@ ahead (auxiliaries that the published model does not have); the memory is 0.5 s 
 
 The wrapper is that of Bench2DriveZoo's `vad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, a throttle
-that no speed cuts, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`).
+that no speed cuts, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`),
+with `tuning="published"` those of CARLA's.
 """
 
 from __future__ import annotations
@@ -28,14 +29,18 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from drive_robust_agents._nets.weights import SHIPPED
-from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.bev_agent import BevAgent
+from drive_robust_agents._wrappers.pid import WaypointTuning
+from drive_robust_agents._wrappers.tuning import Tuning
 
 __all__ = ["VAD"]
 
 
 class VAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
+
+    `vehicle` and `tuning` are those of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
@@ -46,5 +51,5 @@ class VAD(BevAgent):
     architecture = "vad:VadNet"
     weights = (SHIPPED / "vad.safetensors", SHIPPED / "vad.onnx")
     configuration: ClassVar[Mapping[str, str]] = {"engine": "onnx", "dtype": "float32"}
-    tuning = tuning.VAD
+    tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.VAD, "published": numbers.VAD_PUBLISHED}
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}

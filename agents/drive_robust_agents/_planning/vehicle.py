@@ -58,6 +58,10 @@ class Vehicle(Protocol):
     """What a control does to a vehicle, and backwards. Its middle is `rear_m` before the rear axle."""
 
     rear_m: float
+    wheelbase_m: float
+    """Wheels that are turned by a small angle make its middle follow a curvature of the angle over this."""
+    steer_max_rad: float
+    """What a full `steer` turns the wheels by."""
     steer_delay_s: float
     """The wheels follow the steering late by about this much."""
 
@@ -73,6 +77,9 @@ class Vehicle(Protocol):
     def as_bicycle(self, speed_mps: float, pedals: Pedals) -> Pedals:
         """Return the pedals that accelerate this vehicle as much as `pedals` accelerate the bicycle."""
 
+    def steer_as_bicycle(self, steer: float) -> float:
+        """Return the steering with which this vehicle follows the curvature that the bicycle follows with `steer`."""
+
     def moved(self, speed_mps: float, control: Control) -> Moved:
         """Return what a control does in a tick, but for lags, drag and the limits of grip."""
 
@@ -81,6 +88,7 @@ class Bicycle:
     """The world's own: a kinematic bicycle with drag, a power limit, lags and a steering rate."""
 
     rear_m = 0.5 * WHEELBASE_M
+    wheelbase_m, steer_max_rad = WHEELBASE_M, STEER_MAX_RAD
     steer_delay_s = 0.15
 
     def steer(self, curvature_per_m: float) -> float:
@@ -101,6 +109,10 @@ class Bicycle:
         """Return the pedals as they are."""
         return pedals
 
+    def steer_as_bicycle(self, steer: float) -> float:
+        """Return the steering as it is."""
+        return steer
+
     def moved(self, speed_mps: float, control: Control) -> Moved:
         """Return the tick of a kinematic bicycle about its middle."""
         tangent = tan(control.steer * STEER_MAX_RAD)
@@ -114,6 +126,7 @@ class Mkz:
     """CARLA's Lincoln MKZ as it was fitted: see `mkz`."""
 
     rear_m = mkz.REAR_M
+    wheelbase_m, steer_max_rad = mkz.FRONT_M + mkz.REAR_M, mkz.STEER_MAX_RAD
     steer_delay_s = 0.0
 
     def steer(self, curvature_per_m: float) -> float:
@@ -139,6 +152,11 @@ class Mkz:
         engine = min(ACCEL_MAX_MPS2, POWER_WPKG / max(speed_mps, 1.0))
         push = -BRAKE_MAX_MPS2 * pedals.brake if pedals.brake > 0.0 else engine * pedals.throttle
         return self.pedals(speed_mps, push - 0.12 - 0.018 * speed_mps - 0.0006 * speed_mps * speed_mps)
+
+    def steer_as_bicycle(self, steer: float) -> float:
+        """Return the steering by the curvature of the bicycle's middle, its slip included."""
+        tangent = tan(steer * STEER_MAX_RAD)
+        return self.steer(cos(atan(0.5 * tangent)) * tangent / WHEELBASE_M)
 
     def moved(self, speed_mps: float, control: Control) -> Moved:
         """Return the tick by the fits."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.memory import Memory, Sensed, can_bus, motion_between
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
+from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 
 __all__ = ["CAMERAS", "BevAgent"]
@@ -25,8 +26,8 @@ CAMERAS = rig("nuscenes", width_px=160, height_px=96)
 class BevAgent(LearnedAgent):
     """Six pictures, a command and a can bus in, waypoints out; what an episode remembers is in here.
 
-    A subclass gives the `tuning` of its controller and says in `remembers` which outputs of its network come back
-    0.5 s later. The network is run with
+    A subclass gives the numbers of its controller, `tunings`, and says in `remembers` which outputs of its network come
+    back 0.5 s later. The network is run with
 
     ============ ================== ============================================================
     name         shape and type     meaning
@@ -43,7 +44,7 @@ class BevAgent(LearnedAgent):
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "imu", "speed"})
-    tuning: ClassVar[WaypointTuning]
+    tunings: ClassVar[Mapping[Tuning, WaypointTuning]]
     remembers: ClassVar[Mapping[str, tuple[int, ...]]]
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -53,7 +54,7 @@ class BevAgent(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        self._controller, self._memory = WaypointController(self.tuning), Memory(self.remembers)
+        self._controller, self._memory = WaypointController(self.tunings[self.tuning]), Memory(self.remembers)
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         """Return the plan (6, 2) from the outputs of one row; for agents that change it after the network."""
@@ -83,4 +84,4 @@ class BevAgent(LearnedAgent):
         self._planned = PlannedPath(path=way, target_points=targets, speed_points=way)
         pedals = self._controller.step(way, observation.speed.mps, targets[0])
         brake = 0.0 if pedals.throttle > pedals.brake else pedals.brake
-        return Control(throttle=pedals.throttle, steer=pedals.steer, brake=brake)
+        return self._given(Control(pedals.throttle, pedals.steer, brake), observation.speed.mps)

@@ -4,7 +4,8 @@ A Kalman filter over position, yaw and speed that hardly believes the GPS (gain 
 compass and the speedometer, and predicts with a bicycle driven by the agent's *own last command*. So position noise
 averages out within seconds, while a speedometer that reads too low leaves the estimate metres behind the vehicle.
 
-Noises as published (SimLingo `team_code/agent_simlingo.py`); the bicycle is that of our vehicle. The published filter
+Noises as published (SimLingo `team_code/agent_simlingo.py`); the bicycle is that of the vehicle that is driven, or with
+`PublishedCar` the published one. The published filter
 is an unscented one, this is an extended one: with yaw and speed measured practically without noise their predictions
 agree. Ours moves at once, so that the published 40 ticks of pretended braking at the start are left out.
 
@@ -17,13 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
-from drive_robust_agents._planning.vehicle import Bicycle, Vehicle
+from drive_robust_agents._planning.vehicle import Bicycle, Mkz, Moved
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
-__all__ = ["PoseEstimate", "PositionFilter"]
+__all__ = ["Moving", "PoseEstimate", "PositionFilter", "PublishedCar"]
 
 _DT_S = 0.05
 _FIRST = (0.5, 0.5, 1e-6, 1e-6)
@@ -43,13 +44,38 @@ class PoseEstimate(NamedTuple):
     speed_mps: float
 
 
+class Moving(Protocol):
+    """What a filter asks of a vehicle."""
+
+    def moved(self, speed_mps: float, control: Control) -> Moved:
+        """Return what a control does in a tick."""
+
+
+class PublishedCar:
+    """CARLA's car as the published filter has it (`bicycle_model_forward`, World on Rails' fit).
+
+    It turns as the `mkz` does. Any brake is one of 4.952399 m/s2, else the throttle gives up to 0.5633837 m/s2: what
+    they do to the speed hardly shows, as the speedometer is believed.
+    """
+
+    THROTTLE_MPS2, BRAKE_MPS2 = 0.5633837, 4.952399
+
+    def __init__(self) -> None:
+        self._turning = Mkz()
+
+    def moved(self, speed_mps: float, control: Control) -> Moved:
+        """Return the tick of the published model."""
+        push = -self.BRAKE_MPS2 if control.brake > 0.0 else self.THROTTLE_MPS2 * control.throttle
+        return self._turning.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + _DT_S * push, 0.0))
+
+
 class PositionFilter:
     """Predicts by the last command, then corrects by GPS, compass and speedometer; one object per episode.
 
     The first estimate is the first measurement. `vehicle` is what the commands drive, the bicycle unless it is given.
     """
 
-    def __init__(self, vehicle: Vehicle | None = None) -> None:
+    def __init__(self, vehicle: Moving | None = None) -> None:
         self._vehicle = vehicle or Bicycle()
         self._state: PoseEstimate | None = None
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
@@ -79,7 +105,7 @@ class PositionFilter:
         return self._state
 
 
-def _predicted(vehicle: Vehicle, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
+def _predicted(vehicle: Moving, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
     """Predict one tick about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
     slip, turn, after = vehicle.moved(v, last)

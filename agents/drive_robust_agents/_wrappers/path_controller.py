@@ -32,9 +32,9 @@ class PathTuning:
     angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the one between the waypoints of the
     numbers `speed_from` and `speed_to`, counted from 0; it means to stop below `brake_below_mps`.
 
-    Published: a gain of 3.118, 0.351 s and at least 2.4 m, with which our vehicle overshoots when it changes lanes; the
-    waypoints 0 and 2, with which a small network, whose plans slow down too gently, begins to brake too late, and a
-    stop below 0.4 m/s.
+    Published (`tuning.SIMLINGO_PUBLISHED`): a gain of 3.118, 0.351 s and at least 2.4 m, with which our vehicle
+    overshoots when it changes lanes; the waypoints 0 and 2, with which a small network, whose plans slow down too
+    gently, begins to brake too late, and a stop below 0.4 m/s.
     """
 
     turn: Gains = _TURN

@@ -72,7 +72,8 @@ class WaypointTuning:
     units of 90 degrees, and `target_within_m` the distance, from which a target overrules the waypoints;
     `calm_within_m` is how near a target must be to be preferred for its smaller angle. `speed_pairs` is how many pairs
     of waypoints tell the wanted speed. `cruise_throttle` is what remains of the throttle above `free_mps`, or above
-    `free_turning_mps` where it steers by more than `turning`; above `coast_above_mps` there is none.
+    `free_turning_mps` where it steers by more than `turning`; above `coast_above_mps` there is none. `full_brake`: its
+    agent makes any brake a full one.
     """
 
     turn: Gains
@@ -92,6 +93,7 @@ class WaypointTuning:
     free_turning_mps: float = 1.0
     turning: float = 0.07
     coast_above_mps: float = math.inf
+    full_brake: bool = False
 
 
 class Pedals(NamedTuple):

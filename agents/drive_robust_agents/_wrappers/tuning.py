@@ -5,15 +5,29 @@ leave its lane: a target straight ahead always has the smaller angle. So the gai
 near the target only, two pairs of waypoints tell the speed (more of them see a start before it is due), and a wish
 below 0.8 m/s means to stop. The caps keep their order: TCP's throttle is cut above walking pace, UniAD's is shut off
 at a speed, VAD's is the same at every speed.
+
+`"published"` numbers are those of the released agents, unchanged, for CARLA's car: TCP's from Bench2DriveZoo
+`TCP/config.py`, `TCP/model.py` and `team_code/tcp_b2d_agent.py`, UniAD's and VAD's from `team_code/pid_controller.py`
+and `team_code/{uniad,vad}_b2d_agent.py` of the same repository, SimLingo's from `team_code/nav_planner.py`,
+`config_simlingo.py` and `agent_simlingo.py`.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal, get_args
 
+from drive_robust_agents._wrappers.path_controller import PathTuning
 from drive_robust_agents._wrappers.pid import Gains, WaypointTuning
+from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["PUBLISHED", "TCP", "UNIAD", "VAD"]
+__all__ = [
+    "PUBLISHED", "SIMLINGO", "SIMLINGO_PUBLISHED", "TCP", "TCP_PUBLISHED", "UNIAD", "UNIAD_PUBLISHED", "VAD",
+    "VAD_PUBLISHED", "Tuning", "tuning_called",
+]  # fmt: skip
+
+Tuning = Literal["ours", "published"]
+"""Whose numbers a controller has. Ours are for the bicycle; for another vehicle what they give is converted."""
 
 _SPEED = Gains(p=5.0, i=0.5, d=1.0, window=40)
 
@@ -25,7 +39,21 @@ PUBLISHED = WaypointTuning(
     target_within_m=10.0,
     brake_below_mps=0.4,
 )
-"""Bench2Drive's numbers, without caps: for comparison."""
+"""Bench2Drive's numbers, without caps: aim 4 m, brake ratio 1.1, clip 0.25, most throttle 0.75 are those above, too."""
+TCP_PUBLISHED = replace(
+    PUBLISHED,
+    free_throttle=0.5,
+    cruise_throttle=0.05,
+    free_mps=1.5,
+    free_turning_mps=1.0,
+    turning=0.07,
+    full_brake=True,
+)
+"""The caps of `tcp_b2d_agent.py`: 0.05 above 1.5 m/s (1.0 m/s beyond a steering of 0.07), 0.5 below; full brakes."""
+UNIAD_PUBLISHED = replace(PUBLISHED, coast_above_mps=5.0)
+"""`uniad_b2d_agent.py`: no throttle above 5 m/s."""
+VAD_PUBLISHED = PUBLISHED
+"""`vad_b2d_agent.py` has no cap but that of the controller, 0.75."""
 
 _SHARED = WaypointTuning(
     turn=Gains(p=2.25, i=0.5, d=0.5, window=40),
@@ -42,3 +70,28 @@ UNIAD = replace(_SHARED, coast_above_mps=5.0)
 VAD = replace(_SHARED, most_throttle=0.3)
 """Published: 0.75, which is 3.75 m/s2 here and too much for a small network's foresight: the same weights drove 8 of 44
 held-out routes with 0.75 and 15 with 0.3."""
+SIMLINGO = PathTuning()
+SIMLINGO_PUBLISHED = PathTuning(
+    turn=Gains(p=3.118357247806046, i=0.6406067986034124, d=1.3782508892109167, window=6),
+    speed=Gains(p=1.75, i=1.0, d=2.0, window=20),
+    look_s=0.36 * 0.9755321901954155,
+    look_m=0.1 * 1.9152884533402488,
+    least_look_m=2.4,
+    most_look_m=10.5,
+    speed_from=0,
+    speed_to=2,
+    brake_below_mps=0.4,
+    brake_ratio=1.1,
+    most_missing_mps=1.0,
+)
+"""`LateralPIDController(inference_mode=False)` counts speed in km/h and path points 0.1 m apart: hence 0.36 and 0.1. It
+takes the next whole point, this the place itself. The waypoints are those of 0.25 and 0.75 s."""
+
+
+def tuning_called(name: str, *, agent: str) -> Tuning:
+    """Return the name of a tuning. Raises `UnknownNameError` with a hint for `agent` where there is none."""
+    for known in get_args(Tuning):
+        if name == known:
+            tuning: Tuning = known
+            return tuning
+    raise UnknownNameError.of("tuning", name, get_args(Tuning), hint=f"As in '{agent}:tuning=published'.")

@@ -1,4 +1,7 @@
-"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`."""
+"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
+
+Options of the agent stand behind the file: `candidate:tcp=RUN/weights/000100000/tcp.safetensors+vehicle=mkz`.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from drive_robust_agents.training.data.dagger import file_and_options
 from drive_robust_agents.training.recipes.recipe import RECIPES
+from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry.entries import configured
 from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:
@@ -18,11 +24,14 @@ __all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
 
 
 class CandidateFactory:
-    """A factory of agents with one weight file. Their code, configuration and weights key their episodes."""
+    """A factory of agents with one weight file. Their code, configuration and weights key their episodes.
 
-    def __init__(self, agent: str, file: Path) -> None:
+    `options` are those of the agent, as they stand behind its name. Raises `UsageError` for options that it lacks.
+    """
+
+    def __init__(self, agent: str, file: Path, options: str = "") -> None:
         cls = default_registry().entry("agents", agent).load()
-        self._make = cast("Callable[..., Agent]", cls)
+        self._make = cast("Callable[..., Agent]", configured(agent, cls, options) if options else cls)
         self._file = file
         self.__wrapped__ = cls
         self.__module__ = cls.__module__
@@ -40,21 +49,22 @@ class CandidateFactory:
         self()
 
 
-def candidate_name(agent: str, file: Path) -> str:
-    """Return what to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
-    return f"candidate:{agent}={file.absolute()}"
+def candidate_name(agent: str, file: Path, *, vehicle: str = VEHICLES[0]) -> str:
+    """Return what to call the agent of a weight file on a vehicle, once `pytest_drive_robust_register` was called."""
+    return f"candidate:{agent}={file.absolute()}{'' if vehicle == VEHICLES[0] else f'+vehicle={vehicle}'}"
 
 
 def candidate(argument: str) -> CandidateFactory:
-    """Return the factory of `AGENT=FILE`. Raises `UsageError`."""
+    """Return the factory of `AGENT=FILE` or `AGENT=FILE+OPTIONS`. Raises `UsageError`."""
     agent, equals, file = argument.partition("=")
+    file, options = file_and_options(file)
     if not equals or not Path(file).is_file():
         raise UsageError(f"'candidate:{argument}': expected candidate:AGENT=FILE with a weight file that exists.")
     if agent not in RECIPES:
         raise UnknownNameError.of("learned agent", agent, RECIPES)
-    return CandidateFactory(agent, Path(file).absolute())
+    return CandidateFactory(agent, Path(file).absolute(), options)
 
 
 def pytest_drive_robust_register(registry: Registry) -> None:
-    """Make `candidate:AGENT=FILE` an agent."""
-    registry.register_agent("candidate", candidate, argument="AGENT=FILE")
+    """Make `candidate:AGENT=FILE+OPTIONS` an agent."""
+    registry.register_agent("candidate", candidate, argument="AGENT=FILE+OPTIONS")

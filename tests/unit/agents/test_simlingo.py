@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ torch = pytest.importorskip("torch")
 
 from drive_robust_agents._nets import prompts, words  # noqa: E402
 from drive_robust_agents._nets.simlingo import SimLingoNet, SimLingoSpec  # noqa: E402
+from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents._wrappers.path_controller import Creep  # noqa: E402
 from drive_robust_agents.simlingo import CAMERAS, SimLingo, SimLingoElapsed, SimLingoUnfiltered  # noqa: E402
 from drive_robust_agents.training.data.rigs import agent_rig  # noqa: E402
@@ -228,3 +231,34 @@ def test_it_may_be_driven_in_lockstep_where_the_processor_keeps_rows_apart(weigh
     ]
     problem = check_lockstep(lambda: SimLingo(commentary, weights=weights), drives, widths=(4, 8))
     assert problem is None or "in other company" in problem  # the last bits of products are up to the processor
+
+
+def test_the_filter_predicts_with_the_vehicle_or_with_the_published_car() -> None:
+    """A compass that says nothing leaves the yaw to the prediction."""
+    turned = {}
+    for vehicle, tuned in (("bicycle", "ours"), ("mkz", "ours"), ("mkz", "published"), ("bicycle", "published")):
+        driver, _ = agent(vehicle=vehicle, tuning=tuned)
+        driver._last = Control(steer=1.0)
+        driver._place(seen(0, speed=4.0))
+        blind = replace(seen(1, speed=4.0), compass=Compass(math.nan, 1))
+        turned[vehicle, tuned] = driver._place(blind).yaw_rad
+    assert turned["mkz", "published"] == turned["bicycle", "published"]
+    assert turned["mkz", "ours"] == pytest.approx(turned["mkz", "published"], rel=1e-3)  # but for the acceleration
+    assert turned["mkz", "ours"] > 1.1 * turned["bicycle", "ours"] > 0.0
+
+
+def test_published_it_steers_by_the_published_gain_and_believes_the_first_waypoints() -> None:
+    published = tuning.SIMLINGO_PUBLISHED
+    assert (published.look_s, published.look_m) == pytest.approx((0.3512, 0.1915), abs=1e-4)
+    assert (published.speed_from, published.speed_to, published.brake_below_mps) == (0, 2, 0.4)
+    for name in ("ours", "published"):
+        driver, _ = agent(tuning=name)
+        numbers = published if name == "published" else tuning.SIMLINGO
+        assert driver._controller.tuning == numbers
+
+
+def test_published_it_creeps_with_what_the_controller_gives_where_that_is_more() -> None:
+    driver, _ = agent(tuning="published")
+    controls = [driver.act(seen(0, speed=0.0)) for _ in range(Creep.AFTER_TICKS + 3)]
+    assert controls[-1].throttle == 1.0
+    assert agent()[0].tuning == "ours"

@@ -51,9 +51,9 @@ def seen(tick: int = 0, *, x_m: float = 0.0, y_m: float = 0.0, speed: float = 4.
     return Observation(tick, *sensors, {CAMERA.name: Image(PIXELS, tick)})
 
 
-def driver(network: Scripted, mode: Mode = "traj") -> TCP:
+def driver(network: Scripted, mode: Mode = "traj", **options: Any) -> TCP:
     """An agent behind its first tick, which coasts."""
-    agent = TCP(mode, network=network)
+    agent = TCP(mode, network=network, **options)
     agent.reset(PLAN, 0)
     agent.act(seen())
     return agent
@@ -114,6 +114,18 @@ def test_the_throttle_is_capped_by_the_measured_speed_in_every_mode(mode: Mode) 
     fast = Scripted(mps=12.0, action=(0.0, 1.0))
     assert driver(fast, mode).act(seen(speed=5.0)).throttle == pytest.approx(tuning.TCP.cruise_throttle)
     assert driver(fast, mode).act(seen(speed=1.0)).throttle == pytest.approx(tuning.TCP.free_throttle)
+
+
+@pytest.mark.parametrize("mode", ["traj", "ctrl", "fused"])
+def test_published_the_throttle_is_a_twentieth_above_walking_pace(mode: Mode) -> None:
+    fast = Scripted(mps=12.0, action=(0.0, 1.0))
+    given = [driver(fast, mode, tuning="published").act(seen(speed=speed)) for speed in (1.4, 1.6)]
+    assert [control.throttle for control in given] == pytest.approx([0.5, 0.05])
+
+
+def test_published_any_brake_is_a_full_one() -> None:
+    braking = Scripted(action=(0.5, -0.25))
+    assert driver(braking, "ctrl", tuning="published").act(seen(speed=3.0)) == Control(0.0, 0.5, 1.0)
 
 
 def test_fused_lets_the_trajectory_lead_on_straights_and_the_control_branch_in_turns() -> None:

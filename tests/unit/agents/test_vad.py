@@ -169,7 +169,10 @@ def test_the_plan_for_overlays_is_the_way_and_the_target() -> None:
 def test_the_throttle_is_the_same_at_every_speed_below_the_wish() -> None:
     agent, _ = spied()
     for tick, speed_mps in enumerate((0.0, 1.6, 3.0)):
-        assert agent.act(replace(observed(tick), speed=Speed(speed_mps, tick))).throttle == VAD.tuning.most_throttle
+        assert (
+            agent.act(replace(observed(tick), speed=Speed(speed_mps, tick))).throttle
+            == VAD.tunings["ours"].most_throttle
+        )
     fast = replace(observed(3), speed=Speed(8.0, 3))
     assert agent.act(fast) == replace(agent.act(fast), throttle=0.0, brake=1.0)
 
@@ -229,3 +232,10 @@ def test_a_network_built_from_the_plain_values_of_its_specification_is_the_same(
     assert VadNet.build(plain_spec(VadSpec(agents=8))).spec == VadSpec(agents=8)
     with pytest.raises(TypeError, match="agentes"):
         VadNet.build(plain_spec(VadSpec()) | {"agentes": 8})
+
+
+def test_published_it_has_the_throttle_of_the_controller_alone() -> None:
+    agent = VAD(tuning="published", network=Spy())
+    agent.reset(plan(RoadOption.STRAIGHT), 0)
+    asked = [agent.act(replace(observed(tick), speed=Speed(1.0, tick))).throttle for tick in range(3)]
+    assert asked == [0.75] * 3

@@ -23,13 +23,16 @@ from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpi
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
 from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
+from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.entries import configured
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 
-__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture"]
+__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "file_and_options"]
 
+_WEIGHTS = ".safetensors"
 _TURN_TICKS = (20, 60)
 _STUCK_S = 15.0
 """Nothing new is learnt from a learner that has stood so long."""
@@ -40,13 +43,16 @@ class Mixture:
     """Who drives: an agent by name or reference, or by a weights file, and the expert for a share `beta` of the time.
 
     `agent` is the learned agent that the data is for; its class reads the weights. Any other agent may drive, too.
-    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean.
+    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean. Both
+    drive `vehicle`; an agent that is named, and not a weights file, is told of it by its name (`tcp:vehicle=mkz`).
+    Behind a weights file stand options of its agent, as in `"tcp.safetensors+tuning=published"`.
     """
 
     agent: str
     driver: str
     beta: float
     settings: tuple[str, ...] = ()
+    vehicle: str = VEHICLES[0]
 
     def setting(self, rng: np.random.Generator) -> Setting:
         """Draw the setting of an episode. Raises `RequirementError` for a sentence that is none."""
@@ -56,13 +62,25 @@ class Mixture:
 def agent_of(mixture: Mixture) -> Agent:
     """Return a new agent. Raises `UsageError` where it does not load."""
     registry = default_registry()
-    if mixture.driver.endswith(".safetensors"):
-        file = Path(mixture.driver)
+    driver, options = file_and_options(mixture.driver)
+    if driver.endswith(_WEIGHTS):
+        file = Path(driver)
         if not file.is_file():
             raise UsageError(f"--dagger {mixture.driver}: there is no such weights file.")
-        factory = cast("Callable[..., Agent]", registry.entry("agents", mixture.agent).load())
-        return factory(weights=file)
+        loaded = registry.entry("agents", mixture.agent).load()
+        factory = cast("Callable[..., Agent]", configured(mixture.agent, loaded, options) if options else loaded)
+        return factory(weights=file, vehicle=mixture.vehicle)
     return registry.agent(mixture.driver)
+
+
+def file_and_options(text: str) -> tuple[str, str]:
+    """Return (file, options of the agent) of a text such as `"tcp.safetensors+tuning=published"`.
+
+    >>> file_and_options("a+b/tcp.safetensors+tuning=published"), file_and_options("tcp.safetensors")
+    (('a+b/tcp.safetensors', 'tuning=published'), ('tcp.safetensors', ''))
+    """
+    file, found, options = text.rpartition(f"{_WEIGHTS}+")
+    return (file + _WEIGHTS, options) if found else (text, "")
 
 
 def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np.bool_]:
@@ -81,7 +99,7 @@ def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: in
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S, vehicle=mixture.vehicle)
     simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)

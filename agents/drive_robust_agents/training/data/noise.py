@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.vehicle import STEER_MAX_RAD, WHEELBASE_M
+from drive_robust_agents._planning.vehicle import WHEELBASE_M, Bicycle, Vehicle
 
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 
@@ -13,7 +13,9 @@ Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
 """The share of episodes that have bursts."""
+_BICYCLE = Bicycle()
 _WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
+"""Of the bicycle's wheels; those of another vehicle turn by as much as makes it turn alike."""
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 
 
@@ -33,7 +35,11 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
     return added
 
 
-def burst_steer(strength: float, speed_mps: float) -> float:
-    """Return what to add to the steering (-1..1): up to 0.12 rad of wheel, and at speed up to 3 m/s2."""
-    most = min(_WHEEL_RAD, _LATERAL_MPS2 * WHEELBASE_M / max(speed_mps, 1.0) ** 2)
-    return strength * most / STEER_MAX_RAD
+def burst_steer(strength: float, speed_mps: float, *, vehicle: Vehicle = _BICYCLE) -> float:
+    """Return what to add to the steering (-1..1) of a vehicle.
+
+    Up to 0.12 rad of the bicycle's wheels or what turns another vehicle as much, and at speed up to 3 m/s2.
+    """
+    wheel = _WHEEL_RAD * (vehicle.wheelbase_m / WHEELBASE_M)
+    most = min(wheel, _LATERAL_MPS2 * vehicle.wheelbase_m / max(speed_mps, 1.0) ** 2)
+    return strength * most / vehicle.steer_max_rad

@@ -83,3 +83,17 @@ def test_the_mkz_brakes_at_once_and_pulls_by_and_by_as_the_bicycle_does_by_itsel
     assert (Bicycle().eased(-3.0, 2.0), Bicycle().eased(2.0, -3.0)) == (2.0, -3.0)
     assert Mkz().eased(2.0, -3.0) == -3.0
     assert -3.0 < Mkz().eased(-3.0, 2.0) < 2.0
+
+
+@given(steer=st.floats(-0.4, 0.4))
+def test_steering_made_for_the_bicycle_turns_the_mkz_as_much(steer: float) -> None:
+    assert Bicycle().steer_as_bicycle(steer) == steer
+    turned = Mkz().moved(5.0, Control(0.0, Mkz().steer_as_bicycle(steer))).turn_rad
+    assert turned == pytest.approx(Bicycle().moved(5.0, Control(0.0, steer)).turn_rad, abs=1e-9)
+
+
+@pytest.mark.parametrize("made", [Bicycle, Mkz])
+def test_wheels_at_a_small_angle_follow_it_over_the_wheelbase(made: type[Bicycle] | type[Mkz]) -> None:
+    driven = made()
+    turned = driven.moved(1.0, Control(0.0, 0.01)).turn_rad
+    assert turned / DT_S == pytest.approx(0.01 * driven.steer_max_rad / driven.wheelbase_m, rel=1e-3)

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drive_robust_agents._wrappers.kalman import PositionFilter
+from drive_robust_agents._planning.vehicle import Mkz
+from drive_robust_agents._wrappers.kalman import PositionFilter, PublishedCar
 from pytest_drive_robust import Control
 
 Floats = NDArray[np.float64]
@@ -109,3 +110,11 @@ def test_it_knows_no_preferred_direction(seed: int, turned: float) -> None:
         one = plain.step(x, y, yaw, 4.0, last)
         other = rotated.step(c * x - s * y, s * x + c * y, yaw + turned, 4.0, last)
     assert (other.x_m, other.y_m) == pytest.approx((c * one.x_m - s * one.y_m, s * one.x_m + c * one.y_m), abs=1e-6)
+
+
+def test_the_published_car_turns_as_the_mkz_and_hardly_accelerates() -> None:
+    given = Control(throttle=1.0, steer=0.3)
+    found, mkz = PublishedCar().moved(5.0, given), Mkz().moved(5.0, given)
+    assert (found.slip_rad, found.turn_rad) == (mkz.slip_rad, mkz.turn_rad)
+    assert found.speed_mps == pytest.approx(5.0 + 0.05 * 0.5633837)
+    assert PublishedCar().moved(5.0, Control(brake=0.1)).speed_mps == pytest.approx(5.0 - 0.05 * 4.952399)

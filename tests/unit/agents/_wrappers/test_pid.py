@@ -141,3 +141,16 @@ def test_uniad_coasts_at_speed_and_vad_does_not() -> None:
     above = tuning.UNIAD.coast_above_mps + 0.1
     assert step(tuning.UNIAD, driving(above + 5.0), above).throttle == 0.0
     assert step(tuning.VAD, driving(above + 5.0), above).throttle == tuning.VAD.most_throttle
+
+
+def test_the_published_numbers_are_those_of_the_released_agents() -> None:
+    for published in (tuning.TCP_PUBLISHED, tuning.UNIAD_PUBLISHED, tuning.VAD_PUBLISHED):
+        assert (published.turn, published.speed) == (Gains(0.75, 0.75, 0.3, 40), Gains(5.0, 0.5, 1.0, 40))
+        assert (published.aim_m, published.target_turn, published.target_within_m) == (4.0, 0.3, 10.0)
+        assert (published.brake_below_mps, published.brake_ratio) == (0.4, 1.1)
+        assert (published.most_missing_mps, published.most_throttle) == (0.25, 0.75)
+        assert step(published, driving(4.0, bend=0.1), 4.0, target=(60.0, 0.0)).by_target  # wherever it lies
+    assert [capped_throttle(tuning.TCP_PUBLISHED, speed, steer) for speed, steer in ((1.6, 0.0), (1.2, 0.08))] == [
+        0.05
+    ] * 2
+    assert step(tuning.UNIAD_PUBLISHED, driving(9.0), 5.1).throttle == 0.0
