@@ -48,7 +48,7 @@ class Classical:
     portable_bits = True
     consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
 
-    def __init__(self, vehicle: str = "bicycle") -> None:
+    def __init__(self, vehicle: str = "mkz") -> None:
         self._vehicle = vehicle_called(vehicle, agent="classical")
         self.reset(GlobalPlan(()), 0)
 

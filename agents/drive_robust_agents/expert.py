@@ -60,7 +60,7 @@ class Expert:
     portable_bits = True
     consumes: frozenset[str] = frozenset()
 
-    def __init__(self, vehicle: str = "bicycle") -> None:
+    def __init__(self, vehicle: str = "mkz") -> None:
         self._vehicle = vehicle_called(vehicle, agent="expert")
         self.reset(GlobalPlan(()), 0)
 

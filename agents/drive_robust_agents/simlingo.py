@@ -91,7 +91,7 @@ class SimLingo(LearnedAgent):
         *,
         safety: bool = False,
         position_filter: Filtered | None = None,
-        vehicle: str = "bicycle",
+        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",

@@ -86,7 +86,7 @@ class TCP(LearnedAgent):
         self,
         mode: Mode = "traj",
         *,
-        vehicle: str = "bicycle",
+        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",

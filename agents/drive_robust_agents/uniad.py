@@ -78,7 +78,7 @@ class UniAD(BevAgent):
         self,
         *,
         optimise: bool = True,
-        vehicle: str = "bicycle",
+        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-VEHICLES = ("bicycle", "mkz")
+VEHICLES = ("mkz", "bicycle")
 """What takes controls: a car of our own, or one that responds as CARLA's Lincoln MKZ does. The first is the usual."""
 
 

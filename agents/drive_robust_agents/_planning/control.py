@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning.projection import project
-from drive_robust_agents._planning.vehicle import Bicycle, Vehicle
+from drive_robust_agents._planning.vehicle import Mkz, Vehicle
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic.scalars import atan, cos, sin
 from pytest_drive_robust.arithmetic.signals import moving_sum
@@ -18,7 +18,7 @@ __all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
 
 Floats = NDArray[np.float64]
 
-_BICYCLE = Bicycle()
+_MKZ = Mkz()
 _SETTLE_M, _SETTLE_S = 2.0, 0.45
 
 
@@ -36,7 +36,7 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
     return np.array(limits)
 
 
-def steer_along(ego: EgoState, line: Floats, row: int, *, vehicle: Vehicle = _BICYCLE) -> float:
+def steer_along(ego: EgoState, line: Floats, row: int, *, vehicle: Vehicle = _MKZ) -> float:
     """Return the steering (-1..1) that brings the ego onto a line and keeps it there.
 
     `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The curvature of the line, corrected by
@@ -58,7 +58,7 @@ def steer_along(ego: EgoState, line: Floats, row: int, *, vehicle: Vehicle = _BI
     return vehicle.steer(bend - 2.0 * lean / length - right / (length * length))
 
 
-def pedals(ego: EgoState, acceleration_mps2: float, steer: float, *, vehicle: Vehicle = _BICYCLE) -> Control:
+def pedals(ego: EgoState, acceleration_mps2: float, steer: float, *, vehicle: Vehicle = _MKZ) -> Control:
     """Return the control that brings a vehicle to an acceleration; brakes hold a standing ego."""
     if acceleration_mps2 < -0.1 and ego.speed_mps < 0.3:
         return Control(throttle=0.0, steer=steer, brake=0.5)

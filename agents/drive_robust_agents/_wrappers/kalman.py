@@ -20,7 +20,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from drive_robust_agents._planning.vehicle import Bicycle, Mkz, Moved
+from drive_robust_agents._planning.vehicle import Mkz, Moved
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
@@ -76,7 +76,7 @@ class PositionFilter:
     """
 
     def __init__(self, vehicle: Moving | None = None) -> None:
-        self._vehicle = vehicle or Bicycle()
+        self._vehicle = vehicle or Mkz()
         self._state: PoseEstimate | None = None
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
 

@@ -53,7 +53,7 @@ class LearnedAgent(ABC):
     def __init__(
         self,
         *,
-        vehicle: str = "bicycle",
+        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",

@@ -13,7 +13,7 @@ EVENT_CAPACITY = 256
 EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_ACCEL, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(9)
 EGO_COLUMNS = 9
 
-VEHICLE_BICYCLE, VEHICLE_MKZ = range(2)  # the places in `domain.control.VEHICLES`
+VEHICLE_MKZ, VEHICLE_BICYCLE = range(2)  # the places in `domain.control.VEHICLES`
 
 # --- actors: one row each ---
 A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)

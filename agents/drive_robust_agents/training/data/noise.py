@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.vehicle import WHEELBASE_M, Bicycle, Vehicle
+from drive_robust_agents._planning.vehicle import WHEELBASE_M, Mkz, Vehicle
 
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
 """The share of episodes that have bursts."""
-_BICYCLE = Bicycle()
+_MKZ = Mkz()
 _WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
 """Of the bicycle's wheels; those of another vehicle turn by as much as makes it turn alike."""
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
@@ -35,7 +35,7 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
     return added
 
 
-def burst_steer(strength: float, speed_mps: float, *, vehicle: Vehicle = _BICYCLE) -> float:
+def burst_steer(strength: float, speed_mps: float, *, vehicle: Vehicle = _MKZ) -> float:
     """Return what to add to the steering (-1..1) of a vehicle.
 
     Up to 0.12 rad of the bicycle's wheels or what turns another vehicle as much, and at speed up to 3 m/s2.
