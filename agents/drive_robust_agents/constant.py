@@ -15,7 +15,7 @@ class Constant:
     portable_bits = True
     consumes: frozenset[str] = frozenset()
 
-    def __init__(self, throttle: float = 0.3) -> None:
+    def __init__(self, throttle: float = 0.5) -> None:
         self.throttle = throttle
 
     def sensors(self) -> Sequence[CameraSpec]:
