@@ -105,11 +105,3 @@ def test_it_drives_a_route_of_each_kind_and_again_the_same_way(scenario: str) ->
     )
     assert is_success(first), (first.end_detail, first.infractions)
     assert first.ticks == second.ticks
-
-
-def test_it_drives_another_vehicle_that_it_is_told_of() -> None:
-    route = next(route for route in named_routes("full") if route.scenario.type == "EnterActorFlow")
-    simulator, agent = EmbeddedSimulator(SimulatorOptions(vehicle="mkz", stuck_stop_s=60.0)), Expert(vehicle="mkz")
-    result = drive_episode(simulator, agent, route=route, setting=Setting.CLEAN, seed=0, agent_name="expert")
-    assert is_success(result), (result.end_detail, result.infractions)
-    assert result.versions["vehicle"] == "mkz"
