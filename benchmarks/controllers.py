@@ -4,10 +4,9 @@ The perfect network is the privileged expert. At a tick the world is snapshot, a
 3 s, and the world is put back: what the fork did are the waypoints, the line that it followed is the path. So whatever
 is lost against the expert's own driving is lost by the controller, and not by eyes that see badly.
 
-`--vehicle` is what is driven, `--tuning` whose numbers the controllers have: ours, made for the bicycle and converted
-for another vehicle, or the published ones, made for CARLA's car, as they are. Several of each stand for all pairs of
-them. `--settings` drives under perturbations: latency shows how stiff a controller is, GPS noise what its target point
-does to it.
+`--tuning` says whose numbers the controllers have: ours, found for a plain car and converted for the one that is
+driven, or the published ones, made for CARLA's car, as they are. `--settings` drives under perturbations: latency shows
+how stiff a controller is, GPS noise what its target point does to it.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from itertools import product
 
 from rich.progress import track
 
-from drive_robust_agents._planning.vehicle import Pedals as BicyclePedals
-from drive_robust_agents._planning.vehicle import vehicle_called
+from drive_robust_agents._planning.mkz import Pedals as CarPedals
+from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.path_controller import PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Pedals, Point, WaypointController, WaypointTuning
@@ -55,7 +54,7 @@ Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
 class Perfect:
     """An agent whose waypoints are the expert's own future; `make` makes an episode's controller.
 
-    What the controller gives is driven on `vehicle` as it is, or `converts` it from the bicycle first.
+    What the controller gives is driven as it is, or converted first where it is `for_plain_car`.
 
     The expert drives on anew when the future that is known is `every` ticks old. Ticks are those of the observations:
     under a setting that holds controls, `act` is not called in each of them.
@@ -71,10 +70,9 @@ class Perfect:
         *,
         horizon_s: float,
         every: int,
-        vehicle: str = "bicycle",
-        converts: bool = False,
+        for_plain_car: bool = False,
     ):
-        self._vehicle, self._converts = vehicle, converts
+        self._for_plain_car = for_plain_car
         self._simulator, self._make, self._every = simulator, make, every
         self._ticks = round(20.0 * horizon_s) + every
 
@@ -82,7 +80,7 @@ class Perfect:
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        self.expert, self._planner, self._steer = Expert(self._vehicle), RoutePlanner(route), self._make()
+        self.expert, self._planner, self._steer = Expert(), RoutePlanner(route), self._make()
         self.expert.reset(route, seed)
         self._future: list[EgoState] = []
         self._tick = self._branched = 0
@@ -98,10 +96,9 @@ class Perfect:
         local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
         pedals = self._steer(self, ego, observation.speed.mps, local)
         throttle, steer, brake = pedals.throttle, pedals.steer, pedals.brake
-        if self._converts:
-            drives = vehicle_called(self._vehicle, agent="expert")
-            throttle, brake = drives.as_bicycle(observation.speed.mps, BicyclePedals(throttle, brake))
-            steer = drives.steer_as_bicycle(steer)
+        if self._for_plain_car:
+            throttle, brake = pedals_from_plain(observation.speed.mps, CarPedals(throttle, brake))
+            steer = steer_from_plain(steer)
         return Control(throttle, steer, brake)
 
     @property
@@ -150,17 +147,15 @@ def by_path(numbers: PathTuning) -> Callable[[], Steer]:
     return make
 
 
-def agent_of(
-    name: str, simulator: EmbeddedSimulator, *, vehicle: str, tuned: tuning.Tuning, every: int
-) -> Perfect | Expert:
+def agent_of(name: str, simulator: EmbeddedSimulator, *, tuned: tuning.Tuning, every: int) -> Perfect | Expert:
     if name == "expert":
-        return Expert(vehicle)
+        return Expert()
     if name == "simlingo":
         make, horizon_s = by_path(PATHS[tuned]), 0.25 * SPEED_POINTS
     else:
         numbers, count = TUNINGS[name][tuned]
         make, horizon_s = by_waypoints(numbers, count), 0.5 * count
-    return Perfect(simulator, make, horizon_s=horizon_s, every=every, vehicle=vehicle, converts=tuned == "ours")
+    return Perfect(simulator, make, horizon_s=horizon_s, every=every, for_plain_car=tuned == "ours")
 
 
 def main() -> None:
@@ -169,30 +164,26 @@ def main() -> None:
     parser.add_argument("--routes", default="one-per-scenario", help="a named set, a route file, or route ids")
     parser.add_argument("--settings", default="clean", help="sentences, separated by commas")
     parser.add_argument("--every", type=int, default=8, help="a new branch every so many ticks (default: 8)")
-    parser.add_argument("--vehicle", default="bicycle", help="bicycle, mkz, or both, separated by commas")
     parser.add_argument("--tuning", default="ours", help="ours, published, or both, separated by commas")
     given = parser.parse_args()
-    vehicles, agents = given.vehicle.split(","), given.agents.split(",")
     settings = [Setting.parse(one) for one in given.settings.split(",")]
     tunings = [tuning.tuning_called(one, agent="tcp") for one in given.tuning.split(",")]
-    for vehicle, name, tuned, setting in product(vehicles, agents, tunings, settings):
+    for name, tuned, setting in product(given.agents.split(","), tunings, settings):
         if name != "expert" or tuned == tunings[0]:
-            drive(name, setting, vehicle=vehicle, tuned=tuned, routes=resolve_routes(given.routes), every=given.every)
+            drive(name, setting, tuned=tuned, routes=resolve_routes(given.routes), every=given.every)
 
 
-def drive(
-    name: str, setting: Setting, *, vehicle: str, tuned: tuning.Tuning, routes: Sequence[Route], every: int
-) -> None:
+def drive(name: str, setting: Setting, *, tuned: tuning.Tuning, routes: Sequence[Route], every: int) -> None:
     scores, failed = [], []
     for route in track(routes, f"{name}, {setting}", transient=True):
-        simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0, vehicle=vehicle))
-        agent = agent_of(name, simulator, vehicle=vehicle, tuned=tuned, every=every)
+        simulator = EmbeddedSimulator(SimulatorOptions(stuck_stop_s=30.0))
+        agent = agent_of(name, simulator, tuned=tuned, every=every)
         result = drive_episode(simulator, agent, route=route, setting=setting, seed=0, agent_name=name)
         if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
             raise SystemExit(f"{name} on {route.label}: {result.end_detail}")
         scores.append(driving_score(result))
         failed += [] if is_success(result) else [route.label]
-    who = f"{vehicle:8s} {name:9s} {'' if name == 'expert' else tuned:10s} {setting!s:20s}"
+    who = f"{name:9s} {'' if name == 'expert' else tuned:10s} {setting!s:20s}"
     success = f"{len(scores) - len(failed)}/{len(scores)}"
     print(f"{who} SR {success}  DS {statistics.mean(scores):.1f}  {', '.join(failed)}", flush=True)
 

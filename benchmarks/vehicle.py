@@ -1,13 +1,12 @@
-"""How the vehicles of the embedded world respond, against the fits of CARLA's: accelerations and yaw rates.
+"""How the ego of the embedded world responds, against the fits of CARLA's car: accelerations and yaw rates.
 
     python benchmarks/vehicle.py
 
 The fits are PDM-Lite's of the Lincoln MKZ 2020 in CARLA 0.9.15 at 20 Hz (SimLingo
 `Bench2Drive/leaderboard/team_code/config.py`, `kinematic_bicycle_model.py`; the steering is World on Rails'). A
-response is that of a tick with controls that have been held for a second and a half, with the speed put back before
-every tick, so that lags are over: the bicycle is measured without them, but for a start from rest, whose first tick
-counts. The errors are those over a grid of speeds and controls within the range where the fits hold: throttle from 0.3
-(from 0.5 above 18 m/s), full brakes from 1 m/s, steering below a lateral acceleration of 7 m/s2, all up to 25 m/s.
+response is that of one tick. The errors are those over a grid of speeds and controls within the range where the fits
+hold: throttle from 0.3 (from 0.5 above 18 m/s), full brakes from 1 m/s, steering below a lateral acceleration of
+7 m/s2, all up to 25 m/s.
 """
 
 from __future__ import annotations
@@ -25,13 +24,11 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "helpers"))
 from fitted_mkz import BRAKE, FITTED_THROTTLE, fitted_speed, fitted_yaw_rate
 
 from pytest_drive_robust import Control
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 
 DT_S = 0.05
-HELD_TICKS = 30
 SPEEDS = (0.0, 2.0, 5.0, 8.0, 12.0, 18.0, 25.0)
 GRID = tuple(0.5 * k for k in range(51))
 PEDALS = tuple(Control(throttle=u) for u in (0.0, 0.15, 0.3, 0.5, 0.75, 1.0)) + tuple(
@@ -50,23 +47,19 @@ def fitted_acceleration(speed_mps: float, control: Control) -> float | None:
 
 
 class Driven:
-    """A vehicle on a road, alone for what is asked of it."""
+    """The ego on a road, alone for what is asked of it."""
 
-    def __init__(self, vehicle: str) -> None:
-        self._simulator = EmbeddedSimulator(SimulatorOptions(vehicle=vehicle, tick_cap=10**9))
+    def __init__(self) -> None:
+        self._simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=10**9))
         start = self._simulator.reset(named_routes("full")[0], seed=0, cameras=()).ego
         self._start = {"x_m": start.x_m, "y_m": start.y_m, "yaw_rad": start.yaw_rad}
         self._snapshot = self._simulator.snapshot()
 
     def response(self, speed_mps: float, control: Control) -> tuple[float, float]:
-        """Return acceleration and yaw rate in the tick after the control was held for a while at that speed."""
+        """Return acceleration and yaw rate in a tick with that control, from that speed."""
         self._simulator.restore(self._snapshot)
-        for _ in range(HELD_TICKS):
-            self._simulator.place_ego(**self._start, speed_mps=speed_mps)
-            ego = self._simulator.step(control).ego
-        if speed_mps == 0.0:  # standing egos forget what their engine did
-            ego = self._simulator.place_ego(**self._start, speed_mps=0.0)
-            ego = self._simulator.step(control).ego
+        self._simulator.place_ego(**self._start, speed_mps=speed_mps)
+        ego = self._simulator.step(control).ego
         return (ego.speed_mps - speed_mps) / DT_S, ego.yaw_rate_radps
 
 
@@ -89,7 +82,7 @@ def errors(driven: Driven) -> Iterator[tuple[str, float]]:
 
 
 def _holding(speed_mps: float) -> float:
-    """Return a throttle that does not stop either vehicle within a tick."""
+    """Return a throttle that does not stop the car within a tick."""
     return 0.5 if speed_mps < 12.0 else 0.6
 
 
@@ -98,31 +91,27 @@ def _named(control: Control) -> str:
 
 
 def main() -> None:
-    vehicles = {name: Driven(name) for name in VEHICLES}
-    accelerations = Table("m/s2 at m/s", *(f"{v:g}" for v in SPEEDS), title="bicycle / mkz / fit")
+    driven = Driven()
+    accelerations = Table("m/s2 at m/s", *(f"{v:g}" for v in SPEEDS), title="ego / fit")
     for control in PEDALS:
         cells = []
         for v in SPEEDS:
             fitted = fitted_acceleration(v, control)
-            told = [f"{driven.response(v, control)[0]:.2f}" for driven in vehicles.values()]
-            cells.append(" / ".join([*told, "-" if fitted is None else f"{fitted:.2f}"]))
+            cells.append(f"{driven.response(v, control)[0]:.2f} / {'-' if fitted is None else f'{fitted:.2f}'}")
         accelerations.add_row(_named(control), *cells)
-    turns = Table("rad/s at m/s", *(f"{v:g}" for v in SPEEDS[1:]), title="bicycle / mkz / fit")
+    turns = Table("rad/s at m/s", *(f"{v:g}" for v in SPEEDS[1:]), title="ego / fit")
     for steer in STEERS:
         cells = []
         for v in SPEEDS[1:]:
             control = Control(throttle=_holding(v), steer=steer)
-            told = [f"{driven.response(v, control)[1]:.3f}" for driven in vehicles.values()]
-            cells.append(" / ".join([*told, f"{fitted_yaw_rate(v, steer):.3f}"]))
+            cells.append(f"{driven.response(v, control)[1]:.3f} / {fitted_yaw_rate(v, steer):.3f}")
         turns.add_row(f"steer {steer:g}", *cells)
-    summary = Table("from the fit", *VEHICLES, title="largest (mean) error where the fits hold")
-    found: dict[str, dict[str, list[float]]] = {}
-    for name, driven in vehicles.items():
-        for what, error in errors(driven):
-            found.setdefault(what, {}).setdefault(name, []).append(error)
-    for what, by_vehicle in found.items():
-        cells = [f"{max(by_vehicle[name]):.3f} ({statistics.fmean(by_vehicle[name]):.3f})" for name in VEHICLES]
-        summary.add_row(what, *cells)
+    summary = Table("from the fit", "largest (mean) error where the fits hold")
+    found: dict[str, list[float]] = {}
+    for what, error in errors(driven):
+        found.setdefault(what, []).append(error)
+    for what, values in found.items():
+        summary.add_row(what, f"{max(values):.3f} ({statistics.fmean(values):.3f})")
     console = Console(width=190)
     for table in (accelerations, turns, summary):
         console.print(table)

@@ -21,7 +21,9 @@ from drive_robust_agents._classical.lane_tracker import LaneTracker
 from drive_robust_agents._classical.overtake import Overtake
 from drive_robust_agents._classical.plan_path import Junction, PlanPath
 from drive_robust_agents._classical.vision import CAMERA, GroundModel
-from drive_robust_agents._planning.vehicle import Pedals, vehicle_called
+from drive_robust_agents._planning import mkz
+from drive_robust_agents._planning.mkz import Pedals
+from drive_robust_agents._planning.plain_car import pedals_from_plain
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
 
 __all__ = ["Classical"]
@@ -40,16 +42,12 @@ _AHEAD_POINTS = 44
 
 
 class Classical:
-    """Drives by GPS, compass, speed and one front camera; stops for what it sees, and steps aside a little.
-
-    `vehicle` is what it drives, as `--drive-vehicle` says it; it raises `UnknownNameError` for no such name.
-    """
+    """Drives by GPS, compass, speed and one front camera; stops for what it sees, and steps aside a little."""
 
     portable_bits = True
     consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
 
-    def __init__(self, vehicle: str = "mkz") -> None:
-        self._vehicle = vehicle_called(vehicle, agent="classical")
+    def __init__(self) -> None:
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -155,14 +153,14 @@ class Classical:
         ahead, aside = self._aim(min(max(0.5 * speed + 2.5, 3.5), 11.0))
         forward, right = max(ahead, 0.5), aside + self._corridor.aside_m
         curvature = 2.0 * right / (forward * forward + right * right)
-        steer = self._vehicle.steer(curvature)
+        steer = mkz.steer(curvature)
         missing = target - speed
         self._integral = min(max(self._integral + 0.05 * missing * _DT_S, 0.0), 0.15) if missing < 2.0 else 0.0
         throttle = min(max(0.35 * missing + self._integral, 0.0), 0.8) if missing > -0.3 else 0.0
         brake = min(max(-0.3 * (missing + 0.3), 0.0), 1.0)
         if target < 0.3:
             throttle, brake = 0.0, max(brake, 0.5)
-        throttle, brake = self._vehicle.as_bicycle(speed, Pedals(throttle, brake))
+        throttle, brake = pedals_from_plain(speed, Pedals(throttle, brake))
         return Control(throttle=throttle, steer=steer, brake=brake)
 
     def _aim(self, look_m: float) -> tuple[float, float]:

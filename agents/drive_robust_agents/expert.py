@@ -31,7 +31,6 @@ from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import TICK_S, Traffic
-from drive_robust_agents._planning.vehicle import vehicle_called
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
@@ -51,17 +50,13 @@ _EDGE_M = 0.3
 
 
 class Expert:
-    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past.
-
-    `vehicle` is what it drives, as `--drive-vehicle` says it; it raises `UnknownNameError` for no such name.
-    """
+    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past."""
 
     privileged = True
     portable_bits = True
     consumes: frozenset[str] = frozenset()
 
-    def __init__(self, vehicle: str = "mkz") -> None:
-        self._vehicle = vehicle_called(vehicle, agent="expert")
+    def __init__(self) -> None:
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -264,5 +259,5 @@ class Expert:
         self._ego = ego
         passing = self._pass is not None or self._siren.active
         self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
-        steer = steer_along(ego, line, now.scene.index(now.row), vehicle=self._vehicle)
-        return pedals(ego, acceleration, steer, vehicle=self._vehicle)
+        steer = steer_along(ego, line, now.scene.index(now.row))
+        return pedals(ego, acceleration, steer)

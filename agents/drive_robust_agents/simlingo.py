@@ -31,8 +31,9 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
+from drive_robust_agents._planning import mkz
 from drive_robust_agents._wrappers import tuning as numbers
-from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, PublishedCar
+from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, published_motion
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
@@ -65,8 +66,9 @@ class SimLingo(LearnedAgent):
     * `"elapsed"`: where the same filter has it, told by the observation's tick how long ago the last call was;
     * `"none"`: where GPS and compass have it.
 
-    The first two are the same to the bit while it is asked in every tick. Both predict with `vehicle`, or with
-    `tuning="published"` with the published model of CARLA's car. `vehicle` and `tuning` are those of `LearnedAgent`.
+    The first two are the same to the bit while it is asked in every tick. Both predict with the car
+    as the embedded world has it, or with `tuning="published"` as the published filter does. `tuning` is that of
+    `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"`
     or `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
@@ -91,7 +93,6 @@ class SimLingo(LearnedAgent):
         *,
         safety: bool = False,
         position_filter: Filtered | None = None,
-        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
@@ -108,7 +109,7 @@ class SimLingo(LearnedAgent):
         self.instruction = None if instruction is None else parse_instruction(instruction)
         self._method = GENERATE if commentary else "forward"
         super().__init__(
-            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
         )  # fmt: skip
 
@@ -149,7 +150,7 @@ class SimLingo(LearnedAgent):
         return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
 
     def _made_filter(self) -> PositionFilter:
-        return PositionFilter(self.vehicle if self.tuning == "ours" else PublishedCar())
+        return PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)

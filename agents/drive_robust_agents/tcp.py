@@ -5,8 +5,7 @@ and what ties them, the measurements (speed, target point, command), the target 
 and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
 four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
 wrapper is why GPS noise hurts it and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what
-of the network is not kept; gains and caps are those of our vehicle (`_wrappers.tuning`), with
-`tuning="published"` those of CARLA's.
+of the network is not kept; gains and caps are ours, with `tuning="published"` the published ones (`_wrappers.tuning`).
 
 `mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
 `"ctrl"` by the control branch alone; `"fused"` by both, as the paper does.
@@ -62,14 +61,14 @@ class Fusion:
         )
 
     def applied(self, steer: float) -> None:
-        """Remember what the vehicle was given."""
+        """Remember what the car was given."""
         self._steered.append(abs(steer) > self.TURNS_FROM)
 
 
 class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
-    `vehicle` and `tuning` are those of `LearnedAgent`.
+    `tuning` is that of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
@@ -86,7 +85,6 @@ class TCP(LearnedAgent):
         self,
         mode: Mode = "traj",
         *,
-        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
@@ -99,7 +97,7 @@ class TCP(LearnedAgent):
             raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
         self.mode: Mode = mode
         super().__init__(
-            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
         )  # fmt: skip
 

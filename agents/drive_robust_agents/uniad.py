@@ -23,8 +23,8 @@ have); the memory is 0.5 s old at run time too.
 
 The wrapper is that of Bench2DriveZoo's `uniad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no throttle above a
-speed (5 m/s there), the brake dropped where the throttle is larger. Gains and target rules are those of our vehicle
-(`_wrappers.tuning`), with `tuning="published"` those of CARLA's.
+speed (5 m/s there), the brake dropped where the throttle is larger. Gains and target rules are ours, with
+`tuning="published"` the published ones (`_wrappers.tuning`).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _CENTRES = BevSpec().centres(finer=2)
 class UniAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints clear of what will be occupied, a control out.
 
-    `optimise=False` leaves the plan as the network gives it. `vehicle` and `tuning` are those of `LearnedAgent`.
+    `optimise=False` leaves the plan as the network gives it. `tuning` is that of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it;
     those that ship by default. `engine` is `"onnx"` or `"torch"`; `device`, `dtype` and `threads` are those of
@@ -78,7 +78,6 @@ class UniAD(BevAgent):
         self,
         *,
         optimise: bool = True,
-        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
@@ -88,7 +87,7 @@ class UniAD(BevAgent):
         network: Network | None = None,
     ) -> None:
         super().__init__(
-            vehicle=vehicle, tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
+            tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
         )  # fmt: skip
         self._optimise = optimise

@@ -19,8 +19,8 @@ ahead (auxiliaries that the published model does not have); the memory is 0.5 s 
 
 The wrapper is that of Bench2DriveZoo's `vad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, a throttle
-that no speed cuts, the brake dropped where the throttle is larger. Gains are those of our vehicle (`_wrappers.tuning`),
-with `tuning="published"` those of CARLA's.
+that no speed cuts, the brake dropped where the throttle is larger. Gains are ours, with
+`tuning="published"` the published ones (`_wrappers.tuning`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ __all__ = ["VAD"]
 class VAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
 
-    `vehicle` and `tuning` are those of `LearnedAgent`.
+    `tuning` is that of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for

@@ -24,7 +24,6 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import seconds
-from pytest_drive_robust.options.run import DEFAULT_VEHICLE
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
@@ -50,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
     parser.add_argument("--seed", type=int, help="default: 0")
     add_pytest_option(parser, "--sim")
-    parser.add_argument("--vehicle", metavar="NAME", help="default: that of the stored episode, else bicycle")
     parser.add_argument("--routes", metavar="SET", help="where ROUTE is from: a set (full, dev10) or a file")
     add_pytest_option(parser, "--stuck-stop", help="as --drive-stuck-stop of the run that is replayed")
     parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
@@ -91,9 +89,7 @@ def _replay(options: argparse.Namespace) -> int:
     if not options.stored_controls:
         registry.require("agents", wanted.agent)
     caps = {} if options.tick_cap is None else {"tick_cap": options.tick_cap}
-    vehicle = options.vehicle or (wanted.stored.versions if wanted.stored else {}).get("vehicle", DEFAULT_VEHICLE)
-    world = SimulatorOptions(stuck_stop_s=stuck_stop_s, vehicle=vehicle, **caps)
-    simulator = registry.simulator(options.sim, world)
+    simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s, **caps))
     try:
         route = _route(options, wanted.route, simulator)
         running = wanted.setting.start(route_id=route.id, seed=0, dt_s=simulator.dt_s, cameras=())  # or say why not

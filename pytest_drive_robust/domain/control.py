@@ -6,9 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-VEHICLES = ("mkz", "bicycle")
-"""What takes controls: a car of our own, or one that responds as CARLA's Lincoln MKZ does. The first is the usual."""
-
 
 @dataclass(frozen=True, slots=True)
 class Control:
@@ -17,9 +14,9 @@ class Control:
     ======== ======= =========================================
     field    range   meaning
     ======== ======= =========================================
-    throttle 0..1    share of the largest forward acceleration
+    throttle 0..1    how far its pedal is pressed
     steer    -1..1   share of the largest steering angle, positive to the right
-    brake    0..1    share of the largest deceleration
+    brake    0..1    how far its pedal is pressed
     ======== ======= =========================================
     """
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields, was_given
 from pytest_drive_robust.options.parsers import (
@@ -22,7 +21,6 @@ from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
 DEFAULT_ROUTES = OPTIONS["--drive-routes"].default
 DEFAULT_SIMULATOR = OPTIONS["--drive-sim"].default
-DEFAULT_VEHICLE = OPTIONS["--drive-vehicle"].default
 DEFAULT_STORE = OPTIONS["--drive-store"].default
 
 
@@ -49,7 +47,6 @@ class RunOptions:
     routes: str = option("--drive-routes")
     seeds: tuple[int, ...] = option("--drive-seeds", parse=seed_list)
     simulator: str = option("--drive-sim")
-    vehicle: str = option("--drive-vehicle", parse=one_of(VEHICLES, "vehicle"))
     reading: str = option("--drive-reading", parse=one_of(READINGS, "reading"))
     metrics: str = option("--drive-metrics", parse=one_of(("bench2drive", "fixed"), "metric mode"))
     verdict_rule: VerdictRule = option("--drive-verdict", "--drive-margin", "--drive-alpha", parse=_verdict_rule)
@@ -90,7 +87,6 @@ class RunOptions:
             "routes": self.routes,
             "seeds": list(self.seeds),
             "simulator": self.simulator,
-            **({} if self.vehicle == DEFAULT_VEHICLE else {"vehicle": self.vehicle}),
             "reading": self.reading,
             "metrics": self.metrics,
             "stuck_stop_s": self.stuck_stop_s,

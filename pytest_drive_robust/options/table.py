@@ -45,9 +45,6 @@ _RUN = (
     Option("--drive-seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "NAME", "embedded", "the simulator, as in gymnasium:merge-v0"),
     Option(
-        "--drive-vehicle", "NAME", "mkz", "what the agent drives: bicycle, or mkz, which responds as CARLA's car"
-    ),
-    Option(
         "--drive-reading",
         "NAME",
         "paper",

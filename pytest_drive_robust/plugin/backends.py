@@ -14,7 +14,7 @@ from pytest_drive_robust.engine.platform_check import check_platform
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
-from pytest_drive_robust.options.run import DEFAULT_VEHICLE, RunOptions
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor, factory_offers_lockstep
@@ -45,8 +45,6 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
         return replace(options, agent=agent, simulator=RESULTS, store="off")
     if options.simulator != BENCH2DRIVE:
         return options
-    if options.vehicle != DEFAULT_VEHICLE:
-        raise UsageError(f"--drive-vehicle {options.vehicle} is for our own worlds: CARLA has a car of its own.")
     if not execution.b2d_root:
         raise UsageError(
             "--drive-sim bench2drive needs --drive-b2d-root=FOLDER, a checkout of Bench2Drive; "

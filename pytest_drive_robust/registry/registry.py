@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
@@ -110,11 +109,7 @@ class Registry:
         entry = self.entry("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
         options = options or SimulatorOptions()
-        world = cast("Simulator", _made(entry, entry.load(), (options, *argument), protocol=Simulator))
-        vehicles = getattr(world, "vehicles", VEHICLES[:1])
-        if options.vehicle not in vehicles:
-            raise UnknownNameError.of("vehicle", options.vehicle, vehicles, hint=f"The simulator {name} has no other.")
-        return world
+        return cast("Simulator", _made(entry, entry.load(), (options, *argument), protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""

@@ -3,7 +3,7 @@
 =========== =============================================================== ==========
 kind        what differs                                                    by default
 =========== =============================================================== ==========
-simulator   its name, version, vehicle, when it stops a stuck episode            refuse
+simulator   its name, version, when it stops a stuck episode                     refuse
 routes      the content of a route that both call by the same id            refuse
 versions    libraries that decide the numbers, Python, the machine's bits   warn
 agent       its distribution, source or weights: that is what is compared   tell
@@ -18,7 +18,6 @@ from typing import Literal, get_args
 
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.options.parsers import one_of
-from pytest_drive_robust.options.run import DEFAULT_VEHICLE
 
 MismatchPolicy = Literal["default", "warn", "refuse"]
 Kind = Literal["simulator", "routes", "versions", "agent"]
@@ -54,11 +53,6 @@ class Fingerprint:
     plugins: tuple[str, ...] = field(default=(), compare=False)
 
     @property
-    def vehicle(self) -> str:
-        """The vehicle that was driven."""
-        return self.versions.get("vehicle", DEFAULT_VEHICLE)
-
-    @property
     def world(self) -> str:
         """The simulator with its version, as its episodes tell it."""
         version = self.versions.get("simulator") or self.versions.get(self.simulator.partition(":")[0], "")
@@ -87,8 +81,6 @@ def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[
 def _simulators(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
     if before.world != after.world:
         yield Mismatch("simulator", f"the simulator was {before.world} and is {after.world}")
-    if before.vehicle != after.vehicle:
-        yield Mismatch("simulator", f"the vehicle was {before.vehicle} and is {after.vehicle}")
     if before.stuck_stop_s != after.stuck_stop_s:
         was, now = (_stop(item.stuck_stop_s) for item in (before, after))
         yield Mismatch("simulator", f"episodes of a stuck agent were stopped {was} and are stopped {now}")
@@ -101,7 +93,6 @@ def _stop(seconds: float | None) -> str:
 def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
     told = {
         "simulator",
-        "vehicle",
         before.simulator.partition(":")[0],
         after.simulator.partition(":")[0],
         *_NOT_NUMBERS,

@@ -136,7 +136,6 @@ def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> 
     fingerprint = score.fingerprint
     options = RunOptions(
         simulator=fingerprint.simulator,
-        vehicle=fingerprint.vehicle,
         stuck_stop_s=fingerprint.stuck_stop_s,
         plugins=fingerprint.plugins,
     )

@@ -7,7 +7,7 @@ import shlex
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.metrics.summary import Summary
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, DEFAULT_VEHICLE, RunOptions
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
@@ -42,8 +42,6 @@ def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -
         words += ["--stuck-stop", f"{options.stuck_stop_s:g}"]
     if options.simulator != DEFAULT_SIMULATOR:
         words += ["--sim", options.simulator]
-    if options.vehicle != DEFAULT_VEHICLE:
-        words += ["--vehicle", options.vehicle]
     return " ".join(_quoted(word) for word in words)
 
 

@@ -21,7 +21,7 @@ from pytest_drive_robust.store.events import Identified
 
 def simulator_options(options: RunOptions) -> SimulatorOptions:
     """Return what the world of a run is made with."""
-    return SimulatorOptions(stuck_stop_s=options.stuck_stop_s, vehicle=options.vehicle)
+    return SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
 
 
 class Scopes:

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from pytest_drive_robust.domain.control import VEHICLES, Control
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.truth import GroundTruth, WorldState
@@ -21,17 +20,11 @@ class SimulatorOptions:
     """What a user may choose about any world.
 
     `tick_cap`: an episode ends after so many ticks (Bench2Drive: 4000). `stuck_stop_s`: end an episode early when
-    the ego stood for so many seconds, whatever the scenario says (None: never); the result names it. `vehicle` is one
-    of `VEHICLES`, else it raises `UnknownNameError`.
+    the ego stood for so many seconds, whatever the scenario says (None: never); the result names it.
     """
 
     tick_cap: int = 4000
     stuck_stop_s: float | None = None
-    vehicle: str = VEHICLES[0]
-
-    def __post_init__(self) -> None:
-        if self.vehicle not in VEHICLES:
-            raise UnknownNameError.of("vehicle", self.vehicle, VEHICLES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +55,7 @@ class Simulator(Protocol):
     Stored episodes are driven again when the code of the world's own package changes; an optional `sources` names
     modules elsewhere whose code counts, too. `versions` and `version` are asked for before the first `reset`. An
     optional `portable_bits`, True, promises the same episode to the last bit on every machine, with every version of
-    Python and of the libraries that `versions` does not tell. An optional `vehicles` names those that it has; without
-    it that is the first of `VEHICLES` alone, and a run that asks for another one is refused.
+    Python and of the libraries that `versions` does not tell.
     """
 
     name: str

@@ -2,7 +2,7 @@
 
     python tests/helpers/driven_digests.py '{"agents": ["expert"], "routes": "dev10", "settings": ["clean"]}'
 
-An order may have `ticks`, after which episodes end, and `vehicle`, as in `"vehicle": "mkz"` for `"expert:vehicle=mkz"`.
+An order may have `ticks`, after which episodes end.
 
 `same_bits` starts it once for each machine that it pretends to be, with another environment. It imports nothing but
 the package, its agents and their libraries, so that it runs with the oldest versions of them. Beside registered agents
@@ -147,10 +147,8 @@ def _compiled() -> str:
     return f"{registers[-1]} {'fused' if 'fmadd' in text else 'not fused'}"
 
 
-def drive(
-    agent: Any, name: str, *, route: Any, setting: str, ticks: int | None, vehicle: str = "bicycle"
-) -> EpisodeResult:
-    options = SimulatorOptions(tick_cap=4000 if ticks is None else ticks, vehicle=vehicle)
+def drive(agent: Any, name: str, *, route: Any, setting: str, ticks: int | None) -> EpisodeResult:
+    options = SimulatorOptions(tick_cap=4000 if ticks is None else ticks)
     return drive_episode(
         EmbeddedSimulator(options), agent, route=route, setting=Setting.parse(setting), seed=0, agent_name=name
     )
@@ -188,8 +186,7 @@ def driven(order: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 def _driven(agent: Any, label: str, route: Any, setting: str, order: dict[str, Any]) -> dict[str, Any]:
     name = label.split(" | ")[0]
-    told = {"ticks": order.get("ticks"), "vehicle": order.get("vehicle", "bicycle")}
-    result = drive(agent, name, route=route, setting=setting, **told)
+    result = drive(agent, name, route=route, setting=setting, ticks=order.get("ticks"))
     if result.end.name == "SIMULATION_CRASHED":
         raise SystemExit(f"{label}: {result.end_detail}")
     seen = agent.seen.digest() if isinstance(agent, Watcher) else b""

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._planning import mkz
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.simulators.embedded import state as c
@@ -44,12 +45,11 @@ def control(world: World, *, speed_mps: float, right_m: float = 0.0) -> Control:
     cos, sin = math.cos(ego[c.EGO_YAW]), math.sin(ego[c.EGO_YAW])
     ahead, beside = dx * cos + dy * sin, -dx * sin + dy * cos
     curvature = 2.0 * beside / max(ahead * ahead + beside * beside, 1.0)
-    steer = math.atan(2.85 * curvature) / 0.61
-    wanted = speed_mps - float(ego[c.EGO_V])
     if speed_mps <= 0.0:
         return Control(brake=1.0)
-    throttle = min(max(0.15 + 0.6 * wanted, 0.0), 1.0)
-    return Control(throttle=throttle, steer=min(max(steer, -1.0), 1.0), brake=min(max(-0.4 * wanted - 0.1, 0.0), 1.0))
+    now_mps = float(ego[c.EGO_V])
+    throttle, brake = mkz.pedals(now_mps, 3.0 * (speed_mps - now_mps))
+    return Control(throttle=throttle, steer=mkz.steer(curvature), brake=brake)
 
 
 def drive(

@@ -29,8 +29,6 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
     ("args", "message"),
     [
         (("--drive-sim", "fak"), "there is no simulator named 'fak'. Did you mean 'fake'?"),
-        (("--drive-vehicle", "mzk"), "there is no vehicle named 'mzk'. Did you mean 'mkz'?"),
-        (("--drive-vehicle", "mkz"), "no vehicle named 'mkz'. Known: bicycle. The simulator fake has no other."),
         (("--drive-routes", "dev11"), "Did you mean 'dev10'?"),
         (("--drive-routes", "routs.xml"), "Did you mean 'routes.xml'?"),
         (("--drive-seeds", "0,x"), "--drive-seeds is '0,x', expected whole numbers >= 0"),

@@ -1,26 +1,75 @@
-"""CARLA's Lincoln MKZ forwards and backwards: from pedals to speed, from a wanted acceleration to pedals.
+"""The car that is driven, forwards and backwards: from controls to motion, from what is wanted to controls.
 
-The numbers are those of the embedded world's `mkz` (`simulators.embedded.kernels.mkz` tells their sources, and what
-holds where the fits say nothing). Speeds are in km/h, changes in km/h per tick of 50 ms, as in the fits.
+CARLA's Lincoln MKZ with the numbers of the embedded world (`simulators.embedded.kernels.mkz` tells their sources, and
+what holds where the fits say nothing). Agents know what a control does to it; none asks the simulator. In private
+functions speeds are in km/h, changes in km/h per tick of 50 ms, as in the fits.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-__all__ = ["FRONT_M", "REAR_M", "STEER_MAX_RAD", "pedals", "speed_after"]
+from pytest_drive_robust import Control
+from pytest_drive_robust.arithmetic.scalars import atan, sin, tan
+
+__all__ = ["REAR_M", "STEER_MAX_RAD", "WHEELBASE_M", "Moved", "Pedals", "eased", "moved", "pedals", "steer"]
 
 STEER_MAX_RAD = 0.36848336
-REAR_M, FRONT_M = 1.4178275, -0.090769015
-"""From the middle to the axles, forward."""
+"""What a full `steer` turns the wheels by, at once."""
+REAR_M = 1.4178275
+"""From the rear axle to the middle."""
+WHEELBASE_M = -0.090769015 + REAR_M
+"""Of the fit: wheels that are turned by a small angle make the middle follow a curvature of the angle over this."""
+_DT_S = 0.05
+_EASE = 0.22
+"""The share of a tick on the way to a higher acceleration: that of an engine with a lag of 0.2 s (`forecast`)."""
 _LEAST, _COAST = 0.3, 0.5 * 3.6 * 0.05
 _LEAN, _LEAN_KMH = 0.5, 64.8
 _MOST_KMH, _FALL_OFF = 90.0, 0.1 * 0.05
 _BRAKES = (2.44419284e-9, -4.90357228e-7, 5.06587474e-5, -2.83832427e-3, 0.0820967431, 9.31711370e-3)
 
 
-def pedals(speed_mps: float, acceleration_mps2: float) -> tuple[float, float]:
-    """Return the throttle and the brake (0..1) that give an acceleration in the next tick, or the nearest there is."""
+class Pedals(NamedTuple):
+    """Throttle and brake, 0 to 1."""
+
+    throttle: float
+    brake: float
+
+
+class Moved(NamedTuple):
+    """What a tick does: where the middle moves beside the heading, the turn for each m/s, the speed afterwards."""
+
+    slip_rad: float
+    turn_rad: float
+    speed_mps: float
+
+
+def steer(curvature_per_m: float) -> float:
+    """Return the steering (-1..1) that makes the middle follow a curvature, or the nearest, as long as tyres hold."""
+    sine = min(max(REAR_M * curvature_per_m, -0.9), 0.9)  # more than the wheels can
+    tangent = sine / math.sqrt(1.0 - sine * sine)
+    wheel = atan(tangent * WHEELBASE_M / REAR_M)
+    return min(max(wheel / STEER_MAX_RAD, -1.0), 1.0)
+
+
+def eased(acceleration_mps2: float, wanted_mps2: float) -> float:
+    """Return what to ask for in this tick, of the acceleration of now and the wanted one.
+
+    The wanted one when it is less, else something on the way to it, as plans expect of an engine. Without that a plan
+    of one tick would be driven before the next one is made, back and forth.
+    """
+    return min(wanted_mps2, acceleration_mps2 + _EASE * (wanted_mps2 - acceleration_mps2))
+
+
+def moved(speed_mps: float, control: Control) -> Moved:
+    """Return what a control does in a tick, but for the limits of grip."""
+    slip = atan(REAR_M / WHEELBASE_M * tan(control.steer * STEER_MAX_RAD))
+    return Moved(slip, _DT_S * sin(slip) / REAR_M, _speed_after(speed_mps, control.throttle, control.brake))
+
+
+def pedals(speed_mps: float, acceleration_mps2: float) -> Pedals:
+    """Return the pedals that give an acceleration in the next tick, or the nearest there is."""
     kmh = min(3.6 * speed_mps, _MOST_KMH)
     wanted = 3.6 * 0.05 * acceleration_mps2 + _FALL_OFF * (3.6 * speed_mps - kmh)
     least = _gained(kmh)
@@ -28,20 +77,20 @@ def pedals(speed_mps: float, acceleration_mps2: float) -> tuple[float, float]:
         coasting = max(kmh + least - _COAST, 0.0)
         brakes = min(_after_brakes(kmh), coasting)
         if coasting <= brakes:
-            return 0.0, 1.0
-        return 0.0, min((least - _COAST - wanted) / (coasting - brakes), 1.0)
+            return Pedals(0.0, 1.0)
+        return Pedals(0.0, min((least - _COAST - wanted) / (coasting - brakes), 1.0))
     if wanted <= least:
-        return _LEAST * (1.0 - (least - wanted) / _COAST), 0.0
+        return Pedals(_LEAST * (1.0 - (least - wanted) / _COAST), 0.0)
     steady, rising, bending = _throttle_terms(kmh)
     beyond = _beyond(kmh)
     lean = steady - kmh + (rising + bending * _LEAN) * _LEAN
     if beyond > 0.0 and wanted < lean:  # between throttle 0.3 and 0.5 what is beyond fades out
         fades = beyond / (_LEAN - _LEAST)
-        return _root(steady - kmh - fades * _LEAN - wanted, rising + fades, bending), 0.0
-    return _root(steady - kmh - wanted, rising, bending), 0.0
+        return Pedals(_root(steady - kmh - fades * _LEAN - wanted, rising + fades, bending), 0.0)
+    return Pedals(_root(steady - kmh - wanted, rising, bending), 0.0)
 
 
-def speed_after(speed_mps: float, throttle: float, brake: float) -> float:
+def _speed_after(speed_mps: float, throttle: float, brake: float) -> float:
     """Return the speed after a tick in m/s."""
     whole = 3.6 * speed_mps
     kmh = min(whole, _MOST_KMH)

@@ -4,10 +4,10 @@ A Kalman filter over position, yaw and speed that hardly believes the GPS (gain 
 compass and the speedometer, and predicts with a bicycle driven by the agent's *own last command*. So position noise
 averages out within seconds, while a speedometer that reads too low leaves the estimate metres behind the vehicle.
 
-Noises as published (SimLingo `team_code/agent_simlingo.py`); the bicycle is that of the vehicle that is driven, or with
-`PublishedCar` the published one. The published filter
-is an unscented one, this is an extended one: with yaw and speed measured practically without noise their predictions
-agree. Ours moves at once, so that the published 40 ticks of pretended braking at the start are left out.
+Noises as published (SimLingo `team_code/agent_simlingo.py`); the bicycle is the car as the embedded world has it, or as
+the published filter does (`published_motion`). The published filter is an unscented one, this is an extended one: with
+yaw and speed measured practically without noise their predictions agree. Ours moves at once, so that the published 40
+ticks of pretended braking at the start are left out.
 
 The published filter moves by 0.05 s in every call, however long ago the last one was. Called only every few ticks, as
 under latency in the mode `hold`, it stays behind the vehicle: on a straight road at 8 m/s by 25 m after 20 s when it is
@@ -17,20 +17,23 @@ called every second tick. `PositionFilter.step` can be told how many ticks went 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
-from drive_robust_agents._planning.vehicle import Mkz, Moved
+from drive_robust_agents._planning import mkz
+from drive_robust_agents._planning.mkz import Moved
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
-__all__ = ["Moving", "PoseEstimate", "PositionFilter", "PublishedCar"]
+__all__ = ["Motion", "PoseEstimate", "PositionFilter", "published_motion"]
 
 _DT_S = 0.05
 _FIRST = (0.5, 0.5, 1e-6, 1e-6)
 _MEASURED = (0.5, 0.5, 1e-15, 1e-15)
 _DRIFT = (1e-4, 1e-4, 1e-3, 1e-3)
 """Variances of x, y [m2], yaw [rad2] and speed [m2/s2]: at the start, of a measurement, of one tick's prediction."""
+
+_THROTTLE_MPS2, _BRAKE_MPS2 = 0.5633837, 4.952399
 
 _Matrix = list[list[float]]
 
@@ -44,39 +47,28 @@ class PoseEstimate(NamedTuple):
     speed_mps: float
 
 
-class Moving(Protocol):
-    """What a filter asks of a vehicle."""
-
-    def moved(self, speed_mps: float, control: Control) -> Moved:
-        """Return what a control does in a tick."""
+Motion = Callable[[float, Control], Moved]
+"""From the speed in m/s and a control to what the control does in a tick."""
 
 
-class PublishedCar:
-    """CARLA's car as the published filter has it (`bicycle_model_forward`, World on Rails' fit).
+def published_motion(speed_mps: float, control: Control) -> Moved:
+    """Return the tick of CARLA's car as the published filter has it (`bicycle_model_forward`, World on Rails' fit).
 
-    It turns as the `mkz` does. Any brake is one of 4.952399 m/s2, else the throttle gives up to 0.5633837 m/s2: what
+    It turns as `mkz.moved` says. Any brake is one of 4.952399 m/s2, else the throttle gives up to 0.5633837 m/s2: what
     they do to the speed hardly shows, as the speedometer is believed.
     """
-
-    THROTTLE_MPS2, BRAKE_MPS2 = 0.5633837, 4.952399
-
-    def __init__(self) -> None:
-        self._turning = Mkz()
-
-    def moved(self, speed_mps: float, control: Control) -> Moved:
-        """Return the tick of the published model."""
-        push = -self.BRAKE_MPS2 if control.brake > 0.0 else self.THROTTLE_MPS2 * control.throttle
-        return self._turning.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + _DT_S * push, 0.0))
+    push = -_BRAKE_MPS2 if control.brake > 0.0 else _THROTTLE_MPS2 * control.throttle
+    return mkz.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + _DT_S * push, 0.0))
 
 
 class PositionFilter:
     """Predicts by the last command, then corrects by GPS, compass and speedometer; one object per episode.
 
-    The first estimate is the first measurement. `vehicle` is what the commands drive, the bicycle unless it is given.
+    The first estimate is the first measurement. `motion` says what the commands do.
     """
 
-    def __init__(self, vehicle: Moving | None = None) -> None:
-        self._vehicle = vehicle or Mkz()
+    def __init__(self, motion: Motion = mkz.moved) -> None:
+        self._motion = motion
         self._state: PoseEstimate | None = None
         self._spread: _Matrix = [[_FIRST[i] if i == j else 0.0 for j in range(4)] for i in range(4)]
 
@@ -94,7 +86,7 @@ class PositionFilter:
             return self._state
         state, spread = list(self._state), self._spread
         for _ in range(ticks):
-            state, spread = _predicted(self._vehicle, state, last, spread)
+            state, spread = _predicted(self._motion, state, last, spread)
         for k, value in enumerate(measured):
             if not math.isnan(value):
                 away = value - state[k]
@@ -105,10 +97,10 @@ class PositionFilter:
         return self._state
 
 
-def _predicted(vehicle: Moving, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
+def _predicted(motion: Motion, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
     """Predict one tick about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
-    slip, turn, after = vehicle.moved(v, last)
+    slip, turn, after = motion(v, last)
     c, s = (_DT_S * part for part in scalars.cos_sin(yaw + slip))
     moved = [x + v * c, y + v * s, yaw + v * turn, after]
     # columns of the Jacobian beyond the identity: x, y by yaw; x, y, yaw by speed

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import ENGINES, Network, Policy
-from drive_robust_agents._planning.vehicle import Bicycle, Pedals, Vehicle, vehicle_called
+from drive_robust_agents._planning.mkz import Pedals
+from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from drive_robust_agents._wrappers.tuning import Tuning, tuning_called
@@ -34,10 +35,9 @@ class LearnedAgent(ABC):
     module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the
     plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
 
-    `vehicle` is what it drives, as `--drive-vehicle` says it. `tuning` says whose numbers turn the plan into controls.
-    `"ours"` are made for the bicycle: to another vehicle it gives the controls with which that one moves alike.
-    `"published"` are those of the released agent, made for CARLA's car, and what they give is what it gives, whatever
-    it drives. Raises `UnknownNameError` for others.
+    `tuning` says whose numbers turn the plan into controls. `"ours"` are found for a plain car: it gives the controls
+    with which the car that is driven moves alike (`plain_car`). `"published"` are those of the released agent, made for
+    CARLA's car, and what they give is what it gives. Raises `UnknownNameError` for others.
     """
 
     consumes: ClassVar[frozenset[str]]
@@ -53,7 +53,6 @@ class LearnedAgent(ABC):
     def __init__(
         self,
         *,
-        vehicle: str = "mkz",
         tuning: Tuning = "ours",
         engine: str = "onnx",
         device: str = "cpu",
@@ -63,7 +62,6 @@ class LearnedAgent(ABC):
         network: Network | None = None,
     ) -> None:
         """Take `network` or, without one, make it from `engine` to `weights` with `Policy.of`."""
-        self.vehicle: Vehicle = vehicle_called(vehicle, agent=self.name)
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
         self._network = network or Policy.of(
             self.name,
@@ -121,11 +119,11 @@ class LearnedAgent(ABC):
         """Turn the outputs for this row into a control, and set what `plan` shows."""
 
     def _given(self, control: Control, speed_mps: float) -> Control:
-        """Return what the vehicle is given for a control of the agent's controller, at the measured speed."""
-        if self.tuning == "published" or isinstance(self.vehicle, Bicycle):
+        """Return what the car is given for a control of the agent's controller, at the measured speed."""
+        if self.tuning == "published":
             return control
-        throttle, brake = self.vehicle.as_bicycle(speed_mps, Pedals(control.throttle, control.brake))
-        return Control(throttle, self.vehicle.steer_as_bicycle(control.steer), brake)
+        throttle, brake = pedals_from_plain(speed_mps, Pedals(control.throttle, control.brake))
+        return Control(throttle, steer_from_plain(control.steer), brake)
 
     def _target(self, x_m: float, y_m: float) -> Target:
         """Return where the route goes on from a position in its frame. Once a tick: it drops what has been reached."""

@@ -1,7 +1,7 @@
 """From SimLingo's path and speed waypoints to controls, and its way out when it stands for too long.
 
 Structure as published (SimLingo `team_code/agent_simlingo.py`, `config_simlingo.py`): the path steers, the speed
-waypoints drive, neither knows of the other. Gains are tuned for the vehicle of the embedded world.
+waypoints drive, neither knows of the other. Gains are found for a plain car (`tuning`).
 
 The path is points one metre apart, the speed waypoints are 0.25 s apart, the first of either one step ahead;
 (forward, right) metres in the frame of the vehicle.
@@ -32,7 +32,7 @@ class PathTuning:
     angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the one between the waypoints of the
     numbers `speed_from` and `speed_to`, counted from 0; it means to stop below `brake_below_mps`.
 
-    Published (`tuning.SIMLINGO_PUBLISHED`): a gain of 3.118, 0.351 s and at least 2.4 m, with which our vehicle
+    Published (`tuning.SIMLINGO_PUBLISHED`): a gain of 3.118, 0.351 s and at least 2.4 m, with which a plain car
     overshoots when it changes lanes; the waypoints 0 and 2, with which a small network, whose plans slow down too
     gently, begins to brake too late, and a stop below 0.4 m/s.
     """

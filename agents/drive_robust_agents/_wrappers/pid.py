@@ -2,7 +2,7 @@
 
 Its structure is the published one (Bench2DriveZoo `TCP/model.py`, `team_code/pid_controller.py`): two windowed PIDs, an
 aim among the waypoints, the route's target point in its place where that seems wiser, and a brake that is on or off.
-Gains and limits are tuned for the vehicle of the embedded world; see `tuning`.
+See `tuning` for gains and limits.
 
 Waypoints and target are (forward, right) metres in the frame of the vehicle; waypoints are 0.5 s apart, the first one
 lies 0.5 s ahead.

@@ -1,10 +1,11 @@
 """The numbers of each agent's controller, found with `benchmarks/controllers.py`: a perfect network drives by them.
 
-Published gains belong to CARLA's car, which turns its wheels twice as far, and the published target rules let no agent
-leave its lane: a target straight ahead always has the smaller angle. So the gains are larger, the target rules hold
-near the target only, two pairs of waypoints tell the speed (more of them see a start before it is due), and a wish
-below 0.8 m/s means to stop. The caps keep their order: TCP's throttle is cut above walking pace, UniAD's is shut off
-at a speed, VAD's is the same at every speed.
+Ours are found for a plain car and converted for the one that is driven (`plain_car`). The published gains belong to
+CARLA's car, which turns 1.3 times as much, and the published target rules let no agent leave its lane: a target
+straight ahead always has the smaller angle. So our gains are larger, the target rules hold near the target only, two
+pairs of waypoints tell the speed (more of them see a start before it is due), and a wish below 0.8 m/s means to stop.
+The caps keep their order: TCP's throttle is cut above walking pace, UniAD's is shut off at a speed, VAD's is the same
+at every speed.
 
 `"published"` numbers are those of the released agents, unchanged, for CARLA's car: TCP's from Bench2DriveZoo
 `TCP/config.py`, `TCP/model.py` and `team_code/tcp_b2d_agent.py`, UniAD's and VAD's from `team_code/pid_controller.py`
@@ -27,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 Tuning = Literal["ours", "published"]
-"""Whose numbers a controller has. Ours are for the bicycle; for another vehicle what they give is converted."""
+"""Whose numbers a controller has. Ours are found for a plain car; what they give is converted (`plain_car`)."""
 
 _SPEED = Gains(p=5.0, i=0.5, d=1.0, window=40)
 
@@ -68,8 +69,8 @@ TCP = replace(_SHARED, free_throttle=0.5, cruise_throttle=0.3, free_mps=1.5, fre
 """Published: 0.05 in place of 0.3."""
 UNIAD = replace(_SHARED, coast_above_mps=5.0)
 VAD = replace(_SHARED, most_throttle=0.3)
-"""Published: 0.75, which is 3.75 m/s2 here and too much for a small network's foresight: the same weights drove 8 of 44
-held-out routes with 0.75 and 15 with 0.3."""
+"""Published: 0.75, which is 3.75 m/s2 of a plain car and too much for a small network's foresight: the same weights
+drove 8 of 44 held-out routes with 0.75 and 15 with 0.3."""
 SIMLINGO = PathTuning()
 SIMLINGO_PUBLISHED = PathTuning(
     turn=Gains(p=3.118357247806046, i=0.6406067986034124, d=1.3782508892109167, window=6),

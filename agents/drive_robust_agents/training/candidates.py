@@ -1,6 +1,6 @@
 """Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
 
-Options of the agent stand behind the file: `candidate:tcp=RUN/weights/000100000/tcp.safetensors+vehicle=mkz`.
+Options of the agent stand behind the file: `candidate:tcp=RUN/weights/000100000/tcp.safetensors+tuning=published`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, cast
 
 from drive_robust_agents.training.data.dagger import file_and_options
 from drive_robust_agents.training.recipes.recipe import RECIPES
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.entries import configured
 from pytest_drive_robust.registry.registry import default_registry
@@ -49,9 +48,9 @@ class CandidateFactory:
         self()
 
 
-def candidate_name(agent: str, file: Path, *, vehicle: str = VEHICLES[0]) -> str:
-    """Return what to call the agent of a weight file on a vehicle, once `pytest_drive_robust_register` was called."""
-    return f"candidate:{agent}={file.absolute()}{'' if vehicle == VEHICLES[0] else f'+vehicle={vehicle}'}"
+def candidate_name(agent: str, file: Path) -> str:
+    """Return what to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
+    return f"candidate:{agent}={file.absolute()}"
 
 
 def candidate(argument: str) -> CandidateFactory:

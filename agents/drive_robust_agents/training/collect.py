@@ -20,22 +20,18 @@ from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.routes import training_keys
 from drive_robust_agents.training.data.shards import Shard, WrittenShard
 from pytest_drive_robust import Setting
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import DriveRobustError, UsageError
-from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
-    "Collected", "Collection", "add_arguments", "add_vehicle", "collect", "collection_of", "draws_of", "main", "run",
-    "vehicle_of",
+    "Collected", "Collection", "add_arguments", "check_world", "collect", "collection_of", "draws_of", "main", "run",
 ]  # fmt: skip
 
 _ASKED = "collect.json"
-_USUAL = VEHICLES[0]
 _GROWS = ("per_type", "routes")
 """These may grow later: more routes come behind those that are there."""
-_DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator", "vehicle")
+_DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +40,7 @@ class Collection:
 
     `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
     `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
-    that shares the driving, each episode under one of `settings` (none: clean). `vehicle` is what all of them drive.
+    that shares the driving, each episode under one of `settings` (none: clean).
     """
 
     agent: str
@@ -58,13 +54,11 @@ class Collection:
     beta: float = 0.5
     types: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
-    vehicle: str = _USUAL
 
     def check(self) -> None:
         """Raise `UsageError` for what cannot be collected."""
         agent_rig(self.agent)
         training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
-        SimulatorOptions(vehicle=self.vehicle)
         for name in ("episodes", "shard_routes"):
             if getattr(self, name) < 1:
                 raise UsageError(f"--{name.replace('_', '-')} is {getattr(self, name)}, expected at least 1.")
@@ -84,9 +78,9 @@ class Collection:
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """Return all shards of the collection."""
         keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
-        step, seed, drives = self.shard_routes, self.data_seed, (self._mixture, self.vehicle)
+        step, seed, mixture = self.shard_routes, self.data_seed, self._mixture
         return tuple(
-            Shard(folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, seed, *drives)
+            Shard(folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, seed, mixture)
             for k in range(-(-len(keys) // step))
         )
 
@@ -94,7 +88,7 @@ class Collection:
     def _mixture(self) -> Mixture | None:
         if self.dagger is None:
             return None
-        return Mixture(self.agent, self.dagger, self.beta, self.settings, self.vehicle)
+        return Mixture(self.agent, self.dagger, self.beta, self.settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,15 +136,13 @@ def _claim(collection: Collection, out: Path) -> None:
     asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
-        there = {"vehicle": _USUAL, **json.loads(file.read_text(encoding="utf-8"))}
+        there = json.loads(file.read_text(encoding="utf-8"))
         other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
             raise UsageError(f"{out} holds other data ({said}). Give another folder, or the same arguments to go on.")
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
-    if collection.vehicle == _USUAL:  # nothing is said of it
-        del asked["vehicle"]
     out.mkdir(parents=True, exist_ok=True)
     write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
 
@@ -168,16 +160,15 @@ def draws_of(folder: Path) -> dict[str, Any]:
     return {**drawn, "expert_share": asked["beta"] if asked["dagger"] else 1.0}
 
 
-def vehicle_of(folders: Sequence[Path]) -> str:
-    """Return what was driven for the data in these folders. Raises `UsageError` where it was not the same in all."""
-    driven = [draws_of(folder).get("vehicle", _USUAL) for folder in folders]
-    for folder, vehicle in zip(folders, driven, strict=True):
-        if vehicle != driven[0]:
+def check_world(folders: Sequence[Path]) -> None:
+    """Raise `UsageError` for data that was collected in a world that moves otherwise; frames of no collection pass."""
+    for folder in folders:
+        world = draws_of(folder).get("simulator", EmbeddedSimulator.version)
+        if world != EmbeddedSimulator.version:
             raise UsageError(
-                f"{folder} was collected on the vehicle {vehicle!r} and {folders[0]} on {driven[0]!r}: "
-                "data of two vehicles is not mixed. Give folders of one of them."
+                f"{folder} was collected in embedded {world}, and the world is embedded {EmbeddedSimulator.version} "
+                "now: its car moves otherwise. Collect into a new folder."
             )
-    return driven[0] if driven else _USUAL
 
 
 class _Bar:
@@ -223,7 +214,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, dest="data_seed", help="names all draws of noise and poses")
     parser.add_argument("--shard-routes", type=int, default=4, help="routes in a shard")
     parser.add_argument("--workers", type=int, default=1, help="processes")
-    add_vehicle(parser)
     parser.add_argument("--dagger", default=None, metavar="WEIGHTS_OR_AGENT", help="an agent that shares the driving")
     parser.add_argument("--beta", type=float, default=0.5, help="with --dagger: the expert's share of the time")
     parser.add_argument(
@@ -232,17 +222,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_vehicle(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--vehicle`."""
-    what = f"what is driven, as --drive-vehicle says it: {' or '.join(VEHICLES)} (default: {_USUAL})"
-    parser.add_argument("--vehicle", default=_USUAL, help=what)
-
-
 def collection_of(given: argparse.Namespace) -> Collection:
     """Turn the options into a `Collection`."""
     return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
-        given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings), given.vehicle,
+        given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
     )  # fmt: skip
 
 

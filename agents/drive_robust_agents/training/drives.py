@@ -22,7 +22,7 @@ from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, DEFAULT_VEHICLE, RunOptions
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.scheduler import Scheduler
@@ -53,7 +53,6 @@ def drive(
     workers: int,
     store: Path,
     simulator: str = DEFAULT_SIMULATOR,
-    vehicle: str = DEFAULT_VEHICLE,
 ) -> Driven:
     """Drive every agent (a name of the registry) under every setting over all routes, one seed.
 
@@ -61,10 +60,8 @@ def drive(
     """
     registry = default_registry()
     candidates.pytest_drive_robust_register(registry)
-    options = SimulatorOptions(stuck_stop_s=_STUCK_STOP_S, vehicle=vehicle)
-    chosen = RunOptions(
-        routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S, vehicle=vehicle
-    )
+    options = SimulatorOptions(stuck_stop_s=_STUCK_STOP_S)
+    chosen = RunOptions(routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S)
     scopes = Scopes(chosen, registry, lambda spec: tuple(routes))
     plan: dict[tuple[str, str], Sequence[EpisodeRequest]] = {
         (agent, setting): scopes.of(MarkerOptions(agent=agent)).need(Setting.parse(setting), clean=False).perturbed

@@ -14,13 +14,12 @@ from rich.console import Console
 from rich.table import Table
 
 from drive_robust_agents.training.candidates import candidate_name
-from drive_robust_agents.training.collect import add_vehicle
 from drive_robust_agents.training.data.routes import VALIDATION_SEED, validation_routes
 from drive_robust_agents.training.drives import degradation, drive, summary
 from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, DEFAULT_VEHICLE
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -41,7 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="N held-out routes of each of the 44 scenario types (default: 1), or what --drive-routes understands",
     )
     parser.add_argument("--settings", nargs="*", default=[], help='also under these, such as "occlusion 0.5"')
-    add_vehicle(parser)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
     parser.add_argument("--store", type=Path, default=Path(".drive-robust"), help="where episodes are kept")
     parser.add_argument("--json", type=Path, help="write the result here as well")
@@ -51,7 +49,7 @@ def run(given: argparse.Namespace) -> int:
     """Evaluate as the options say, print tables, write `evaluation.json`. Raises `UsageError`."""
     found = evaluate(
         given.agent, _files(given), routes_spec=given.routes, settings=given.settings, workers=given.workers,
-        store=given.store, vehicle=given.vehicle,
+        store=given.store,
     )  # fmt: skip
     _print(found, Console(width=120))
     if given.run is not None:
@@ -72,16 +70,12 @@ def evaluate(
     workers: int,
     store: Path,
     simulator: str = DEFAULT_SIMULATOR,
-    vehicle: str = DEFAULT_VEHICLE,
 ) -> dict[str, Any]:
-    """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score.
-
-    They are told which vehicle they drive; the result names it where it is not the usual one.
-    """
+    """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score."""
     described, routes = _routes(routes_spec)
-    names = [candidate_name(agent, file, vehicle=vehicle) for file in files]
+    names = [candidate_name(agent, file) for file in files]
     wanted = (_CLEAN, *(setting for setting in settings if setting != _CLEAN))
-    driven = drive(names, wanted, routes, workers=workers, store=store, simulator=simulator, vehicle=vehicle)
+    driven = drive(names, wanted, routes, workers=workers, store=store, simulator=simulator)
     candidates: list[dict[str, Any]] = []
     for name, file in zip(names, files, strict=True):
         clean = driven[name, _CLEAN]
@@ -91,8 +85,7 @@ def evaluate(
         }
         candidates.append({"file": str(file.absolute()), **summary(clean), "settings": under})
     scores = [one["driving_score"] for one in candidates]
-    named = {} if vehicle == DEFAULT_VEHICLE else {"vehicle": vehicle}
-    return {"agent": agent, "routes": described, **named, "best": scores.index(max(scores)), "candidates": candidates}
+    return {"agent": agent, "routes": described, "best": scores.index(max(scores)), "candidates": candidates}
 
 
 def _files(given: argparse.Namespace) -> list[Path]:

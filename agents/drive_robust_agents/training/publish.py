@@ -38,8 +38,7 @@ def run(given: argparse.Namespace) -> int:
         given.to,
         recipe=recipe_of(given.agent),
         version=given.version,
-        score={name: value for name, value in best.items() if name != "file"}
-        | {name: found[name] for name in ("routes", "vehicle") if name in found},
+        score={name: value for name, value in best.items() if name != "file"} | {"routes": found["routes"]},
         note=given.note,
     )
     print(f"{entry.label} is in {given.to}")

@@ -14,10 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from drive_robust_agents.training.collect import add_vehicle
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.simulators.base import SimulatorOptions
 
 __all__ = ["CURRICULA", "Curriculum", "Dagger", "add_arguments", "commands", "run"]
 
@@ -61,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--share", type=float, default=1.0, help="of the routes and frames, for a first look")
     parser.add_argument("--routes", default="1", help="what candidates are chosen on, as `evaluate` understands it")
     parser.add_argument("--device", default="cpu", help="cpu or cuda")
-    add_vehicle(parser)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes that drive (all cores)")
 
 
@@ -71,7 +67,6 @@ def run(given: argparse.Namespace) -> int:
 
     if not 0.0 < given.share <= 1.0:
         raise UsageError(f"--share is {given.share!r}, expected more than 0 and at most 1.")
-    SimulatorOptions(vehicle=given.vehicle)  # one that there is none of is said at once
     for command in commands(given):
         print(f"\n$ python -m drive_robust_agents.training {shlex.join(command)}", flush=True)
         code = main(command)
@@ -84,7 +79,7 @@ def run(given: argparse.Namespace) -> int:
 def commands(given: argparse.Namespace) -> Iterator[list[str]]:
     """Return the arguments of each step; a later one asks for the results of those before."""
     whole, agent, out = CURRICULA[given.agent], ["--agent", given.agent], given.out
-    driving = [*_vehicle(given), "--workers", str(given.workers)]
+    driving = ["--workers", str(given.workers)]
     data = [out / "expert"]
     yield ["collect", *agent, "--out", str(data[0]), *_routes(given, whole.per_type), *driving]
     yield from _learnt(given, 0, data, whole.visits)
@@ -102,11 +97,7 @@ def _learnt(given: argparse.Namespace, number: int, data: list[Path], visits: in
     seen = ["--frames", *map(str, data), "--visits", str(max(1, round(visits * given.share)))]
     yield ["train", *agent, *seen, *run, "--device", given.device, *more]
     kept = ["--store", str(given.out / "store"), "--workers", str(given.workers)]
-    yield ["evaluate", *agent, *run, "--routes", given.routes, *_vehicle(given), *kept]
-
-
-def _vehicle(given: argparse.Namespace) -> list[str]:
-    return [] if given.vehicle == VEHICLES[0] else ["--vehicle", given.vehicle]
+    yield ["evaluate", *agent, *run, "--routes", given.routes, *kept]
 
 
 def _routes(given: argparse.Namespace, per_type: int) -> list[str]:

@@ -14,7 +14,7 @@ import torch
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents.training.collect import draws_of, vehicle_of
+from drive_robust_agents.training.collect import check_world, draws_of
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> int:
     """Train as the options say. The exit code is 130 when it was interrupted."""
-    vehicle_of(given.frames)
+    check_world(given.frames)
     torch.set_num_threads(given.threads)
     recipe = recipe_of(given.agent, robust=given.robust)
     if given.device.startswith("cuda") and not torch.cuda.is_available():

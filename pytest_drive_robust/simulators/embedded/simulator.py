@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from pytest_drive_robust.domain.control import VEHICLES, Control
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
@@ -43,10 +43,9 @@ class EmbeddedSimulator:
     """
 
     name = "embedded"
-    version = "2"
+    version = "3"
     dt_s = DT_S
     portable_bits = True
-    vehicles = VEHICLES
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
@@ -147,18 +146,17 @@ class EmbeddedSimulator:
     def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> WorldState:
         """Put the ego elsewhere in this moment of the episode, for data and experiments that branch from it.
 
-        Its wheels stay turned as they are and its engine pulls as it does; with a speed of 0 it is at rest. The IMU
-        tells what follows from that. Nobody else moves and no criterion is judged before the next `step`. Raises
-        `SimulationError` for what no ego can have.
+        Its wheels stay turned as they are; with a speed of 0 it is at rest. The IMU tells what follows from that.
+        Nobody else moves and no criterion is judged before the next `step`. Raises `SimulationError` for what no ego
+        can have.
         """
         self.world.place_ego(x_m, y_m, yaw_rad, speed_mps)
         self._frame = None
         return self.frame
 
     def versions(self) -> Mapping[str, str]:
-        """Return its own version, and the vehicle unless it is the usual one: no version of a library changes a bit."""
-        vehicle = {} if self.options.vehicle == VEHICLES[0] else {"vehicle": self.options.vehicle}
-        return {"simulator": f"{self.name} {self.version}", **vehicle}
+        """Return its own version: no version of a library changes a bit."""
+        return {"simulator": f"{self.name} {self.version}"}
 
     def close(self) -> None:
         """Forget the current world."""

@@ -10,10 +10,8 @@ DT_S = 0.05
 EVENT_CAPACITY = 256
 
 # --- ego: one row of floats ---
-EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_ACCEL, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(9)
-EGO_COLUMNS = 9
-
-VEHICLE_MKZ, VEHICLE_BICYCLE = range(2)  # the places in `domain.control.VEHICLES`
+EGO_X, EGO_Y, EGO_YAW, EGO_V, EGO_STEER, EGO_FORWARD, EGO_RIGHT, EGO_YAW_RATE = range(8)
+EGO_COLUMNS = 8
 
 # --- actors: one row each ---
 A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)
@@ -64,7 +62,6 @@ class Statics(NamedTuple):
     """What does not change within an episode."""
 
     dt_s: float
-    vehicle: int
     tick_cap: int
     stuck_stop_s: float
     route: Floats2  # (n, 4): x, y, yaw, speed limit; about one row a metre
@@ -103,7 +100,7 @@ class State(NamedTuple):
     """What a tick changes."""
 
     clock: Ints1  # (2,): tick, tick at which the scenario started (-1: not yet)
-    ego: Floats1  # (9,)
+    ego: Floats1  # (8,)
     actors: Floats2  # (k, 29)
     actor_ints: Ints2  # (k, 17)
     flows: Floats2  # (f, 5)

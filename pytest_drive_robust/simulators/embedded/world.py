@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.series import wrap_angle
-from pytest_drive_robust.domain.control import VEHICLES, Control
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
@@ -125,7 +125,7 @@ class World:
         ego[[c.EGO_X, c.EGO_Y, c.EGO_V]] = x_m, y_m, speed_mps
         ego[c.EGO_YAW] = wrap_angle(yaw_rad)
         if speed_mps == 0.0:
-            ego[[c.EGO_ACCEL, c.EGO_FORWARD]] = 0.0
+            ego[c.EGO_FORWARD] = 0.0
         settle_turn(self._arrays)
 
 
@@ -177,7 +177,6 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         raise RouteError(f"route {dense.route.id}: an actor's path has no length")
     return Statics(
         dt_s=DT_S,
-        vehicle=VEHICLES.index(options.vehicle),
         tick_cap=options.tick_cap,
         stuck_stop_s=np.inf if options.stuck_stop_s is None else float(options.stuck_stop_s),
         route=dense.rows,

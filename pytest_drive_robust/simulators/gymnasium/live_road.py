@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneMap, WorldState
-from pytest_drive_robust.simulators.embedded.kernels import ego as bicycle
 
 _HEIGHT_M = {ActorKind.CAR: 1.55, ActorKind.TRUCK: 3.2, ActorKind.BARRIER: 1.0, ActorKind.BICYCLE: 1.7}
 _TRUCK_M, _BICYCLE_M = 7.0, 1.0
 _BRAKING_MPS2 = -0.7
 _NO_LIGHTS = np.zeros(0, dtype=np.int64)
-ACCELERATION_RANGE_MPS2 = (-bicycle.BRAKE_MAX_MPS2, bicycle.ACCEL_MAX_MPS2)
+_BRAKE_MPS2, _ENGINE_MPS2 = 8.0, 5.0
+"""What full pedals do: highway-env knows accelerations alone."""
+_POWER_WPKG = 55.0
+"""Caps the acceleration at speed."""
+_STEER_RAD, _WHEELBASE_M = 0.61, 2.85
+"""A full `steer` follows the path of wheels turned so far at such a wheelbase, whatever the car's own length."""
+ACCELERATION_RANGE_MPS2 = (-_BRAKE_MPS2, _ENGINE_MPS2)
 STEERING_RANGE_RAD = (-0.9, 0.9)
 """A full turn of the wheel needs 0.887 rad of highway-env's car, whose wheelbase is its length of 5 m."""
 
@@ -183,13 +188,13 @@ def acceleration_and_steering(
 ) -> tuple[float, float]:
     """Return (m/s2, rad) for highway-env's bicycle model of a car of `length_m`.
 
-    A control means what it means in the embedded world: the same curvature of the path and the same push, without the
-    lags, which highway-env does not have. A brake never becomes a reverse gear: the acceleration is limited to what
-    brings the car to rest within `dt_s`.
+    Pedals act in proportion and at once, unlike those of the embedded world's car: throttle up to 5 m/s2, less at
+    speed; brakes up to 8 m/s2. The steering sets the curvature of the path. A brake never becomes a reverse gear: the
+    acceleration is limited to what brings the car to rest within `dt_s`.
     """
-    engine_mps2 = min(bicycle.ACCEL_MAX_MPS2, bicycle.POWER_WPKG / max(speed_mps, 1.0))
-    push_mps2 = control.throttle * engine_mps2 if control.brake <= 0.0 else -control.brake * bicycle.BRAKE_MAX_MPS2
-    curvature = math.tan(control.steer * bicycle.STEER_MAX_RAD) / bicycle.WHEELBASE_M
+    engine_mps2 = min(_ENGINE_MPS2, _POWER_WPKG / max(speed_mps, 1.0))
+    push_mps2 = control.throttle * engine_mps2 if control.brake <= 0.0 else -control.brake * _BRAKE_MPS2
+    curvature = math.tan(control.steer * _STEER_RAD) / _WHEELBASE_M
     return max(push_mps2, -max(speed_mps, 0.0) / dt_s), math.atan(length_m * curvature)
 
 

@@ -152,7 +152,7 @@ def test_it_may_be_driven_in_lockstep_where_the_processor_keeps_rows_apart(weigh
 
 
 def test_published_it_coasts_above_five_metres_per_second_too() -> None:
-    agent = UniAD(vehicle="mkz", tuning="published", network=Scripted())
+    agent = UniAD(tuning="published", network=Scripted())
     agent.reset(PLAN, 0)
     assert agent.act(seen(0, speed=3.0)).throttle > 0.0
     assert agent.act(seen(1, speed=5.1)).throttle == 0.0

@@ -44,7 +44,6 @@ def test_every_option_is_read(tmp_path):
             "r.xml",
             "3, 1",
             "s",
-            "mkz",
             "released",
             "fixed",
             "list",
@@ -61,7 +60,7 @@ def test_every_option_is_read(tmp_path):
     config = FakeConfig(**{option.name: value for option, value in zip(options_of(RunOptions), values, strict=True)})
     verdict_rule = VerdictRule("list", 0.2, 0.01)
     assert RunOptions.from_pytest_config(config) == RunOptions(
-        *("a", "r.xml", (3, 1), "s", "mkz", "released", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True),
+        *("a", "r.xml", (3, 1), "s", "released", "fixed", verdict_rule, "skip", "holm", 12.5, "kept", True),
         *(*files, True, True),
     )
 

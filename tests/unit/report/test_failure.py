@@ -82,14 +82,13 @@ def test_nothing_but_the_replay_command_is_wider_than_a_hundred_columns(seeds):
 
 
 def test_the_replay_command_survives_a_shell():
-    options = RunOptions(simulator="my sim", vehicle="mkz")
+    options = RunOptions(simulator="my sim")
     wanted = requirement("RD", LATENCY) <= 0.10
     last = text_of(wanted, CLEAN, PERTURBED, options=options, routes_spec='a "b" $c.xml').splitlines()[-1]
     words = shlex.split(last.removeprefix("  replay:"))
     assert words[words.index("--setting") + 1] == "200 ms latency"
     assert words[words.index("--routes") + 1] == 'a "b" $c.xml'
     assert words[words.index("--sim") + 1] == "my sim"
-    assert words[words.index("--vehicle") + 1] == "mkz"
 
 
 def test_a_privileged_agent_is_said_to_be_one():

@@ -23,7 +23,6 @@ from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpi
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
 from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.entries import configured
@@ -43,8 +42,7 @@ class Mixture:
     """Who drives: an agent by name or reference, or by a weights file, and the expert for a share `beta` of the time.
 
     `agent` is the learned agent that the data is for; its class reads the weights. Any other agent may drive, too.
-    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean. Both
-    drive `vehicle`; an agent that is named, and not a weights file, is told of it by its name (`tcp:vehicle=mkz`).
+    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean.
     Behind a weights file stand options of its agent, as in `"tcp.safetensors+tuning=published"`.
     """
 
@@ -52,7 +50,6 @@ class Mixture:
     driver: str
     beta: float
     settings: tuple[str, ...] = ()
-    vehicle: str = VEHICLES[0]
 
     def setting(self, rng: np.random.Generator) -> Setting:
         """Draw the setting of an episode. Raises `RequirementError` for a sentence that is none."""
@@ -69,7 +66,7 @@ def agent_of(mixture: Mixture) -> Agent:
             raise UsageError(f"--dagger {mixture.driver}: there is no such weights file.")
         loaded = registry.entry("agents", mixture.agent).load()
         factory = cast("Callable[..., Agent]", configured(mixture.agent, loaded, options) if options else loaded)
-        return factory(weights=file, vehicle=mixture.vehicle)
+        return factory(weights=file)
     return registry.agent(mixture.driver)
 
 
@@ -99,7 +96,7 @@ def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: in
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S, vehicle=mixture.vehicle)
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
     simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)

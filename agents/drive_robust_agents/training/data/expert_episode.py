@@ -12,7 +12,6 @@ from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.labels import ExpertMoment
 from drive_robust_agents.training.data.poses import FreeSpace
 from pytest_drive_robust import CameraSpec, Compass, Control, Gps, Imu, Observation, Speed
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -48,12 +47,11 @@ class ExpertEpisode:
         seed: int,
         cameras: Sequence[CameraSpec] = (),
         stuck_s: float = STUCK_S,
-        vehicle: str = VEHICLES[0],
     ) -> ExpertEpisode:
-        """Start an episode on a vehicle and return its first moment."""
-        simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s, vehicle=vehicle))
+        """Start an episode and return its first moment."""
+        simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s))
         simulator.reset(route, seed=seed, cameras=cameras)
-        expert, plan = Expert(vehicle=vehicle), simulator.plan()
+        expert, plan = Expert(), simulator.plan()
         expert.reset(plan, seed)
         planners = RoutePlanner(plan, min_m=MIN_M), RoutePlanner(plan, min_m=MIN_SIMLINGO_M)
         night = route.weather.sun_altitude_angle < 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.vehicle import WHEELBASE_M, Mkz, Vehicle
+from drive_robust_agents._planning import mkz, plain_car
 
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 
@@ -13,9 +13,9 @@ Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
 """The share of episodes that have bursts."""
-_MKZ = Mkz()
-_WHEEL_RAD, _LATERAL_MPS2 = 0.12, 3.0
-"""Of the bicycle's wheels; those of another vehicle turn by as much as makes it turn alike."""
+_WHEEL_RAD = 0.12 * (mkz.WHEELBASE_M / plain_car.WHEELBASE_M)
+"""What turns the car as much as 0.12 rad turn a plain one."""
+_LATERAL_MPS2 = 3.0
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 
 
@@ -35,11 +35,7 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
     return added
 
 
-def burst_steer(strength: float, speed_mps: float, *, vehicle: Vehicle = _MKZ) -> float:
-    """Return what to add to the steering (-1..1) of a vehicle.
-
-    Up to 0.12 rad of the bicycle's wheels or what turns another vehicle as much, and at speed up to 3 m/s2.
-    """
-    wheel = _WHEEL_RAD * (vehicle.wheelbase_m / WHEELBASE_M)
-    most = min(wheel, _LATERAL_MPS2 * vehicle.wheelbase_m / max(speed_mps, 1.0) ** 2)
-    return strength * most / vehicle.steer_max_rad
+def burst_steer(strength: float, speed_mps: float) -> float:
+    """Return what to add to the steering (-1..1): as much as 0.12 rad turn a plain car, and at speed up to 3 m/s2."""
+    most = min(_WHEEL_RAD, _LATERAL_MPS2 * mkz.WHEELBASE_M / max(speed_mps, 1.0) ** 2)
+    return strength * most / mkz.STEER_MAX_RAD

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drive_robust_agents._planning.vehicle import vehicle_called
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import STUCK_S, TICK_CAP, ExpertEpisode, faults, seen_by_expert
@@ -18,7 +17,6 @@ from drive_robust_agents.training.data.labels import BRANCH_TICKS, ExpertMoment
 from drive_robust_agents.training.data.noise import burst_plan, burst_steer
 from drive_robust_agents.training.data.poses import Pose, draw_pose
 from pytest_drive_robust import Control
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import WorldState
@@ -102,13 +100,12 @@ def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
     return None
 
 
-def drive_expert(route: Route, *, data_seed: int, seed: int, vehicle: str = VEHICLES[0]) -> list[Sample]:
+def drive_expert(route: Route, *, data_seed: int, seed: int) -> list[Sample]:
     """Return the samples of an episode of the expert in the order of time, without those with a fault ahead.
 
-    `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own; `vehicle` is what it drives.
+    `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own.
     """
-    episode = ExpertEpisode.begin(route, seed=seed, vehicle=vehicle)
-    driven = vehicle_called(vehicle, agent="expert")
+    episode = ExpertEpisode.begin(route, seed=seed)
     noise = burst_plan(draws(data_seed, route.id, seed, "noise"), TICK_CAP + BRANCH_TICKS)
     rng = draws(data_seed, route.id, seed, "moments")
     phase = int(rng.integers(KEEP_TICKS))
@@ -128,7 +125,7 @@ def drive_expert(route: Route, *, data_seed: int, seed: int, vehicle: str = VEHI
         control = episode.act()
         if keep and clean:
             on_way.append(episode.here(targets))
-        steer = float(np.clip(control.steer + burst_steer(noise[tick], ego.speed_mps, vehicle=driven), -1.0, 1.0))
+        steer = float(np.clip(control.steer + burst_steer(noise[tick], ego.speed_mps), -1.0, 1.0))
         episode.step(control, Control(control.throttle, steer, control.brake))
     episode.frames.append(episode.simulator.frame)
     first = episode.frames[0].tick

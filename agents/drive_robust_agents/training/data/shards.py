@@ -14,7 +14,6 @@ from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import Sample, drive_expert
 from drive_robust_agents.training.data.routes import RouteKey, draw
 from drive_robust_agents.training.data.rows import rows
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.domain.route import Route
 
 __all__ = ["Shard", "WrittenShard", "write"]
@@ -22,10 +21,7 @@ __all__ = ["Shard", "WrittenShard", "write"]
 
 @dataclass(frozen=True, slots=True)
 class Shard:
-    """What to write: `keys` are the routes, `first` is the number of the first of them among all.
-
-    `vehicle` is what the expert drives; with a `mixture` it is that one's.
-    """
+    """What to write: `keys` are the routes, `first` is the number of the first of them among all."""
 
     folder: Path
     number: int
@@ -35,7 +31,6 @@ class Shard:
     episodes: int
     data_seed: int
     mixture: Mixture | None = None
-    vehicle: str = VEHICLES[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +63,6 @@ def write(shard: Shard) -> WrittenShard:
 def _driver(shard: Shard) -> Callable[[Route, int], list[Sample]]:
     """Return what drives an episode of a route with a seed."""
     if shard.mixture is None:
-        return lambda route, seed: drive_expert(route, data_seed=shard.data_seed, seed=seed, vehicle=shard.vehicle)
+        return lambda route, seed: drive_expert(route, data_seed=shard.data_seed, seed=seed)
     mixture, agent = shard.mixture, agent_of(shard.mixture)
     return lambda route, seed: drive_mixture(route, agent=agent, mixture=mixture, data_seed=shard.data_seed, seed=seed)

@@ -75,7 +75,6 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     against = nx * along + ny * beside
     if against < 0.0:
         ego[c.EGO_V] = max(0.0, v * (1.0 + against))
-        ego[c.EGO_ACCEL] = min(ego[c.EGO_ACCEL], 0.0)
 
 
 @inner

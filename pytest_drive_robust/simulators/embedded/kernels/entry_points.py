@@ -13,7 +13,8 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import judge
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
-from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego, turning
+from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
+from pytest_drive_robust.simulators.embedded.kernels.mkz import mkz_turn
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose, survey
 from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows, run_flows, set_lights
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays, world_arrays
@@ -43,7 +44,7 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
 def settle_turn(world: WorldArrays) -> None:
     """Note what the ego's wheels make of its speed, after it was put elsewhere."""
     ego = world.ego
-    yaw_rate = turning(world, ego[c.EGO_V])[1]
+    yaw_rate = mkz_turn(ego[c.EGO_V], ego[c.EGO_STEER])[1]
     ego[c.EGO_RIGHT], ego[c.EGO_YAW_RATE] = ego[c.EGO_V] * yaw_rate, yaw_rate
 
 

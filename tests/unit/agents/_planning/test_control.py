@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from drive_robust_agents._planning import mkz
 from drive_robust_agents._planning.control import pedals, speed_profile, steer_along
 from pytest_drive_robust.domain.truth import EgoState
 
@@ -26,9 +27,9 @@ def test_curves_are_slower_and_braking_for_them_starts_before() -> None:
 def test_on_a_circle_the_wheels_keep_the_curvature_of_the_circle(sign: float) -> None:
     angle = np.arange(60) / 20.0
     line = np.column_stack([20.0 * np.sin(angle), sign * 20.0 * (1.0 - np.cos(angle)), sign * angle])
-    slip = math.atan(0.5 * 2.85 / 20.0)
+    slip = math.asin(mkz.REAR_M / 20.0)
     ego = EgoState(*line[20, :2], line[20, 2] - sign * slip, 5.0, 0.0, 0.0, sign * 5.0 / 20.0, 4.9, 1.8)
-    assert steer_along(ego, line, 20) * 0.61 == pytest.approx(sign * math.atan(2.85 / 20.0), abs=0.02)
+    assert steer_along(ego, line, 20) == pytest.approx(sign * mkz.steer(1.0 / 20.0), abs=0.02)
 
 
 def test_a_standing_ego_is_held_by_its_brake() -> None:

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.vehicle import Mkz
-from drive_robust_agents._wrappers.kalman import PositionFilter, PublishedCar
+from drive_robust_agents._planning import mkz
+from drive_robust_agents._wrappers.kalman import PositionFilter, published_motion
 from pytest_drive_robust import Control
 
 Floats = NDArray[np.float64]
@@ -114,7 +114,7 @@ def test_it_knows_no_preferred_direction(seed: int, turned: float) -> None:
 
 def test_the_published_car_turns_as_the_mkz_and_hardly_accelerates() -> None:
     given = Control(throttle=1.0, steer=0.3)
-    found, mkz = PublishedCar().moved(5.0, given), Mkz().moved(5.0, given)
-    assert (found.slip_rad, found.turn_rad) == (mkz.slip_rad, mkz.turn_rad)
+    found, ours = published_motion(5.0, given), mkz.moved(5.0, given)
+    assert (found.slip_rad, found.turn_rad) == (ours.slip_rad, ours.turn_rad)
     assert found.speed_mps == pytest.approx(5.0 + 0.05 * 0.5633837)
-    assert PublishedCar().moved(5.0, Control(brake=0.1)).speed_mps == pytest.approx(5.0 - 0.05 * 4.952399)
+    assert published_motion(5.0, Control(brake=0.1)).speed_mps == pytest.approx(5.0 - 0.05 * 4.952399)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import shutil
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
 from drive_robust_agents._nets.inference import ENGINES, ROWS, Policy
-from drive_robust_agents._planning.vehicle import Bicycle, Mkz
+from drive_robust_agents._planning import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
@@ -149,31 +150,27 @@ LEARNED = pytest.mark.parametrize("made", [TCP, UniAD, VAD, SimLingo], ids=["tcp
 
 
 @LEARNED
-def test_a_vehicle_or_tuning_that_there_is_none_of_is_refused_with_the_nearest_name(made: type[LearnedAgent]) -> None:
-    with pytest.raises(UnknownNameError, match=rf"no vehicle named 'mzk'. Did you mean 'mkz'.*'{made.name}:vehicle="):
-        made(vehicle="mzk")
+def test_a_tuning_that_there_is_none_of_is_refused_with_the_nearest_name(made: type[LearnedAgent]) -> None:
     with pytest.raises(UnknownNameError, match=rf"no tuning named 'publishd'. Did you mean 'published'.*'{made.name}:"):
         made(tuning="publishd")  # type: ignore[arg-type]
 
 
 @LEARNED
-def test_both_are_options_of_the_name(made: type[LearnedAgent]) -> None:
-    agent = default_registry().agent(f"{made.name}:vehicle=mkz+tuning=published")
+def test_the_tuning_is_an_option_of_the_name(made: type[LearnedAgent]) -> None:
+    agent, usual = (default_registry().agent(name) for name in (f"{made.name}:tuning=published", made.name))
     assert isinstance(agent, made)
-    assert (type(agent.vehicle), agent.tuning) == (Mkz, "published")
-    usual = default_registry().agent(made.name)
     assert isinstance(usual, made)
-    assert (type(usual.vehicle), usual.tuning) == (Bicycle, "ours")
+    assert (agent.tuning, usual.tuning) == ("published", "ours")
 
 
 @LEARNED
-def test_our_numbers_move_the_mkz_as_they_move_the_bicycle_and_published_ones_are_given_as_they_are(
+def test_our_numbers_move_the_car_as_a_plain_one_and_published_ones_are_given_as_they_are(
     made: type[LearnedAgent],
 ) -> None:
     wanted = Control(throttle=0.3, steer=0.2, brake=0.0)
-    assert made()._given(wanted, 5.0) is wanted
-    assert made(vehicle="mkz", tuning="published")._given(wanted, 5.0) is wanted
-    given = made(vehicle="mkz")._given(wanted, 5.0)
-    assert Mkz().moved(5.0, given).turn_rad == pytest.approx(Bicycle().moved(5.0, wanted).turn_rad, rel=1e-6)
+    assert made(tuning="published")._given(wanted, 5.0) is wanted
+    moved = mkz.moved(5.0, made()._given(wanted, 5.0))
+    tangent = math.tan(0.2 * 0.61)
+    assert moved.turn_rad == pytest.approx(0.05 * math.cos(math.atan(0.5 * tangent)) * tangent / 2.85, rel=1e-6)
     drag_mps2 = 0.12 + 0.018 * 5.0 + 0.0006 * 25.0
-    assert Mkz().moved(5.0, given).speed_mps == pytest.approx(5.0 + 0.05 * (0.3 * 5.0 - drag_mps2))
+    assert moved.speed_mps == pytest.approx(5.0 + 0.05 * (0.3 * 5.0 - drag_mps2))

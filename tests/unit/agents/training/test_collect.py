@@ -11,14 +11,13 @@ from training_drives import data_seed, key_of, route_of, samples_of
 
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
-from drive_robust_agents.training.collect import Collection, collect, draws_of, main, vehicle_of
+from drive_robust_agents.training.collect import Collection, check_world, collect, main
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import ON_WAY
 from drive_robust_agents.training.data.rows import rows
 from drive_robust_agents.training.data.shards import Shard
 from pytest_drive_robust import CameraSpec
-from pytest_drive_robust.domain.control import VEHICLES
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
@@ -135,29 +134,18 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest
         collect(Collection("tcp", routes=1), other, progress=False)
 
 
-def test_data_of_two_vehicles_is_never_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_write(monkeypatch)
-    folders = {vehicle: tmp_path / vehicle for vehicle in VEHICLES}
-    for vehicle, folder in folders.items():
-        collect(Collection("tcp", routes=1, vehicle=vehicle), folder, progress=False)
-        assert draws_of(folder).get("vehicle", "bicycle") == vehicle_of([folder, folder]) == vehicle
-    for vehicle, other in (("bicycle", "mkz"), ("mkz", "bicycle")):
-        with pytest.raises(UsageError, match=rf"holds other data \(vehicle: '{vehicle}' there, '{other}' now\)"):
-            collect(Collection("tcp", routes=1, vehicle=other), folders[vehicle], progress=False)
-    with pytest.raises(
-        UsageError, match=r"on the vehicle 'mkz' and .* on 'bicycle': data of two vehicles is not mixed"
-    ):
-        vehicle_of([folders["bicycle"], folders["mkz"]])
-
-
-def test_of_the_usual_vehicle_nothing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So folders and manifests stay what they were when there was only one."""
-    fake_write(monkeypatch)
-    collect(Collection("tcp", routes=1), tmp_path, progress=False)
-    assert "vehicle" not in json.loads((tmp_path / "collect.json").read_text())
-    assert "vehicle" not in draws_of(tmp_path)
-    told = [shard.vehicle for shard in Collection("tcp", routes=1, vehicle="mkz").shards(tmp_path)]
-    assert told == ["mkz"]
+    collection, old, new = Collection("tcp", routes=1), tmp_path / "old", tmp_path / "new"
+    for folder in (old, new):
+        collect(collection, folder, progress=False)
+    told = json.loads((old / "collect.json").read_text())
+    (old / "collect.json").write_text(json.dumps(told | {"simulator": "2"}))
+    with pytest.raises(UsageError, match=r"holds other data \(simulator: '2' there, '3' now\)"):
+        collect(collection, old, progress=False)
+    with pytest.raises(UsageError, match=r"old was collected in embedded 2, and the world is embedded 3 now"):
+        check_world([new, old])
+    check_world([new, tmp_path])  # frames of no collection are somebody's own
 
 
 @pytest.mark.parametrize(
@@ -173,7 +161,6 @@ def test_of_the_usual_vehicle_nothing_is_said(tmp_path: Path, monkeypatch: pytes
         (["--agent", "tcp", "--beta", "1.5"], "--beta is 1.5, expected the expert's share"),
         (["--agent", "tcp", "--dagger", "reactiv"], "Did you mean 'reactive'"),
         (["--agent", "tcp", "--dagger", "reactive", "--settings", "GPS nois 15 m"], "GPS noise"),
-        (["--agent", "tcp", "--vehicle", "mzk"], "no vehicle named 'mzk'. Did you mean 'mkz'"),
         (["--agent", "tcp", "--settings", "clean"], "--settings are for the agent of --dagger, which is lacking"),
     ],
 )

@@ -43,15 +43,6 @@ def test_a_round_of_dagger_begins_with_what_drove_best_and_learns_from_all_frame
     ]  # fmt: skip
 
 
-def test_every_step_that_drives_is_told_the_vehicle_unless_it_is_the_usual_one(tmp_path: Path) -> None:
-    evaluated(tmp_path / "run0", best=1)
-    on_mkz = list(commands(asked("--out", str(tmp_path), "--vehicle", "mkz")))
-    told = {step[0]: step[step.index("--vehicle") + 1] for step in on_mkz if "--vehicle" in step}
-    assert told == {"collect": "mkz", "evaluate": "mkz"}
-    usual = list(commands(asked("--out", str(tmp_path))))
-    assert usual == [[one for one in step if one not in ("--vehicle", "mkz")] for step in on_mkz]
-
-
 def test_the_curriculum_is_the_one_that_the_manifest_of_the_shipped_weights_tells() -> None:
     """Steps, rate and number of folders of the last round."""
     _, entry = load("tcp", TcpNet.build)

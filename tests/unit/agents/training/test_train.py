@@ -156,23 +156,22 @@ def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) 
 
 def test_a_candidate_takes_the_options_of_its_agent_behind_the_file(run: Path) -> None:
     file = run / "weights" / "000000005" / "tcp.safetensors"
-    assert candidate_name("tcp", file, vehicle="bicycle") == candidate_name("tcp", file)
-    factory = candidate(candidate_name("tcp", file, vehicle="mkz").partition(":")[2])
+    factory = candidate(f"tcp={file}+tuning=published")
     made = factory()
     assert isinstance(made, drive_robust_agents.tcp.TCP)
-    assert (type(made.vehicle).__name__, factory.weights[0]) == ("Mkz", file)
-    with pytest.raises(UsageError, match=r"no option of the agent 'tcp' named 'vehicl'. Did you mean 'vehicle'"):
-        candidate(f"tcp={file}+vehicl=mkz")
+    assert (made.tuning, factory.weights[0]) == ("published", file)
+    with pytest.raises(UsageError, match=r"no option of the agent 'tcp' named 'tunin'. Did you mean 'tuning'"):
+        candidate(f"tcp={file}+tunin=published")
 
 
-def test_training_refuses_frames_of_two_vehicles(
+def test_training_refuses_frames_of_another_world(
     frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = tmp_path / "other"
     other.mkdir()
-    (other / "collect.json").write_text(json.dumps({"vehicle": "mkz", "beta": 0.5, "dagger": None}))
+    (other / "collect.json").write_text(json.dumps({"simulator": "2", "beta": 0.5, "dagger": None}))
     train = ["train", "--agent", "tcp", "--run", str(tmp_path / "run"), "--frames", str(frames), str(other)]
-    assert "data of two vehicles is not mixed" in refused(capsys, *train)
+    assert "was collected in embedded 2, and the world is" in refused(capsys, *train)
 
 
 @pytest.mark.slow

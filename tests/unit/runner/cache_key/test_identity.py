@@ -304,7 +304,7 @@ def test_options_versions_and_code_of_a_simulator_count(module):
     world = FakeSimulator()
     module("environment_of_mine", "LIMIT = 1\n")
     world.sources = ("environment_of_mine",)
-    digests = [first, digest(tick_cap=10), digest(stuck_stop_s=3.0), digest(vehicle="mkz"), digest(world)]
+    digests = [first, digest(tick_cap=10), digest(stuck_stop_s=3.0), digest(world)]
     digests += [digest(one) for one in (other_version, other_library, other_tick)]
     module("environment_of_mine", "LIMIT = 2\n")
     digests.append(digest(world))

@@ -75,7 +75,7 @@ def test_an_ego_at_speed_does_not_turn_faster_than_its_grip_allows(simulator: Em
         simulator.step(Control(0.0, 1.0, 0.3))
     ego = simulator.frame.ego
     fast = simulator.place_ego(x_m=ego.x_m, y_m=ego.y_m, yaw_rad=ego.yaw_rad, speed_mps=20.0).ego
-    assert abs(fast.right_mps2) == pytest.approx(7.5)
+    assert 9.0 < abs(fast.right_mps2) < 10.0
 
 
 def test_a_restored_moment_is_as_if_nothing_had_been(simulator: EmbeddedSimulator) -> None:

@@ -19,7 +19,7 @@ from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, Scenari
 from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage, green_then_red
 from pytest_drive_robust.simulators.embedded.world import World
 
-COAST = Control(throttle=0.35)
+COAST = Control(throttle=0.55)
 BRAKE = Control(brake=1.0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drive_robust_agents._planning.vehicle import Bicycle, Mkz
+from drive_robust_agents._planning import mkz
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.noise import burst_plan, burst_steer
 from pytest_drive_robust import Control
@@ -22,15 +22,7 @@ def test_four_in_ten_episodes_have_bursts_of_half_a_second_to_a_second() -> None
         assert np.abs(plan).max() <= 1.0
 
 
-def test_noise_turns_the_wheels_by_seven_degrees_at_most_and_less_at_speed() -> None:
-    assert burst_steer(1.0, 5.0) == pytest.approx(0.12 / 0.61)
-    assert burst_steer(-1.0, 20.0) * 0.61 * 20.0**2 / 2.85 == pytest.approx(-3.0)
-
-
-def test_noise_pushes_the_mkz_as_much_as_the_bicycle() -> None:
-    for speed_mps in (2.0, 15.0):
-        steer = [burst_steer(1.0, speed_mps, vehicle=made) for made in (Bicycle(), Mkz())]
-        turned = [
-            made.moved(speed_mps, Control(0.0, s)).turn_rad for made, s in zip((Bicycle(), Mkz()), steer, strict=True)
-        ]
-        assert turned[1] == pytest.approx(turned[0], rel=0.02)
+def test_noise_turns_as_seven_degrees_of_a_plain_cars_wheels_at_most_and_less_at_speed() -> None:
+    for speed_mps, curvature_per_m in ((5.0, 0.12 / 2.85), (20.0, 3.0 / 20.0**2)):
+        turned = mkz.moved(speed_mps, Control(0.0, burst_steer(-1.0, speed_mps))).turn_rad
+        assert turned / 0.05 == pytest.approx(-curvature_per_m, rel=0.02)

@@ -157,13 +157,3 @@ def test_a_branch_that_ends_in_a_collision_is_no_sample() -> None:
     before = episode.simulator.frame
     assert sample_branch(episode, inside, SHIFTED) is None
     assert same(episode.simulator.frame, before)
-
-
-def test_an_episode_on_another_vehicle_is_driven_by_an_expert_that_knows_it() -> None:
-    episode = ExpertEpisode.begin(route_of(WAY), seed=0, vehicle="mkz")
-    assert episode.simulator.options.vehicle == "mkz"
-    samples = drive_expert(route_of(WAY), data_seed=data_seed(route_of(WAY), noisy=True), seed=0, vehicle="mkz")
-    assert len(samples) > 30
-    assert any(one.source == ON_WAY for one in samples)
-    bicycle = drive_expert(route_of(WAY), data_seed=data_seed(route_of(WAY), noisy=True), seed=0)
-    assert [one.frames[-1].ego for one in samples] != [one.frames[-1].ego for one in bicycle]

@@ -1,4 +1,4 @@
-"""How the vehicle `mkz` answers: as CARLA's was fitted, and sensibly where the fits say nothing."""
+"""How the ego answers: as CARLA's was fitted, and sensibly where the fits say nothing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.jit.kernels import uncached_entry
-from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.mkz import MKZ_STEER_MAX_RAD, mkz_speed, mkz_turn
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -122,9 +121,9 @@ def test_more_steering_never_turns_less(speed_mps: float, pair: list[float]) -> 
     assert more >= less - 1e-12
 
 
-def driven(vehicle: str, *controls: tuple[Control, int]) -> World:
+def driven(*controls: tuple[Control, int]) -> World:
     route = next(route for route in named_routes("full") if route.scenario.type == "DynamicObjectCrossing")
-    world = World(route, seed=0, options=SimulatorOptions(vehicle=vehicle))
+    world = World(route, seed=0)
     for control, ticks in controls:
         for _ in range(ticks):
             world.tick(control)
@@ -132,7 +131,7 @@ def driven(vehicle: str, *controls: tuple[Control, int]) -> World:
 
 
 def test_the_ego_of_a_world_moves_as_the_fit_says_and_comes_to_rest() -> None:
-    world = driven("mkz", (Control(throttle=0.8), 40))
+    world = driven((Control(throttle=0.8), 40))
     before = world.frame().ego
     world.tick(Control(throttle=0.8, steer=0.2))
     after = world.frame().ego
@@ -149,25 +148,22 @@ def test_the_ego_of_a_world_moves_as_the_fit_says_and_comes_to_rest() -> None:
 
 
 def test_put_elsewhere_its_wheels_stay_turned() -> None:
-    world = driven("mkz", (Control(throttle=0.7), 30), (Control(throttle=0.7, steer=0.2), 1))
+    world = driven((Control(throttle=0.7), 30), (Control(throttle=0.7, steer=0.2), 1))
     world.place_ego(0.0, 0.0, 0.0, 6.0)
     ego = world.frame().ego
     assert ego.yaw_rate_radps == pytest.approx(fitted_yaw_rate(6.0, 0.2), abs=1e-9)
     assert ego.right_mps2 == pytest.approx(6.0 * ego.yaw_rate_radps)
 
 
-def test_it_brakes_harder_and_turns_more_than_the_bicycle() -> None:
-    worlds = [driven(name, (Control(throttle=0.7), 80)) for name in ("bicycle", "mkz")]
-    stops = []
-    for world in worlds:
-        world.place_ego(0.0, 0.0, 0.0, 5.0)
-        speeds = []
-        while world.state.ego[c.EGO_V] > 0.0:
-            world.tick(Control(brake=1.0))
-            speeds.append(float(world.state.ego[c.EGO_V]))
-        assert all(after <= before for before, after in pairwise(speeds))
-        stops.append(len(speeds))
-    assert stops[1] * 1.5 < stops[0]
+def test_full_brakes_stop_it_within_less_than_half_a_second() -> None:
+    world = driven((Control(throttle=0.7), 80))
+    world.place_ego(0.0, 0.0, 0.0, 5.0)
+    speeds = []
+    while world.state.ego[c.EGO_V] > 0.0:
+        world.tick(Control(brake=1.0))
+        speeds.append(float(world.state.ego[c.EGO_V]))
+    assert all(after <= before for before, after in pairwise(speeds))
+    assert len(speeds) < 10
 
 
 def test_its_bits_are_these() -> None:
