@@ -207,7 +207,8 @@ def scaling(rounds: int) -> Rows:
 def cached(rounds: int) -> Rows:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "test_nothing.py").write_text("def test_nothing(): pass\n")
-        paper = (str(SUITE), "--drive-robust", "--drive-verdict", "point", "--drive-store", f"{folder}/store")
+        paper = (str(SUITE), "--drive-robust", "--drive-agent", AGENT, "--drive-verdict", "point")
+        paper = (*paper, "--drive-store", f"{folder}/store")
         run_pytest(*paper)
         pairs = [(run_pytest(*paper)[1], run_pytest(f"{folder}/test_nothing.py")[1]) for _ in range(rounds)]
     whole, alone = (statistics.median(side) for side in zip(*pairs, strict=True))

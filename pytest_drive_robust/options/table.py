@@ -35,7 +35,7 @@ def _switch(flag: str, help: str) -> Option:
 _SESSION = (_switch("--drive-robust", "drive episodes and judge requirements"),)
 
 _RUN = (
-    Option("--drive-agent", "NAME", "classical", "the agent under test"),
+    Option("--drive-agent", "NAME", "tcp", "the agent under test"),
     Option(
         "--drive-routes",
         "SPEC",

@@ -61,7 +61,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
             problems.append(f"line {number}: {sentence}\n    says the same as line {first}. Remove one of them.")
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-        raise RequirementError("\n  ".join([f"{count} in the requirements:", *problems]))
+        raise RequirementError("\n  ".join([f"{count} in {path.name if path else 'the requirements'}:", *problems]))
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]

@@ -1,4 +1,4 @@
-"""Which reading of the paper's failures runs: the default one, unless the other is chosen.
+"""Which reading of the paper's failures runs, the default one unless the other is chosen, and whose limits it asks for.
 
 Both together take nearly twice the time, and the first command is to give its table in a minute. So the tests of a
 reading run when `--drive-reading` (or `drive_reading`) asks for it, which is `paper` where nobody asks, or when `-k` or
@@ -27,12 +27,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=left_out)
 
 
-def pytest_report_collectionfinish(config: pytest.Config) -> list[str]:
+def pytest_report_collectionfinish(config: pytest.Config, items: list[pytest.Item]) -> list[str]:
+    """Tell whose limits are asked for, and which requirements are left out."""
+    stated = [item.callspec.params["requirement"].written for item in items if item.path == _HERE / "test_paper.py"]
+    files = dict.fromkeys(written.path.relative_to(_HERE).as_posix() for written in stated)
+    told = [f"suites/paper: the limits are those of {' and '.join(files)}"] if files else []
     count = config.stash.get(_LEFT_OUT, 0)
-    if not count:
-        return []
-    chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
-    other = "released" if chosen == "paper" else "paper"
-    return [
-        f"suites/paper: {count} requirements in the reading {other} are left out; --drive-reading {other} runs them"
-    ]
+    if count:
+        chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
+        other = "released" if chosen == "paper" else "paper"
+        told.append(
+            f"suites/paper: {count} requirements in the reading {other} are left out; --drive-reading {other} runs them"
+        )
+    return told

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust import requirements
 from pytest_drive_robust.options.run import RunOptions
 
 ROOT = Path(__file__).parents[2]
@@ -78,6 +80,46 @@ def test_both_readings_ask_for_the_same_settings() -> None:
         for reading in ("paper", "released")
     ]
     assert settings[0] == settings[1]
+
+
+@pytest.mark.parametrize(
+    ("args", "files"),
+    [
+        ((), "limits/tcp.txt"),
+        (("--drive-agent", "tcp:mode=ctrl", "--drive-reading", "released"), "limits/tcp_released.txt"),
+        (("--drive-agent", "classical", "-k", "reading"), "limits/classical.txt and limits/classical_released.txt"),
+        (("-o", "drive_agent=classical"), "limits/classical.txt"),
+        (("--drive-agent", "my_agent:MyAgent"), "limits/others.txt"),
+        (("--drive-results", "clean=official"), "limits/others.txt"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else None,
+)
+def test_an_agent_is_asked_for_the_limits_of_its_name(args: tuple[str, ...], files: str) -> None:
+    assert f"suites/paper: the limits are those of {files}\n" in output_of("suites/", "--collect-only", "-q", *args)
+
+
+def test_an_agent_is_asked_for_a_file_that_somebody_adds_and_a_problem_in_it_names_it(tmp_path: Path) -> None:
+    suite = shutil.copytree(ROOT / "suites" / "paper", tmp_path / "paper")
+    asked = ("-c", "/dev/null", "--collect-only", "-q", "--drive-agent", "my_agent:MyAgent", str(suite))
+    (suite / "limits" / "my_agent.txt").write_text("DS under clean >= 12\n")
+    assert "test_paper_reading[ds-clean-ge-12]" in output_of(*asked)
+    (suite / "limits" / "my_agent.txt").write_text("DS under klean >= 12\n")
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        output_of(*asked)
+    assert refused.value.returncode == 4
+    assert "1 problem in my_agent.txt:\n  line 1: DS under klean >= 12" in refused.value.stderr
+
+
+def test_every_file_of_limits_asks_for_the_same_settings() -> None:
+    files = sorted((ROOT / "suites" / "paper" / "limits").glob("*.txt"))
+    asked = {file.name: [(item.metric.name, str(item.setting)) for item in requirements(file)] for file in files}
+    assert {"tcp.txt", "tcp_released.txt", "classical.txt", "classical_released.txt"} < set(asked)
+    assert {f"{name.removesuffix('.txt')}_released.txt" for name in asked if "_released" not in name} < set(asked)
+    assert [name for name in asked if asked[name] != asked["others.txt"]] == []
+
+
+def test_the_agent_that_is_driven_by_default_is_known_to_the_suite() -> None:
+    assert (ROOT / "suites" / "paper" / "limits" / f"{RunOptions().agent}.txt").is_file()
 
 
 def test_our_own_ini_judges_as_everybody_s_does() -> None:

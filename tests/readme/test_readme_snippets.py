@@ -62,7 +62,7 @@ def test_the_complete_table_is_one_more_command(tmp_path: Path) -> None:
     assert driven.returncode in (0, 1), driven.stdout + driven.stderr  # one route need not meet the limits
     head, *rows = driven.stdout.partition("= drive-robust =")[2].partition("\n")[2].splitlines()
     assert head.split() == ["agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict"]
-    table = [row for row in rows if row.startswith(("classical ", "expert* "))]
+    table = [row for row in rows if row.startswith(("tcp ", "expert* "))]
     assert len(table) == 15
     assert all(row.split()[-2] == "1" for row in table)
     assert f"report: {tmp_path / 'look' / 'index.html'}" in rows

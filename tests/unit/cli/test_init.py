@@ -28,9 +28,9 @@ def test_it_writes_a_suite_whose_limits_parse(suite: str, capsys: pytest.Capture
     assert "next: pytest --drive-robust robustness" in capsys.readouterr().out
 
 
-def test_the_paper_suite_is_the_one_that_ships() -> None:
+def test_the_limits_to_begin_with_are_those_that_ship_for_every_agent_without_its_own() -> None:
     assert main(["init"]) == 0
-    shipped = (ROOT / "suites" / "paper" / "limits.txt").read_text(encoding="utf-8")
+    shipped = (ROOT / "suites" / "paper" / "limits" / "others.txt").read_text(encoding="utf-8")
     started = Path("robustness/limits.txt").read_text(encoding="utf-8")
     assert list(map(str, requirements(started))) == list(map(str, requirements(shipped)))
 

@@ -39,7 +39,7 @@ class Source:
 
 
 def test_defaults_are_what_the_parsers_make_of_the_default_texts():
-    assert Wanted() == Wanted("classical", False, (0.05, 0.1))
+    assert Wanted() == Wanted("tcp", False, (0.05, 0.1))
 
 
 def test_the_command_line_wins_over_the_ini_file_and_that_over_the_default():

@@ -27,7 +27,7 @@ class FakeConfig:
 
 def test_without_options_the_defaults_hold():
     assert RunOptions.from_pytest_config(FakeConfig()) == RunOptions()
-    assert (RunOptions().agent, RunOptions().routes, RunOptions().seeds) == ("classical", "one-per-scenario", (0,))
+    assert (RunOptions().agent, RunOptions().routes, RunOptions().seeds) == ("tcp", "one-per-scenario", (0,))
 
 
 def test_the_command_line_wins_over_the_ini_file():
