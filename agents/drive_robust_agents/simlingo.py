@@ -68,7 +68,7 @@ class SimLingo(LearnedAgent):
 
     The first two are the same to the bit while it is asked in every tick. Both predict with the car
     as the embedded world has it, or with `tuning="published"` as the published filter does. `tuning` is that of
-    `LearnedAgent`.
+    `LearnedAgent`; the published numbers, made for this car, drive it better than ours.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"`
     or `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
@@ -93,7 +93,7 @@ class SimLingo(LearnedAgent):
         *,
         safety: bool = False,
         position_filter: Filtered | None = None,
-        tuning: Tuning = "ours",
+        tuning: Tuning = "published",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",

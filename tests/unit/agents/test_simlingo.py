@@ -263,4 +263,4 @@ def test_published_it_creeps_with_what_the_controller_gives_where_that_is_more()
     driver, _ = agent(tuning="published")
     controls = [driver.act(seen(0, speed=0.0)) for _ in range(Creep.AFTER_TICKS + 3)]
     assert controls[-1].throttle == 1.0
-    assert agent()[0].tuning == "ours"
+    assert agent()[0].tuning == "published"
