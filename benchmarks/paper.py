@@ -1,22 +1,26 @@
-"""The paper's table, its figures and its patterns, from episodes that were driven here.
+"""The paper's table, its figures and its patterns, in both readings, from episodes that were driven here.
 
-Drive first, once for each of `tcp`, `uniad`, `vad`, `simlingo`. What the
+Drive first, once for each of `tcp`, `uniad`, `vad`, `simlingo`, with options or without (`simlingo:tuning=published` is
+`simlingo`, and the table says so). `-k reading` drives both readings; what is the same in both is driven once. What the
 store has is not driven again, so the same command goes on where it was stopped. Its limits are another agent's and
 may well be broken:
 
-    pytest --drive-robust suites/paper --drive-agent tcp --drive-routes full --drive-verdict point --drive-json tcp.json
+    pytest --drive-robust suites/paper -k reading --drive-agent tcp --drive-routes full --drive-verdict point \\
+        --drive-json tcp.json
 
-One setting at a time does as well, as in `-k occlusion-0.8`, with a report each. Then draw, from one or more such
+Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. One setting at a time
+does as well, as in `-k "reading and occlusion-0.8"`, with a report each. Then draw, from one or more such
 reports; of an agent that is in several files each setting is that of the last one, if all belong to the same clean run
 (else a new report must hold all that the old one does), so that it can be put over the committed results:
 
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
 
-Written are `results.json` (score, success and efficiency of every episode), `table.md`, `patterns.md`,
-`rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes `explanations.md` of the same
-folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`, `latency`, `gps`, `occlusion`,
-`burst`, `speed` and `ranking`. Agents and settings that are in no file are shown as not driven.
+Written are `results.json` (score, success and efficiency of every episode, comfort of every row), `table.md`,
+`patterns.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
+`explanations.md` of the same folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`,
+`latency`, `gps`, `occlusion`, `burst`, `speed` and `ranking`. Agents and settings that are in no file are shown as not
+driven.
 """
 
 from __future__ import annotations
@@ -28,7 +32,8 @@ from pathlib import Path
 
 from _paper.figures import heat_map, latency_curves, retention_radar
 from _paper.patterns import patterns_of
-from _paper.reading import read
+from _paper.readings import READINGS, Drives
+from _paper.reports import read
 from _paper.results import text_of
 from _paper.texts import explanations, patterns_text, table_text
 
@@ -46,8 +51,8 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
 def render(files: Sequence[Path], folder: Path) -> None:
     """Read `files`, then write everything into `folder`: all of it or, when the files are refused, nothing."""
     results = read(files)
-    patterns = patterns_of(results)
-    explained = explanations(folder / "explanations.md", patterns)
+    patterns = {reading: patterns_of(Drives(results, reading)) for reading in READINGS}
+    explained = explanations(folder / "explanations.md", patterns[READINGS[0]])
     written = {
         "results.json": text_of(results),
         "table.md": table_text(results),
@@ -59,10 +64,13 @@ def render(files: Sequence[Path], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in written.items():
         write_whole(folder / name, text)
-    print(f"{folder}: {', '.join(written)}; {len(results.routes)} routes, {', '.join(results.agents)}")
-    for pattern in patterns:
-        lacks = pattern.verdict in ("does not appear", "cannot be told") and pattern.key not in explained
-        print(f"  {pattern.key:10} {pattern.verdict}{', to be explained in explanations.md' if lacks else ''}")
+    agents = ", ".join(driven.called for driven in results.agents.values())
+    print(f"{folder}: {', '.join(written)}; {len(results.routes)} routes, {agents}")
+    for found in zip(*patterns.values(), strict=True):
+        key, verdicts = found[0].key, [pattern.verdict for pattern in found]
+        lacks = key not in explained and any(verdict in ("does not appear", "cannot be told") for verdict in verdicts)
+        said = ", ".join(f"{reading} {verdict}" for reading, verdict in zip(patterns, verdicts, strict=True))
+        print(f"  {key:10} {said}{'; to be explained in explanations.md' if lacks else ''}")
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -1,7 +1,9 @@
 """Figures over routes, each with its 95 % interval; the route is the unit of analysis and every comparison is paired.
 
-RD and the means have the package's own intervals (`pytest_drive_robust.stats.intervals`). What compares several RDs,
-also of different agents, is a smooth function of means over the same routes: its interval is the jackknife's.
+A figure is of one row of the table or, of several, their plain mean, as the paper averages them; it is None where a row
+was not driven. RD and the means have the package's own intervals (`pytest_drive_robust.stats.intervals`). What compares
+several RDs, also of different agents or with different clean drives, is a smooth function of means over the same
+routes: its interval is the jackknife's.
 """
 
 from __future__ import annotations
@@ -12,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from _paper.published import CLEAN, SETTINGS
-from _paper.results import Results
+from _paper.readings import Drives
+from _paper.results import Scores
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interval, ratio_interval, share_interval
 
 __all__ = [
-    "IntervalEstimate", "Means", "degradation", "driving_score", "ds_means", "efficiency", "efficiency_means", "gap",
-    "mean_degradation", "rd_means", "success_rate",
+    "IntervalEstimate", "Means", "comfort", "degradation", "driving_score", "ds_means", "efficiency",
+    "efficiency_means", "gap", "rd_means", "success_rate",
 ]  # fmt: skip
 
 Means = NDArray[np.float64]
@@ -35,77 +37,78 @@ class IntervalEstimate:
     high: float
 
 
-def driving_score(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
-    """Return the mean DS, 0..100, with Student's interval; None where it was not driven, here and below."""
-    scores = results.scores(agent, setting)
-    if scores is None:
+def driving_score(drives: Drives, agent: str, rows: Sequence[str]) -> IntervalEstimate | None:
+    """Return the mean DS, 0..100, with Student's interval."""
+    driven = _all(drives, agent, rows)
+    if driven is None:
         return None
-    return IntervalEstimate(mean(scores.driving_score), *mean_interval(scores.driving_score, bounds=(0.0, 100.0)))
+    scores = _by_route([scores.driving_score for scores in driven])
+    return IntervalEstimate(mean(scores), *mean_interval(scores, bounds=(0.0, 100.0)))
 
 
-def success_rate(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
-    """Return the success rate 0..1 with Wilson's interval."""
-    scores = results.scores(agent, setting)
-    return None if scores is None else IntervalEstimate(mean(scores.success), *share_interval(scores.success))
+def success_rate(drives: Drives, agent: str, rows: Sequence[str]) -> IntervalEstimate | None:
+    """Return the success rate 0..1 with Wilson's interval, which is wider than needed for several rows."""
+    driven = _all(drives, agent, rows)
+    if driven is None:
+        return None
+    shares = _by_route([scores.success for scores in driven])
+    return IntervalEstimate(mean(shares), *share_interval(shares))
 
 
-def efficiency(results: Results, agent: str, setting: str) -> float | None:
+def efficiency(drives: Drives, agent: str, rows: Sequence[str]) -> float | None:
     """Return the mean over the routes that have data, percent of the traffic's speed."""
-    scores = results.scores(agent, setting)
-    known = [] if scores is None else [value for value in scores.efficiency if value is not None]
-    return mean(known) if known else None
+    driven = _all(drives, agent, rows)
+    known = [[value for value in scores.efficiency if value is not None] for scores in driven or ()]
+    return mean([mean(values) for values in known]) if known and all(known) else None
 
 
-def degradation(results: Results, agent: str, setting: str) -> IntervalEstimate | None:
-    """Return RD = 1 - DS / DS clean with Fieller's interval."""
-    clean, perturbed = results.scores(agent, CLEAN), results.scores(agent, setting)
-    if clean is None or perturbed is None:
+def comfort(drives: Drives, agent: str, rows: Sequence[str]) -> float | None:
+    """Return the mean over the routes that have data, percent of the segments."""
+    known = [scores.comfort for scores in _all(drives, agent, rows) or ()]
+    values = [value for value in known if value is not None]
+    return mean(values) if values and len(values) == len(known) else None
+
+
+def degradation(drives: Drives, agent: str, rows: Sequence[str]) -> IntervalEstimate | None:
+    """Return RD = 1 - DS / DS clean with Fieller's interval; the jackknife's for rows with different clean drives."""
+    pairs = [drives.pair(agent, row) for row in rows]
+    known = [pair for pair in pairs if pair is not None]
+    if len(known) < len(pairs):
         return None
-    return _fieller(clean.driving_score, perturbed.driving_score)
+    clean = known[0][0].driving_score
+    if all(before.driving_score == clean for before, _ in known):
+        perturbed = _by_route([after.driving_score for _, after in known])
+        return IntervalEstimate(1.0 - mean(perturbed) / mean(clean), *ratio_interval(clean, perturbed))
+    value, *without_route = map(float, _rd_means(known))
+    return IntervalEstimate(value, *jackknife_interval(value, without_route))
 
 
-def mean_degradation(results: Results, agent: str) -> IntervalEstimate | None:
-    """Return RD of the mean DS over the eleven settings, the mean of their RDs, with Fieller's interval."""
-    clean = results.scores(agent, CLEAN)
-    rows = [scores.driving_score for setting in SETTINGS if (scores := results.scores(agent, setting)) is not None]
-    if clean is None or len(rows) < len(SETTINGS):
-        return None
-    return _fieller(clean.driving_score, [mean(of_route) for of_route in zip(*rows, strict=True)])
-
-
-def _fieller(clean: Sequence[float], perturbed: Sequence[float]) -> IntervalEstimate:
-    return IntervalEstimate(1.0 - mean(perturbed) / mean(clean), *ratio_interval(clean, perturbed))
-
-
-def ds_means(results: Results, agent: str, setting: str) -> Means | None:
+def ds_means(drives: Drives, agent: str, row: str) -> Means | None:
     """Return the means of the driving score."""
-    scores = results.scores(agent, setting)
+    scores = drives.scores(agent, row)
     return None if scores is None else _means(scores.driving_score)
 
 
-def rd_means(results: Results, agent: str, settings: Sequence[str]) -> Means | None:
-    """Return the means of RD over `settings`."""
-    clean = ds_means(results, agent, CLEAN)
-    rows = [row for setting in settings if (row := ds_means(results, agent, setting)) is not None]
-    if clean is None or len(rows) < len(settings):
-        return None
-    degradations: Means = 1.0 - np.mean(rows, axis=0) / clean
-    return degradations
+def rd_means(drives: Drives, agent: str, rows: Sequence[str]) -> Means | None:
+    """Return the means of RD over `rows`."""
+    pairs = [drives.pair(agent, row) for row in rows]
+    known = [pair for pair in pairs if pair is not None]
+    return _rd_means(known) if len(known) == len(pairs) else None
 
 
-def efficiency_means(results: Results, agent: str, setting: str) -> tuple[Means, Means] | None:
-    """Return the efficiency clean and under a setting, over the routes that have data in both."""
-    clean, perturbed = results.scores(agent, CLEAN), results.scores(agent, setting)
-    if clean is None or perturbed is None:
+def efficiency_means(drives: Drives, agent: str, row: str) -> tuple[Means, Means] | None:
+    """Return the efficiency clean and in a row, over the routes that have data in both."""
+    pair = drives.pair(agent, row)
+    if pair is None:
         return None
-    pairs = [
+    both = [
         (before, after)
-        for before, after in zip(clean.efficiency, perturbed.efficiency, strict=True)
+        for before, after in zip(pair[0].efficiency, pair[1].efficiency, strict=True)
         if before is not None and after is not None
     ]
-    if len(pairs) < 2:
+    if len(both) < 2:
         return None
-    return _means([before for before, _ in pairs]), _means([after for _, after in pairs])
+    return _means([before for before, _ in both]), _means([after for _, after in both])
 
 
 def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> IntervalEstimate | None:
@@ -114,6 +117,23 @@ def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> Int
         return None
     value, *without_route = (float(difference) for difference in more - less)
     return IntervalEstimate(value, *jackknife_interval(value, without_route, confidence))
+
+
+def _all(drives: Drives, agent: str, rows: Sequence[str]) -> list[Scores] | None:
+    """Return the scores of all rows, or None when one was not driven."""
+    driven = [scores for row in rows if (scores := drives.scores(agent, row)) is not None]
+    return driven if len(driven) == len(rows) else None
+
+
+def _by_route(rows: Sequence[Sequence[float]]) -> list[float]:
+    """Return the mean over the rows, one for each route."""
+    return [mean(of_route) for of_route in zip(*rows, strict=True)]
+
+
+def _rd_means(pairs: Sequence[tuple[Scores, Scores]]) -> Means:
+    kept = [_means(after.driving_score) / _means(before.driving_score) for before, after in pairs]
+    degradations: Means = 1.0 - np.mean(kept, axis=0)
+    return degradations
 
 
 def _means(values: Sequence[float]) -> Means:

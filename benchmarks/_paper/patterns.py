@@ -1,4 +1,4 @@
-"""Seven patterns of the paper's table, and whether the driven episodes show them.
+"""Seven patterns of the paper's table, and whether the driven episodes show them in one of the readings.
 
 A pattern consists of *parts*, each the difference of two figures with its 95 % interval, positive where the pattern
 holds. A part appears when the whole interval lies above what it needs (0, or `FAR` where the pattern says "far more"),
@@ -15,8 +15,8 @@ from itertools import combinations, pairwise
 from typing import Literal
 
 from _paper.estimates import IntervalEstimate, ds_means, efficiency_means, gap, rd_means
-from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT, published_mean_rd
-from _paper.results import Results
+from _paper.published import AGENTS, CLEAN, FAMILIES, PUBLISHED, SETTINGS, SHORT, published_average
+from _paper.readings import Drives
 
 __all__ = ["FAR", "Pattern", "PatternPart", "Verdict", "all_of", "any_of", "judge", "patterns_of"]
 
@@ -92,33 +92,33 @@ def _together(verdicts: Iterable[Verdict], *, decisive: Verdict, otherwise: Verd
     return "not driven" if seen <= {"not driven"} else "cannot be told"
 
 
-def patterns_of(results: Results) -> tuple[Pattern, ...]:
-    """Return all seven patterns; the last one judges pairs of agents, the others agents."""
+def patterns_of(drives: Drives) -> tuple[Pattern, ...]:
+    """Return all seven patterns as one reading has them; the last one judges pairs of agents, the others agents."""
     return (
-        _all("severity", "RD rises with severity in every family", _severity(results)),
-        _all("latency", "Latency of 500 ms hurts every agent more than 100 ms", _latency(results)),
+        _all("severity", "RD rises with severity in every family", _severity(drives)),
+        _all("latency", "Latency of 500 ms hurts every agent more than 100 ms", _latency(drives)),
         _all(
             "gps",
             "GPS noise of 15 m hurts TCP, UniAD and VAD far more than SimLingo",
-            _gps(results),
+            _gps(drives),
             how=f"Far more: the interval lies above {FAR:.2f}.",
         ),
-        _all("occlusion", "Occlusion 0.8 hurts more than 0.5, and hurts SimLingo most", _occlusion(results)),
+        _all("occlusion", "Occlusion 0.8 hurts more than 0.5, and hurts SimLingo most", _occlusion(drives)),
         _all(
             "burst",
             "Burst is the mildest camera failure",
-            _burst(results),
+            _burst(drives),
             how="The mean over both severities of occlusion against that of burst.",
         ),
         _all(
             "speed",
             "Speed underestimation raises the efficiency of the throttle-capped agents",
-            _speed(results),
+            _speed(drives),
             how=f"Capped above a measured speed: {' and '.join(CAPPED)}. Over the routes with data in both runs.",
             unit="efficiency, points",
             digits=1,
         ),
-        _ranking(results),
+        _ranking(drives),
     )
 
 
@@ -130,86 +130,85 @@ def _all(
 
 
 def _rd_gap(
-    results: Results, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]
+    drives: Drives, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]
 ) -> IntervalEstimate | None:
     """Return how much larger the mean RD of the first (agent, settings) is."""
-    return gap(rd_means(results, *more), rd_means(results, *less))
+    return gap(rd_means(drives, *more), rd_means(drives, *less))
 
 
 def _paper_rd(agent: str, settings: tuple[str, ...]) -> float:
-    rows = PUBLISHED[agent]
-    return sum(1.0 - rows[setting].ds / rows[CLEAN].ds for setting in settings) / len(settings)
+    return published_average(agent, settings).rd
 
 
-def _within(results: Results, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> PatternPart:
+def _within(drives: Drives, agent: str, more: tuple[str, ...], less: tuple[str, ...], what: str) -> PatternPart:
     """Compare RD under some settings with RD under others, for one agent."""
-    estimate = _rd_gap(results, (agent, more), (agent, less))
+    estimate = _rd_gap(drives, (agent, more), (agent, less))
     return PatternPart((agent,), what, estimate, _paper_rd(agent, more) - _paper_rd(agent, less), judge(estimate))
 
 
-def _step(results: Results, agent: str, mild: str, severe: str) -> PatternPart:
-    return _within(results, agent, (severe,), (mild,), f"{agent}: {SHORT[severe]} - {SHORT[mild]}")
+def _step(drives: Drives, agent: str, mild: str, severe: str) -> PatternPart:
+    return _within(drives, agent, (severe,), (mild,), f"{agent}: {SHORT[severe]} - {SHORT[mild]}")
 
 
-def _severity(results: Results) -> list[PatternPart]:
+def _severity(drives: Drives) -> list[PatternPart]:
     return [
-        _step(results, agent, mild, severe)
+        _step(drives, agent, mild, severe)
         for agent in AGENTS
         for family in FAMILIES.values()
         for mild, severe in pairwise(family)
     ]
 
 
-def _latency(results: Results) -> list[PatternPart]:
-    return [_step(results, agent, _MILD, _SEVERE) for agent in AGENTS]
+def _latency(drives: Drives) -> list[PatternPart]:
+    return [_step(drives, agent, _MILD, _SEVERE) for agent in AGENTS]
 
 
-def _gps(results: Results) -> list[PatternPart]:
+def _gps(drives: Drives) -> list[PatternPart]:
     severe = FAMILIES["GPS"][-1:]
     parts = []
     for agent in AGENTS:
         if agent != REFERENCE:
-            estimate = _rd_gap(results, (agent, severe), (REFERENCE, severe))
+            estimate = _rd_gap(drives, (agent, severe), (REFERENCE, severe))
             what = f"{agent} - {REFERENCE}: {SHORT[severe[0]]}, more than {FAR:.2f}"
             paper = _paper_rd(agent, severe) - _paper_rd(REFERENCE, severe)
             parts.append(PatternPart((agent,), what, estimate, paper, judge(estimate, FAR)))
     return parts
 
 
-def _occlusion(results: Results) -> list[PatternPart]:
+def _occlusion(drives: Drives) -> list[PatternPart]:
     mild, severe = FAMILIES["occlusion"]
-    parts = [_step(results, agent, mild, severe) for agent in AGENTS]
+    parts = [_step(drives, agent, mild, severe) for agent in AGENTS]
     for agent in AGENTS:
         if agent != REFERENCE:
-            estimate = _rd_gap(results, (REFERENCE, (severe,)), (agent, (severe,)))
+            estimate = _rd_gap(drives, (REFERENCE, (severe,)), (agent, (severe,)))
             paper = _paper_rd(REFERENCE, (severe,)) - _paper_rd(agent, (severe,))
             what = f"{REFERENCE} - {agent}: {SHORT[severe]}"
             parts.append(PatternPart((REFERENCE,), what, estimate, paper, judge(estimate)))
     return parts
 
 
-def _burst(results: Results) -> list[PatternPart]:
+def _burst(drives: Drives) -> list[PatternPart]:
     more, less = FAMILIES["occlusion"], FAMILIES["burst"]
     what = "mean of occlusion - mean of burst"
-    return [_within(results, agent, more, less, f"{agent}: {what}") for agent in AGENTS]
+    return [_within(drives, agent, more, less, f"{agent}: {what}") for agent in AGENTS]
 
 
-def _speed(results: Results) -> list[PatternPart]:
+def _speed(drives: Drives) -> list[PatternPart]:
     parts = []
     for agent in CAPPED:
         for setting in FAMILIES["speed"]:
-            pair = efficiency_means(results, agent, setting)
+            pair = efficiency_means(drives, agent, setting)
             estimate = None if pair is None else gap(pair[1], pair[0])
             paper = PUBLISHED[agent][setting].efficiency - PUBLISHED[agent][CLEAN].efficiency
             parts.append(PatternPart((agent,), f"{agent}: {SHORT[setting]} - clean", estimate, paper, judge(estimate)))
     return parts
 
 
-def _ranking(results: Results) -> Pattern:
+def _ranking(drives: Drives) -> Pattern:
     """Judge for each pair of agents whether the one that drives better cleanly loses more under failures."""
     pairs = list(combinations(AGENTS, 2))
     confidence = 1.0 - 0.05 / len(pairs)
-    parts = tuple(_reversal(results, *pair, confidence) for pair in pairs)
+    parts = tuple(_reversal(drives, *pair, confidence) for pair in pairs)
     return Pattern(
         "ranking",
         "The ranking by clean DS differs from the ranking by RD",
@@ -222,17 +221,17 @@ def _ranking(results: Results) -> Pattern:
     )
 
 
-def _reversal(results: Results, first: str, second: str, confidence: float) -> PatternPart:
+def _reversal(drives: Drives, first: str, second: str, confidence: float) -> PatternPart:
     """Judge one pair: the better agent's RD is clearly larger, and both DS and RD are clearly apart."""
     better, worse = first, second
-    ahead = gap(ds_means(results, first, CLEAN), ds_means(results, second, CLEAN), confidence)
+    ahead = gap(ds_means(drives, first, CLEAN), ds_means(drives, second, CLEAN), confidence)
     if ahead is not None and ahead.value < 0.0:
         better, worse, ahead = second, first, IntervalEstimate(-ahead.value, -ahead.high, -ahead.low)
-    lost = gap(rd_means(results, better, SETTINGS), rd_means(results, worse, SETTINGS), confidence)
+    lost = gap(rd_means(drives, better, SETTINGS), rd_means(drives, worse, SETTINGS), confidence)
     verdict = judge(lost)
     if ahead is not None and ahead.low <= 0.0 and verdict != "not driven":
         verdict = "cannot be told"
     what = f"{better} - {worse}"
     if ahead is not None:
         what += f" (clean DS {ahead.value:+.1f}, {ahead.low:+.1f} to {ahead.high:+.1f})"
-    return PatternPart((), what, lost, published_mean_rd(better) - published_mean_rd(worse), verdict)
+    return PatternPart((), what, lost, _paper_rd(better, SETTINGS) - _paper_rd(worse, SETTINGS), verdict)

@@ -1,6 +1,8 @@
 """Driven episodes as this benchmark keeps them: score, success and efficiency of every agent, setting and route.
 
-Nothing is filled in: an agent or a setting that was not driven is missing.
+A setting is called as the report calls it, so that `200 ms latency (reading=released)` is another one than without
+the brackets; `readings.py` says which of them stand in the table. Nothing is filled in: an agent or a setting that was
+not driven is missing.
 """
 
 from __future__ import annotations
@@ -12,26 +14,32 @@ from typing import Any
 
 __all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "results_of", "text_of"]
 
-FORMAT = "drive-robust paper table 1"
-"""What the compact file says it is."""
+FORMAT = "drive-robust paper table 2"
+"""What the compact file says it is. The first one had one reading and no comfort."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scores:
     """One agent under one setting; one value for each route, in the order of `Results.routes`.
 
-    `driving_score` is 0..100; `efficiency` percent of the traffic's speed, None on a route without data.
+    `driving_score` is 0..100; `efficiency` percent of the traffic's speed, None on a route without data; `comfort`
+    percent of the segments, the mean over the routes that have data, because a report has it of no single route.
     """
 
     driving_score: tuple[float, ...]
     success: tuple[bool, ...]
     efficiency: tuple[float | None, ...]
+    comfort: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class DrivenAgent:
-    """Everything that one agent drove. `made_of` identifies its code and weights, `versions` what it ran on."""
+    """Everything that one agent drove, by setting. `called` is its name with its options, `simlingo:tuning=published`.
 
+    `made_of` identifies its code and weights, `versions` what it ran on.
+    """
+
+    called: str
     made_of: Mapping[str, str]
     versions: Mapping[str, str]
     settings: Mapping[str, Scores]
@@ -48,16 +56,12 @@ class Results:
     routes: Mapping[str, tuple[str, str]]
     agents: Mapping[str, DrivenAgent]
 
-    def scores(self, agent: str, setting: str) -> Scores | None:
-        """Return the scores of an agent under a setting, or None where that was not driven."""
-        driven = self.agents.get(agent)
-        return None if driven is None else driven.settings.get(setting)
-
 
 def text_of(results: Results) -> str:
     """Return the compact file, `results.json`: one line for each list of values."""
     agents = {
         name: {
+            "called": driven.called,
             "made_of": driven.made_of,
             "versions": driven.versions,
             "settings": {
@@ -65,6 +69,7 @@ def text_of(results: Results) -> str:
                     "driving_score": scores.driving_score,
                     "success": [int(value) for value in scores.success],
                     "efficiency": scores.efficiency,
+                    "comfort": scores.comfort,
                 }
                 for setting, scores in driven.settings.items()
             },
@@ -87,11 +92,15 @@ def results_of(document: Mapping[str, Any]) -> Results:
     """Return the content of a compact file."""
     agents = {
         name: DrivenAgent(
+            driven["called"],
             driven["made_of"],
             driven["versions"],
             {
                 setting: Scores(
-                    tuple(lists["driving_score"]), tuple(map(bool, lists["success"])), tuple(lists["efficiency"])
+                    tuple(lists["driving_score"]),
+                    tuple(map(bool, lists["success"])),
+                    tuple(lists["efficiency"]),
+                    lists["comfort"],
                 )
                 for setting, lists in driven["settings"].items()
             },

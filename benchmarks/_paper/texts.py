@@ -6,9 +6,11 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from _paper.estimates import IntervalEstimate, degradation, driving_score, efficiency, mean_degradation, success_rate
+from _paper.agreement import DRAWS, agreement
+from _paper.estimates import IntervalEstimate, comfort, degradation, driving_score, efficiency, success_rate
 from _paper.patterns import Pattern
-from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS, published_mean_rd
+from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS, SHORT, published_average
+from _paper.readings import NO_LATENCY, READINGS, SAME, Drives, called_in
 from _paper.results import DrivenAgent, Results
 from pytest_drive_robust.errors import UsageError
 
@@ -17,104 +19,190 @@ __all__ = ["explanations", "patterns_text", "table_text"]
 _NONE = "-"
 _LEFT = "---"
 _RIGHT = "---:"
+_PARTS = {"without latency": "avg. perturbed", "latency": "avg. latency"}
 _SIGNS = {"appears": "yes", "does not appear": "no", "cannot be told": "?", "not driven": "not driven"}
 
 
 def table_text(results: Results) -> str:
-    """Write every agent and setting, ours beside the paper's, under an overview of the agents."""
-    missing = [_missing(agent, results.agents.get(agent)) for agent in AGENTS]
+    """Write every agent and row in both readings, ours beside the paper's, under what they come to."""
+    same = ", ".join(SHORT[row] for row in SAME)
     lines = [
         "# The paper's table",
         "",
         f"{len(results.routes)} routes, seed {results.world['seed']}, simulator {results.world['simulator']}; "
         "written by `python benchmarks/paper.py`.",
         "RD = 1 - DS / DS clean. Intervals are 95 %, over routes: Student's for DS, Wilson's for SR,",
-        "Fieller's for RD (paired by route). Efficiency is the speed in percent of the traffic's. The paper",
-        "drove the original networks in CARLA on 220 routes, without intervals; ours are compact",
-        "re-implementations in the embedded world: compare patterns, not levels.",
+        "Fieller's for RD (paired by route; the jackknife's where rows have different clean drives).",
+        "Efficiency is the speed in percent of the traffic's, comfort the percentage of comfortable",
+        "segments. The paper drove the original networks in CARLA on 220 routes, without intervals; ours",
+        "are compact re-implementations in the embedded world: compare patterns, not levels.",
         "",
+        "Its failures have two readings, `paper` (its equations) and `released` (its code). These rows are",
+        "the same in both, driven once and shown in both:",
+        f"{same}.",
+        f"Bursts and latency differ. In `released` latency is compared with *{_row_name(NO_LATENCY)}*, a clean",
+        "drive with the same ticks of neutral commands at its start. Averages are the paper's: plain means",
+        "of the rows without latency, of those of latency, and of all eleven.",
+        "",
+        *_missing(results),
+        *_options(results),
+        "## Without failures",
+        "",
+        *_overview(results),
+        "",
+        "## Agreement with the paper",
+        "",
+        "Spearman's rank correlation of RD, agent by setting, with the paper's cells. Its interval is 1.96",
+        f"standard errors, from {DRAWS} draws of the routes with replacement (on Fisher's scale). Chance in the",
+        "cells pulls the correlation itself towards 0: the more so, the fewer the routes.",
+        "",
+        *_agreements(results),
+        "",
+        "## RD (the paper's)",
     ]
-    if any(missing):
-        lines += [f"Not driven: {', '.join(filter(None, missing))}.", ""]
-    lines += [*_overview(results), "", "## RD (the paper's)", "", *_glance(results)]
-    for agent in results.agents:
-        made_of, abreast = results.agents[agent].made_of, results.agents[agent].versions.get("lockstep")
-        lines += ["", f"## {agent}", "", *_agent_table(results, agent), ""]
-        how = f", {abreast} episodes in lockstep" if abreast else ""
-        lines += [f"{made_of['distribution']}, weights {made_of['weights']}{how}."]
+    for reading in READINGS:
+        lines += ["", f"Reading `{reading}`:", "", *_glance(Drives(results, reading))]
+    for agent, driven in results.agents.items():
+        lines += ["", f"## {agent}", "", _made_of(driven)]
+        for reading in READINGS:
+            lines += ["", f"Reading `{reading}`:", "", *_agent_table(Drives(results, reading), agent)]
     return "\n".join(lines) + "\n"
 
 
-def _missing(agent: str, driven: DrivenAgent | None) -> str:
-    """Return what of an agent was not driven, empty when all was."""
-    if driven is None:
-        return agent
-    lacking = sum(setting not in driven.settings for setting in SETTINGS)
-    return f"{agent} under {lacking} of {len(SETTINGS)} settings" if lacking else ""
+def _missing(results: Results) -> list[str]:
+    """Return what was not driven, by reading; nothing when all was."""
+    lines = []
+    for reading in READINGS:
+        counts = {
+            agent: sum(Drives(results, reading).scores(agent, row) is None for row in (CLEAN, *SETTINGS))
+            for agent in AGENTS
+        }
+        lacking = [
+            agent if agent not in results.agents else f"{agent} in {count} of {1 + len(SETTINGS)} rows"
+            for agent, count in counts.items()
+            if count
+        ]
+        if lacking:
+            lines += [f"Not driven in the reading `{reading}`: {', '.join(lacking)}."]
+    return [*lines, ""] if lines else []
+
+
+def _options(results: Results) -> list[str]:
+    called = [f"`{name}` is `{driven.called}`" for name, driven in results.agents.items() if driven.called != name]
+    return [f"Agents with options: {', '.join(called)}.", ""] if called else []
+
+
+def _made_of(driven: DrivenAgent) -> str:
+    abreast = driven.versions.get("lockstep")
+    how = f", {abreast} episodes in lockstep" if abreast else ""
+    return f"`{driven.called}`: {driven.made_of['distribution']}, weights {driven.made_of['weights'] or 'none'}{how}."
 
 
 def _overview(results: Results) -> list[str]:
+    drives = Drives(results, READINGS[0])  # clean is the same drive in all
     rows = []
     for agent in AGENTS:
-        clean = PUBLISHED[agent][CLEAN]
+        paper = PUBLISHED[agent][CLEAN]
         rows.append(
             (
                 agent,
-                _shown(driving_score(results, agent, CLEAN), ".1f"),
-                _shown(success_rate(results, agent, CLEAN), ".0f", 100.0),
-                _shown(mean_degradation(results, agent), ".2f"),
-                f"{clean.ds:.1f}",
-                f"{clean.sr_pct:.0f}",
-                f"{published_mean_rd(agent):.2f}",
+                _shown(driving_score(drives, agent, (CLEAN,)), ".1f"),
+                _shown(success_rate(drives, agent, (CLEAN,)), ".0f", 100.0),
+                _number(efficiency(drives, agent, (CLEAN,)), ".0f"),
+                _number(comfort(drives, agent, (CLEAN,)), ".0f"),
+                f"{paper.ds:.1f}",
+                f"{paper.sr_pct:.0f}",
+                f"{paper.efficiency:.0f}",
+                f"{paper.comfort:.0f}",
             )
         )
-    header = ("agent, clean", "DS", "SR %", "mean RD of 11 settings", "paper: DS", "SR %", "mean RD")
+    header = ("agent, clean", "DS", "SR %", "Eff.", "Comf.", "paper: DS", "SR %", "Eff.", "Comf.")
     return _table(header, rows)
 
 
-def _glance(results: Results) -> list[str]:
-    """Return RD of every agent and setting in one small table."""
-    rows = [
-        (setting, *(_beside(degradation(results, agent, setting), PUBLISHED[agent][setting].rd) for agent in AGENTS))
-        for setting in SETTINGS
-    ]
-    means = [_beside(mean_degradation(results, agent), published_mean_rd(agent)) for agent in AGENTS]
-    return _table(("setting", *AGENTS), [*rows, ("mean of the eleven", *means)])
-
-
-def _beside(ours: IntervalEstimate | None, paper: float) -> str:
-    return f"{_number(ours, '.2f')} ({_number(paper, '.2f')})"
-
-
-def _agent_table(results: Results, agent: str) -> list[str]:
+def _agreements(results: Results) -> list[str]:
     rows = []
-    for setting in (CLEAN, *SETTINGS):
-        score, success = driving_score(results, agent, setting), success_rate(results, agent, setting)
-        lost = None if setting == CLEAN else degradation(results, agent, setting)
-        paper = PUBLISHED[agent][setting]
-        rows.append(
-            (
-                setting,
-                _number(score, ".1f"),
-                _number(success, ".1f", 100.0),
-                _number(lost, ".2f"),
-                _NONE if lost is None else _range(lost, ".2f"),
-                _number(efficiency(results, agent, setting), ".0f"),
+    for reading in READINGS:
+        for name, settings in (("all", SETTINGS), *((key, AVERAGES[average]) for key, average in _PARTS.items())):
+            found = agreement(Drives(results, reading), settings)
+            between = _NONE if found.correlation is None else _range(found.correlation, ".2f")
+            rows.append(
+                (
+                    f"`{reading}`, {name}",
+                    f"{found.driven} of {found.cells}",
+                    _number(found.correlation, ".2f"),
+                    between,
+                    _number(found.difference, ".2f"),
+                )
+            )
+    return _table(("reading, cells", "driven", "rank correlation", "95 %", "mean abs. difference"), rows)
+
+
+def _glance(drives: Drives) -> list[str]:
+    """Return RD of every agent and row, then of the averages, in one small table."""
+    groups = {**{setting: (setting,) for setting in SETTINGS}, **AVERAGES}
+    rows = [
+        (
+            name,
+            *(
+                f"{_number(degradation(drives, agent, settings), '.2f')} "
+                f"({_number(published_average(agent, settings).rd, '.2f')})"
+                for agent in AGENTS
+            ),
+        )
+        for name, settings in groups.items()
+    ]
+    return _table(("setting", *AGENTS), rows)
+
+
+def _agent_table(drives: Drives, agent: str) -> list[str]:
+    warm = [] if called_in(drives.reading, NO_LATENCY) == CLEAN else [NO_LATENCY]
+    plain = [CLEAN, *AVERAGES["avg. perturbed"], *warm, *AVERAGES["avg. latency"]]
+    rows = [_agent_row(drives, agent, row, (row,)) for row in plain]
+    rows += [_agent_row(drives, agent, name, settings) for name, settings in AVERAGES.items()]
+    header = ("setting", "DS", "SR %", "RD", "95 %", "Eff.", "Comf.", "paper: DS", "SR %", "RD", "Eff.", "Comf.")
+    return _table(header, rows)
+
+
+def _agent_row(drives: Drives, agent: str, name: str, rows: tuple[str, ...]) -> tuple[str, ...]:
+    """Return one row of an agent's table; the paper drove no clean run with the warm-up."""
+    is_clean = name in (CLEAN, NO_LATENCY)
+    lost = None if is_clean else degradation(drives, agent, rows)
+    paper = None if name == NO_LATENCY else published_average(agent, rows)
+    return (
+        _row_name(name),
+        _number(driving_score(drives, agent, rows), ".1f"),
+        _number(success_rate(drives, agent, rows), ".1f", 100.0),
+        _number(lost, ".2f"),
+        _NONE if lost is None else _range(lost, ".2f"),
+        _number(efficiency(drives, agent, rows), ".0f"),
+        _number(comfort(drives, agent, rows), ".0f"),
+        *(
+            (_NONE,) * 5
+            if paper is None
+            else (
                 _number(paper.ds, ".1f"),
                 _number(paper.sr_pct, ".1f"),
-                _NONE if setting == CLEAN else _number(paper.rd, ".2f"),
+                _NONE if is_clean else _number(paper.rd, ".2f"),
                 _number(paper.efficiency, ".0f"),
+                _number(paper.comfort, ".0f"),
             )
-        )
-    header = ("setting", "DS", "SR %", "RD", "95 %", "Eff.", "paper: DS", "SR %", "RD", "Eff.")
-    return _table(header, rows)
+        ),
+    )
 
 
-def patterns_text(results: Results, patterns: Sequence[Pattern], explained: Mapping[str, str]) -> str:
-    """Write which of the patterns appear: an overview by agent, then every comparison with its interval."""
-    rows = [
-        (str(number), pattern.statement, f"**{pattern.verdict}**", *(_sign(pattern, agent) for agent in AGENTS))
-        for number, pattern in enumerate(patterns, start=1)
+def _row_name(row: str) -> str:
+    return "clean, warmed up" if row == NO_LATENCY else SHORT.get(row, row)
+
+
+def patterns_text(results: Results, by_reading: Mapping[str, Sequence[Pattern]], explained: Mapping[str, str]) -> str:
+    """Write which of the patterns appear in which reading: an overview by agent, then every comparison."""
+    numbered = list(enumerate(zip(*by_reading.values(), strict=True), start=1))
+    readings = list(by_reading)
+    overview = [
+        (str(number), found.statement, name, f"**{found.verdict}**", *(_sign(found, agent) for agent in AGENTS))
+        for number, patterns in numbered
+        for name, found in _distinct(readings, patterns)
     ]
     lines = [
         "# Seven patterns of the paper's table",
@@ -125,12 +213,25 @@ def patterns_text(results: Results, patterns: Sequence[Pattern], explained: Mapp
         "when it lies at or below 0, and *cannot be told* (?) when it holds both. A pattern appears when all its",
         "comparisons do, and does not when one does not. Of comparisons without any difference one in forty appears",
         "by chance. The paper gives no intervals: its column is the difference of its figures.",
+        "Comparisons that are the same in both readings of the failures, `paper` and `released`, stand once.",
         "",
-        *_table(("#", "pattern", "verdict", *AGENTS), rows, text_columns=3 + len(AGENTS)),
+        *_options(results),
+        *_table(("#", "pattern", "reading", "verdict", *AGENTS), overview, text_columns=4 + len(AGENTS)),
     ]
-    for number, pattern in enumerate(patterns, start=1):
-        lines += ["", f"## {number}. {pattern.statement}", "", *_pattern_lines(pattern, explained)]
+    for number, patterns in numbered:
+        first = patterns[0]
+        lines += ["", f"## {number}. {first.statement}"]
+        lines += [line for text in (first.how, explained.get(first.key)) if text for line in ("", text)]
+        for name, found in _distinct(readings, patterns):
+            lines += ["", *_pattern_lines(name, found)]
     return "\n".join(lines) + "\n"
+
+
+def _distinct(readings: Sequence[str], patterns: Sequence[Pattern]) -> list[tuple[str, Pattern]]:
+    """Return the pattern by reading, once as `both` where it is the same in all."""
+    if all(found == patterns[0] for found in patterns):
+        return [("both", patterns[0])]
+    return [(f"`{reading}`", found) for reading, found in zip(readings, patterns, strict=True)]
 
 
 def _sign(pattern: Pattern, agent: str) -> str:
@@ -138,12 +239,11 @@ def _sign(pattern: Pattern, agent: str) -> str:
     return _NONE if verdict is None else _SIGNS[verdict]
 
 
-def _pattern_lines(pattern: Pattern, explained: Mapping[str, str]) -> list[str]:
+def _pattern_lines(name: str, pattern: Pattern) -> list[str]:
     counted = Counter(part.verdict for part in pattern.parts)
     shares = ", ".join(f"{verdict} {count}" for verdict, count in counted.items())
-    lines = [f"**{pattern.verdict}** (of {len(pattern.parts)} comparisons: {shares}). {pattern.how}".rstrip(), ""]
-    if pattern.key in explained:
-        lines += [explained[pattern.key], ""]
+    of = "both readings" if name == "both" else f"the reading {name}"
+    lines = [f"In {of}: **{pattern.verdict}** (of {len(pattern.parts)} comparisons: {shares}).", ""]
     digits = f"+.{pattern.digits}f"
     rows = [
         (

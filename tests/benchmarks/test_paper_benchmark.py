@@ -1,4 +1,4 @@
-"""`benchmarks/paper.py`: from reports to the committed results, table, patterns and pictures."""
+"""`benchmarks/paper.py`: from reports to the committed results, table, patterns and pictures, in both readings."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import paper_table
 import pytest
-from _paper import estimates, figures, patterns, published, reading, results, texts
+from _paper import agreement, estimates, figures, patterns, published, reports, results, texts
 from _paper.estimates import IntervalEstimate
-from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS
+from _paper.published import AGENTS, AVERAGES, CLEAN, FAMILIES, PUBLISHED, SETTINGS
+from _paper.readings import DRIVEN, NO_LATENCY, READINGS, SAME, Drives, called_in
 from hypothesis import given
 from hypothesis import strategies as st
 from made_up_drives import CLEAN_DS, report, saved
@@ -29,14 +30,23 @@ from pytest_drive_robust.stats.intervals import ratio_interval
 
 ROOT = Path(__file__).parents[2]
 ALIKE = dict.fromkeys((CLEAN, *SETTINGS), 1.0)
+"""The reading `paper` alone."""
+
+WARM = called_in("released", NO_LATENCY)
 PICTURES = ("rd_heatmap.svg", "retention_radar.svg", "latency_curves.svg")
 
 
 def as_published(agent: str) -> dict[str, Any]:
-    """A report that has the paper's own figures, without noise."""
-    rows, best = PUBLISHED[agent], PUBLISHED["simlingo"][CLEAN].ds
-    shares = {setting: row.ds / best for setting, row in rows.items()}
-    return report(agent, shares, efficiency_of={setting: row.efficiency for setting, row in rows.items()})
+    """A report that has the paper's own figures in both readings, without noise."""
+    best = PUBLISHED["simlingo"][CLEAN].ds
+    rows = {called_in(reading, row): figures for reading in READINGS for row, figures in PUBLISHED[agent].items()}
+    rows[WARM] = PUBLISHED[agent][CLEAN]
+    return report(
+        agent,
+        {setting: row.ds / best for setting, row in rows.items()},
+        efficiency_of={setting: row.efficiency for setting, row in rows.items()},
+        comfort_of={setting: row.comfort for setting, row in rows.items()},
+    )
 
 
 def drawn(files: list[Path], folder: Path) -> subprocess.CompletedProcess[str]:
@@ -45,7 +55,11 @@ def drawn(files: list[Path], folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def of_shares(tmp_path: Path, shares: Mapping[str, Mapping[str, float]]) -> results.Results:
-    return reading.read(saved(tmp_path, *(report(agent, of) for agent, of in shares.items())))
+    return reports.read(saved(tmp_path, *(report(agent, of) for agent, of in shares.items())))
+
+
+def paper_reading(tmp_path: Path, shares: Mapping[str, Mapping[str, float]]) -> Drives:
+    return Drives(of_shares(tmp_path, shares), READINGS[0])
 
 
 # ---- the front door
@@ -53,14 +67,14 @@ def of_shares(tmp_path: Path, shares: Mapping[str, Mapping[str, float]]) -> resu
 
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two of the four agents; one of them without one setting, and something is said about a pattern."""
+    """Two of the four agents; one with options, in one reading and without one setting; a pattern is explained."""
     folder = tmp_path_factory.mktemp("rendered")
     (folder / "explanations.md").write_text("# Why\n\n## gps\n\nThe planner pops early.\n", encoding="utf-8")
     lacking = {setting: share for setting, share in ALIKE.items() if setting != "occlusion 0.8"}
-    files = saved(folder, report("simlingo", lacking), as_published("tcp"))
+    files = saved(folder, report("simlingo:tuning=published", lacking), as_published("tcp"))
     done = drawn([*files], folder)
     assert done.returncode == 0, done.stderr
-    assert "8 routes, tcp, simlingo" in done.stdout
+    assert "8 routes, tcp, simlingo:tuning=published" in done.stdout
     return folder
 
 
@@ -74,17 +88,26 @@ def test_everything_is_drawn_again_from_the_committed_file_to_the_last_byte(rend
 
 def test_what_was_not_driven_is_missing_and_not_zero(rendered: Path) -> None:
     table = (rendered / "table.md").read_text(encoding="utf-8")
-    assert "Not driven: uniad, vad, simlingo under 1 of 11 settings." in table
-    assert re.search(r"^\| uniad \| - \| - \| - \| 45\.8 \|", table, re.MULTILINE)
-    assert re.search(r"^\| occlusion 0\.8 \| - \| - \| - \| - \| - \| 14\.8 \|", table, re.MULTILINE)
+    assert "Not driven in the reading `paper`: uniad, vad, simlingo in 1 of 12 rows." in table
+    assert "Not driven in the reading `released`: uniad, vad, simlingo in 6 of 12 rows." in table
+    assert re.search(r"^\| uniad \| - \| - \| - \| - \| 45\.8 \|", table, re.MULTILINE)
+    assert re.search(r"^\| occlusion 0\.8 \|( - \|){6} 14\.8 \|", table, re.MULTILINE)
+    simlingo = table.partition("## simlingo")[2].partition("Reading `released`:")[2]
+    assert re.search(r"^\| clean, warmed up \|( - \|){11}$", simlingo, re.MULTILINE)
+    assert re.search(r"^\| avg\. all \|( - \|){6} 53\.7 \|", simlingo, re.MULTILINE)
+    assert "| `released`, latency | 3 of 12 |" in table
     assert "## uniad" not in table
     assert list(json.loads((rendered / "results.json").read_text(encoding="utf-8"))["agents"]) == ["tcp", "simlingo"]
 
 
 def test_the_table_holds_our_figures_beside_the_papers(rendered: Path) -> None:
     table = (rendered / "table.md").read_text(encoding="utf-8")
-    assert "| GPS noise 15 m | 18.4 | 0.0 | 0.65 | 0.65 to 0.65 | 58 | 21.1 | 0.5 | 0.65 | 58 |" in table
-    assert "| GPS noise 15 m | 0.65 (0.65) | - (0.55) | - (0.62) | 0.00 (-0.02) |" in table
+    row = "| GPS 15 m | 18.4 | 0.0 | 0.65 | 0.65 to 0.65 | 58 | 29 | 21.1 | 0.5 | 0.65 | 58 | 29 |"
+    assert table.count(row) == len(READINGS)
+    assert table.count("| GPS noise 15 m | 0.65 (0.65) | - (0.55) | - (0.62) | 0.00 (-0.02) |") == len(READINGS)
+    assert "| avg. latency | 36.8 | 0.0 | 0.30 | 0.30 to 0.30 | 78 | 6 | 42.2 | 10.8 | 0.30 | 78 | 6 |" in table
+    assert "| avg. perturbed | 0.19 (0.19) |" in table
+    assert "`simlingo` is `simlingo:tuning=published`" in table
     assert max(map(len, table.splitlines())) <= 100
 
 
@@ -137,6 +160,22 @@ def standing_agent(document: dict[str, Any]) -> None:
         episode["driving_score"] = 0.0
 
 
+def two_choices_of_options(document: dict[str, Any]) -> None:
+    for episode in document["episodes"][::2]:
+        episode["agent"] = "tcp:tuning=published"
+
+
+def without_comfort(document: dict[str, Any]) -> None:
+    document["summaries"].clear()
+
+
+def without_its_clean_drive(document: dict[str, Any]) -> None:
+    for part in ("episodes", "summaries"):
+        for one in document[part]:
+            if one["setting"] == "100 ms latency":
+                one["setting"] = "100 ms latency (reading=released)"
+
+
 @pytest.mark.parametrize(
     ("spoil", "error", "said"),
     [
@@ -145,6 +184,9 @@ def standing_agent(document: dict[str, Any]) -> None:
         (two_seeds, UsageError, "one seed"),
         (without_episodes, ComparisonError, "0 clean routes"),
         (standing_agent, ComparisonError, "clean driving score is 0"),
+        (two_choices_of_options, UsageError, "holds 'tcp' and 'tcp:tuning=published'"),
+        (without_comfort, ComparisonError, "tcp under clean: no summary over 8 routes"),
+        (without_its_clean_drive, ComparisonError, "under 0 ms latency (reading=released): 0 episodes for 8 routes"),
     ],
 )
 def test_a_report_that_is_no_table_is_refused(
@@ -153,29 +195,47 @@ def test_a_report_that_is_no_table_is_refused(
     document = report("tcp", ALIKE)
     spoil(document)
     with pytest.raises(error, match=re.escape(said)):
-        reading.read(saved(tmp_path, document))
+        reports.read(saved(tmp_path, document))
+
+
+def test_a_file_of_the_former_format_is_refused(tmp_path: Path) -> None:
+    (former,) = saved(tmp_path, {"format": "drive-robust paper table 1", "agents": {}})
+    with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 2', .* drive its agents again"):
+        reports.read([former])
 
 
 def test_agents_on_other_routes_are_not_compared(tmp_path: Path) -> None:
     files = saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE, routes=7))
     with pytest.raises(ComparisonError, match="holds 7 routes, the files before it 8; different: 801"):
-        reading.read(files)
+        reports.read(files)
 
 
 def test_a_new_report_replaces_its_agent_only(tmp_path: Path) -> None:
     old, vad, new = report("tcp", ALIKE), report("vad", ALIKE), as_published("tcp")
-    found = reading.read(saved(tmp_path, old, vad, new))
-    assert found.agents["tcp"] == reading.read(saved(tmp_path, new)).agents["tcp"]
-    assert found.agents["vad"] == reading.read(saved(tmp_path, vad)).agents["vad"]
+    found = reports.read(saved(tmp_path, old, vad, new))
+    assert found.agents["tcp"] == reports.read(saved(tmp_path, new)).agents["tcp"]
+    assert found.agents["vad"] == reports.read(saved(tmp_path, vad)).agents["vad"]
 
 
 def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
     whole = as_published("uniad")
     parts = [
-        {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in ("clean", setting)]}
-        for setting in SETTINGS
+        {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in (CLEAN, WARM, setting)]}
+        for setting in DRIVEN
     ]
-    assert reading.read(saved(tmp_path, *parts[::-1])) == reading.read(saved(tmp_path, whole))
+    assert reports.read(saved(tmp_path, *parts[::-1])) == reports.read(saved(tmp_path, whole))
+
+
+def test_latency_of_the_released_reading_needs_its_own_clean_drive_only(tmp_path: Path) -> None:
+    whole = as_published("vad")
+    latency = [WARM, *(called_in("released", row) for row in FAMILIES["latency"])]
+    alone = {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in latency]}
+    rest = {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] not in latency]}
+    found = reports.read(saved(tmp_path, alone))
+    assert estimates.degradation(Drives(found, "released"), "vad", FAMILIES["latency"]) is not None
+    assert estimates.driving_score(Drives(found, "released"), "vad", (CLEAN,)) is None
+    assert "| `released`, latency | 3 of 12 |" in texts.table_text(found)
+    assert reports.read(saved(tmp_path, alone, rest)) == reports.read(saved(tmp_path, whole))
 
 
 def test_no_line_leads_through_what_was_not_driven() -> None:
@@ -185,10 +245,18 @@ def test_no_line_leads_through_what_was_not_driven() -> None:
     assert np.isnan(line.get_ydata()).tolist() == [False, True, True, False]
 
 
+def test_bars_say_the_mean_rd_or_that_nothing_was_driven() -> None:
+    axes = Figure().subplots()
+    cell = IntervalEstimate(60.0, 55.0, 65.0)
+    figures._bars(axes, AGENTS, [cell] * 4, [cell, None, cell, None], [IntervalEstimate(0.25, 0.2, 0.3), None] * 2)
+    assert len(axes.patches) == 6
+    assert [text.get_text() for text in axes.texts] == ["RD 0.25", "not driven", "RD 0.25", "not driven"]
+
+
 def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
     together = report("vad", ALIKE)
     together["versions"]["lockstep"] = "8"
-    found = reading.read(saved(tmp_path, report("tcp", ALIKE), together))
+    found = reports.read(saved(tmp_path, report("tcp", ALIKE), together))
     assert "none 1.0, weights bb, 8 episodes in lockstep." in texts.table_text(found)
     assert "none 1.0, weights bb." in texts.table_text(found)
 
@@ -196,17 +264,17 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
 def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
     other = report("tcp", {"clean": 0.9, "occlusion 0.5": 0.5})
     with pytest.raises(ComparisonError, match=r"1\.json: tcp lacks 1 s burst frame drop, .* of another clean run"):
-        reading.read(saved(tmp_path, report("tcp", ALIKE), other))
+        reports.read(saved(tmp_path, report("tcp", ALIKE), other))
     newer = report("tcp", {"clean": 1.0, "occlusion 0.5": 0.5})
     newer["versions"]["lockstep"] = "8"
     with pytest.raises(ComparisonError, match="of another clean run"):
-        reading.read(saved(tmp_path, report("tcp", ALIKE), newer))
+        reports.read(saved(tmp_path, report("tcp", ALIKE), newer))
 
 
 @given(ratios=st.lists(st.floats(0.0, 3000.0)))
 def test_efficiency_is_the_packages_own(ratios: list[float]) -> None:
     episode: Any = SimpleNamespace(outcome=Outcome.COMPLETED, speed_ratios_pct=ratios)
-    assert reading._efficiency(ratios) == pytest.approx(efficiency(episode), abs=5.001e-4)  # rounded to 3 digits
+    assert reports._efficiency(ratios) == pytest.approx(efficiency(episode), abs=5.001e-4)  # rounded to 3 digits
 
 
 def test_the_published_table_agrees_with_itself_and_with_the_other_copy() -> None:
@@ -215,8 +283,27 @@ def test_the_published_table_agrees_with_itself_and_with_the_other_copy() -> Non
         assert sorted(rows) == sorted((row.ds, row.sr_pct) for row in mine.values())
         for row in mine.values():
             assert row.rd == pytest.approx(1.0 - row.ds / mine[CLEAN].ds, abs=0.00501)
-    averages = [round(published.published_mean_rd(agent), 2) for agent in AGENTS]
-    assert averages == [0.22, 0.24, 0.20, 0.38]  # the table's rows "Avg. all perturb."
+
+
+@pytest.mark.parametrize(
+    ("agent", "row", "printed"),
+    [
+        ("tcp", "avg. perturbed", (0.19, 48.47, 20.74, 81.53, 24.98)),
+        ("tcp", "avg. latency", (0.30, 42.19, 10.76, 78.40, 6.29)),
+        ("tcp", "avg. all", (0.22, 46.76, 18.02, 80.67, 19.88)),
+        ("uniad", "avg. perturbed", (0.23, 35.14, 9.32, 148.55, 45.82)),
+        ("uniad", "avg. latency", (0.25, 34.23, 10.76, 132.75, 20.18)),
+        ("uniad", "avg. all", (0.24, 34.89, 9.71, 144.24, 38.83)),
+        ("vad", "avg. perturbed", (0.16, 35.59, 11.25, 175.99, 48.12)),
+        ("vad", "avg. latency", (0.31, 29.07, 5.76, 213.09, 24.85)),
+        ("vad", "avg. all", (0.20, 33.81, 9.75, 186.11, 41.78)),
+        ("simlingo", "avg. perturbed", (0.23, 65.84, 42.56, 241.66, 37.19)),
+        ("simlingo", "avg. latency", (0.75, 21.21, 0.76, 195.60, 62.65)),
+        ("simlingo", "avg. all", (0.38, 53.67, 31.16, 229.10, 44.14)),
+    ],
+)
+def test_averages_are_those_that_the_paper_prints(agent: str, row: str, printed: tuple[float, ...]) -> None:
+    assert published.published_average(agent, AVERAGES[row]) == pytest.approx(printed, abs=0.00501)
 
 
 # ---- estimates
@@ -233,6 +320,87 @@ def test_a_difference_to_nothing_has_nearly_fiellers_interval() -> None:
     assert (found.low, found.high) == pytest.approx(ratio_interval(clean, perturbed), abs=0.01)
 
 
+def test_each_reading_of_latency_has_its_own_clean_drive(tmp_path: Path) -> None:
+    shares = {**dict.fromkeys(DRIVEN, 0.5), CLEAN: 1.0, WARM: 0.8}
+    found = of_shares(tmp_path, {"tcp": shares})
+    cells = {
+        reading: [estimates.degradation(Drives(found, reading), "tcp", rows) for rows in AVERAGES.values()]
+        for reading in READINGS
+    }
+    # perturbed, latency, all: without noise, so the intervals are points
+    assert [cell and round(cell.value, 4) for cell in cells["paper"]] == [0.5, 0.5, 0.5]
+    assert [cell and round(cell.value, 4) for cell in cells["released"]] == [0.5, 0.375, round(5.125 / 11.0, 4)]
+    assert all(cell and cell.low == pytest.approx(cell.high, abs=1e-6) for cell in cells["released"])
+
+
+def test_the_jackknife_of_several_rows_has_nearly_fiellers_interval(tmp_path: Path) -> None:
+    generator = np.random.Generator(np.random.Philox(3))
+    whole = report("tcp", dict.fromkeys(DRIVEN, 1.0))
+    for episode in whole["episodes"]:
+        if episode["setting"] not in (CLEAN, WARM):
+            episode["driving_score"] *= generator.uniform(0.4, 0.8)
+    found = Drives(reports.read(saved(tmp_path, whole)), "released")  # the clean drives are alike: Fieller's
+    fieller = estimates.degradation(found, "tcp", SETTINGS)
+    jackknife = estimates.gap(estimates.rd_means(found, "tcp", SETTINGS), np.zeros(1 + len(CLEAN_DS)))
+    assert fieller is not None
+    assert jackknife is not None
+    assert jackknife.value == pytest.approx(fieller.value)
+    assert (jackknife.low, jackknife.high) == pytest.approx((fieller.low, fieller.high), abs=0.02)
+
+
+# ---- agreement
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ([1.0, 2.0, 3.0, 4.0], 1.0),
+        ([9.0, 7.0, 1.0, 0.0], -1.0),
+        ([1.0, 3.0, 2.0, 4.0], 0.8),
+        ([1.0, 1.0, 2.0, 3.0], 0.9486833),  # ranks 1.5, 1.5, 3, 4
+        ([5.0, 5.0, 5.0, 5.0], np.nan),
+    ],
+)
+def test_rank_correlation_is_spearmans(row: list[float], expected: float) -> None:
+    found = agreement.rank_correlations(np.array([row, row[::-1]]), np.array([1.0, 2.0, 3.0, 4.0]))
+    assert list(found) == pytest.approx([expected, -expected], nan_ok=True)
+
+
+@pytest.mark.parametrize("reading", READINGS)
+def test_the_papers_own_figures_agree_with_the_paper(tmp_path: Path, reading: str) -> None:
+    found = agreement.agreement(Drives(reports.read(saved(tmp_path, *map(as_published, AGENTS))), reading), SETTINGS)
+    assert (found.driven, found.cells) == (44, 44)
+    assert found.correlation is not None
+    assert found.difference is not None
+    assert found.correlation.value > 0.99  # printed with two digits there
+    assert found.difference < 0.005
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory: pytest.TempPathFactory) -> Drives:
+    """The paper's own figures of two agents with chance on every route."""
+    generator = np.random.Generator(np.random.Philox(4))
+    documents = [as_published(agent) for agent in ("tcp", "simlingo")]
+    for episode in (episode for document in documents for episode in document["episodes"]):
+        episode["driving_score"] *= generator.uniform(0.5, 1.0)
+    return Drives(reports.read(saved(tmp_path_factory.mktemp("noisy"), *documents)), "released")
+
+
+def test_the_correlation_has_an_interval_around_it_and_the_same_one_again(noisy: Drives) -> None:
+    found = agreement.agreement(noisy, SETTINGS)
+    assert (found.driven, found.cells) == (22, 44)
+    assert found.correlation is not None
+    assert -1.0 <= found.correlation.low < found.correlation.value < found.correlation.high <= 1.0
+    assert agreement.agreement(noisy, SETTINGS) == found
+
+
+def test_too_few_cells_have_no_correlation(noisy: Drives) -> None:
+    assert agreement.agreement(noisy, SETTINGS[:2]).correlation is None
+    assert agreement.agreement(noisy, SETTINGS[:3]).correlation is not None
+    alone = Drives(results.Results(noisy.results.world, noisy.results.routes, {}), "paper")
+    assert agreement.agreement(alone, SETTINGS) == agreement.Agreement(44, 0, None, None)
+
+
 def test_without_a_difference_one_comparison_in_forty_appears() -> None:
     generator = np.random.Generator(np.random.Philox(2))
     studies = 600
@@ -247,11 +415,12 @@ def test_without_a_difference_one_comparison_in_forty_appears() -> None:
 
 
 def verdicts(found: results.Results) -> dict[str, str]:
-    return {pattern.key: pattern.verdict for pattern in patterns.patterns_of(found)}
+    return {pattern.key: pattern.verdict for pattern in patterns.patterns_of(Drives(found, READINGS[0]))}
 
 
-def test_the_papers_own_table_shows_all_but_the_first_which_simlingo_breaks(tmp_path: Path) -> None:
-    found = patterns.patterns_of(reading.read(saved(tmp_path, *map(as_published, AGENTS))))
+@pytest.mark.parametrize("reading", READINGS)
+def test_the_papers_own_table_shows_all_but_the_first_which_simlingo_breaks(tmp_path: Path, reading: str) -> None:
+    found = patterns.patterns_of(Drives(reports.read(saved(tmp_path, *map(as_published, AGENTS))), reading))
     assert [pattern.key for pattern in found if pattern.verdict != "appears"] == ["severity"]
     (broken,) = (part for part in found[0].parts if part.verdict != "appears")
     assert broken.what == "simlingo: burst 3 s - burst 1 s"
@@ -263,7 +432,9 @@ def test_the_papers_own_table_shows_all_but_the_first_which_simlingo_breaks(tmp_
 def test_more_speed_under_a_failure_is_a_rise_in_efficiency(tmp_path: Path) -> None:
     faster = {setting: 120.0 if setting.startswith("speed") else 100.0 for setting in ALIKE}
     files = saved(tmp_path, report("tcp", ALIKE, efficiency_of=faster), report("uniad", ALIKE))
-    found = {pattern.key: pattern for pattern in patterns.patterns_of(reading.read(files))}["speed"]
+    found = {pattern.key: pattern for pattern in patterns.patterns_of(Drives(reports.read(files), READINGS[0]))}[
+        "speed"
+    ]
     assert [found.verdict_of(agent) for agent in ("tcp", "uniad", "vad")] == ["appears", "does not appear", None]
     assert found.parts[0].estimate == IntervalEstimate(20.0, 20.0, 20.0)
 
@@ -273,13 +444,27 @@ def test_rankings_differ_when_the_better_driver_loses_more(tmp_path: Path) -> No
     weaker = dict.fromkeys(ALIKE, 0.6)
     assert verdicts(of_shares(tmp_path, {"tcp": fragile, "vad": weaker}))["ranking"] == "appears"
     both = {"tcp": ALIKE, "vad": {setting: 0.6 * share for setting, share in fragile.items()}}
-    parts = patterns.patterns_of(of_shares(tmp_path, both))[-1].parts
+    parts = patterns.patterns_of(paper_reading(tmp_path, both))[-1].parts
     assert {part.what[:9]: part.verdict for part in parts}["tcp - vad"] == "does not appear"
+
+
+def test_what_both_readings_share_stands_once_among_the_patterns(tmp_path: Path) -> None:
+    shares = {agent: dict.fromkeys(DRIVEN, 1.0) for agent in AGENTS}
+    for place, setting in enumerate(setting for setting in DRIVEN if setting not in (WARM, *ALIKE)):
+        shares["tcp"][setting] = 0.5 + 0.05 * place
+    found = of_shares(tmp_path, shares)
+    by_reading = {reading: patterns.patterns_of(Drives(found, reading)) for reading in READINGS}
+    text = texts.patterns_text(found, by_reading, {})
+    assert set(SAME) == {row for family in ("occlusion", "GPS", "speed") for row in FAMILIES[family]}
+    for key, times in {"3": 1, "4": 1, "6": 1, "1": 2, "2": 2, "5": 2, "7": 2}.items():
+        assert len(re.findall(rf"^\| {key} \|", text, re.MULTILINE)) == times, key
+    assert "In both readings: **does not appear**" in text
+    assert "In the reading `released`: **" in text
 
 
 def test_agents_that_drive_alike_have_no_ranking(tmp_path: Path) -> None:
     fragile = {setting: 1.0 if setting == CLEAN else 0.3 for setting in ALIKE}
-    parts = patterns.patterns_of(of_shares(tmp_path, {"tcp": ALIKE, "vad": fragile}))[-1].parts
+    parts = patterns.patterns_of(paper_reading(tmp_path, {"tcp": ALIKE, "vad": fragile}))[-1].parts
     assert {part.verdict for part in parts} == {"cannot be told", "not driven"}
 
 
@@ -308,6 +493,6 @@ def test_all_and_any_are_mirror_images_and_need_every_part(said: list[patterns.V
 
 def test_an_explanation_of_no_pattern_is_refused(tmp_path: Path) -> None:
     (tmp_path / "explanations.md").write_text("## gsp\n\ntypo\n", encoding="utf-8")
-    known = patterns.patterns_of(of_shares(tmp_path, {"tcp": ALIKE}))
+    known = patterns.patterns_of(paper_reading(tmp_path, {"tcp": ALIKE}))
     with pytest.raises(UsageError, match=r"'gsp'\. The patterns are severity, latency, gps"):
         texts.explanations(tmp_path / "explanations.md", known)

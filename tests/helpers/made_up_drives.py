@@ -16,13 +16,16 @@ def report(
     share_of: Mapping[str, float],
     *,
     efficiency_of: Mapping[str, float] | None = None,
+    comfort_of: Mapping[str, float] | None = None,
     routes: int = len(CLEAN_DS),
 ) -> dict[str, Any]:
     """Report an agent whose driving score on every route is that of `CLEAN_DS` times the share of the setting.
 
-    `efficiency_of` is percent, by setting, 100 when left out; the last route has no data on it.
+    `efficiency_of` is percent, by setting, 100 when left out; the last route has no data on it. `comfort_of` is
+    percent, by setting, 30 when left out.
     """
     fast = efficiency_of or dict.fromkeys(share_of, 100.0)
+    smooth = comfort_of or dict.fromkeys(share_of, 30.0)
     episodes = [
         {
             "agent": agent,
@@ -44,6 +47,10 @@ def report(
             "agents": {agent: {"distribution": "none 1.0", "source": "aa", "weights": "bb"}},
             "routes": {str(100 * place + 101): f"digest{place}" for place in range(routes)},
         },
+        "summaries": [
+            {"agent": agent, "setting": setting, "summary": {"episodes": routes, "comfort": smooth[setting]}}
+            for setting in share_of
+        ],
         "episodes": episodes,
     }
 

@@ -1,18 +1,20 @@
 """Reads driven episodes: from the JSON report of a run of `suites/paper`, or from the compact file that is committed.
 
 Whatever the source, the same values are rendered. An agent that drove only some of the routes of a setting is an
-error, and so is an episode without a score: neither is a zero.
+error, and so are an episode without a score and a setting without its clean drive: none of them is a zero.
 """
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from _paper.published import AGENTS, CLEAN, SETTINGS
+from _paper.published import AGENTS
+from _paper.readings import DRIVEN, clean_of
 from _paper.results import FORMAT, DrivenAgent, Results, Scores, results_of
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS
@@ -25,13 +27,16 @@ _Episode = Mapping[str, Any]
 _FEWEST_ROUTES = 2
 """One route has no spread, so nothing could have an interval."""
 
+_KIND = FORMAT.rpartition(" ")[0]
+
 
 def read(paths: Sequence[Path]) -> Results:
     """Read all files as one. Of an agent that several files hold, each setting is that of the last file which has it.
 
-    Raises `UsageError` for a file that is neither kind, or that holds an agent which the paper does not;
-    `ComparisonError` for episodes without a score, for routes that lack some setting, for files of different
-    routes or worlds and for settings of one agent that belong to different clean runs.
+    Raises `UsageError` for a file that is neither kind or of a former format, or that holds an agent which the paper
+    does not, or one agent under two choices of options; `ComparisonError` for episodes without a score, for routes that
+    lack some setting, for a setting without its clean drive, for files of different routes or worlds and for settings
+    of one agent that belong to different clean runs.
     """
     merged: Results | None = None
     for path in paths:
@@ -49,6 +54,11 @@ def _of_file(path: Path) -> Results:
         raise UsageError(f"{path} cannot be read as JSON: {error}.") from error
     if isinstance(document, dict) and document.get("format") == FORMAT:
         return results_of(document)
+    if isinstance(document, dict) and str(document.get("format")).startswith(_KIND):
+        raise UsageError(
+            f"{path} is of the format {document['format']!r}. Expected {FORMAT!r}, which has both readings and "
+            "comfort: drive its agents again and give the reports."
+        )
     if isinstance(document, dict) and document.get("schema") == 1 and "episodes" in document:
         return _of_report(document, path)
     raise UsageError(f"{path} is neither a report of --drive-json (schema 1) nor a results.json of this benchmark.")
@@ -62,10 +72,13 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
             "The paper's table has one seed and `--drive-metrics bench2drive`."
         )
     episodes = _by_agent_and_setting(document["episodes"], path)
+    called = _called(episodes, path)
     scenarios = {
         episode["route_id"]: episode["scenario"]
         for by_setting in episodes.values()
-        for episode in by_setting.get(CLEAN, ())
+        for setting, of_setting in by_setting.items()
+        if setting == clean_of(setting)
+        for episode in of_setting
     }
     if len(scenarios) < _FEWEST_ROUTES:
         raise ComparisonError(
@@ -73,9 +86,15 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
         )
     routes = {route: (scenarios[route], fingerprint["routes"][route]) for route in sorted(scenarios, key=_place)}
     kept = {key: str(value) for key, value in versions.items() if key not in MACHINE_FACTS}
+    comfort = _comfort(document["summaries"], len(routes))
     agents = {
-        name: DrivenAgent(fingerprint["agents"][name], kept, _driven(by_setting, list(routes), f"{path}: {name}"))
-        for name, by_setting in episodes.items()
+        name: DrivenAgent(
+            spec,
+            fingerprint["agents"][spec],
+            kept,
+            _driven(episodes[spec], list(routes), comfort.get(spec, {}), f"{path}: {spec}"),
+        )
+        for name, spec in called.items()
     }
     world = {
         "simulator": versions["simulator"],
@@ -89,26 +108,62 @@ def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str,
     """Group episodes; settings that the paper does not have are left out."""
     found: dict[str, dict[str, list[_Episode]]] = defaultdict(lambda: defaultdict(list))
     for episode in episodes:
-        if episode["setting"] in (CLEAN, *SETTINGS):
+        if episode["setting"] in DRIVEN:
             found[episode["agent"]][episode["setting"]].append(episode)
-    unknown = sorted(name for name in found if name not in AGENTS)
-    if unknown:
-        raise UsageError(f"{path} holds the agent {unknown[0]!r}. The paper's are {', '.join(AGENTS)}.")
     return found
 
 
-def _driven(by_setting: Mapping[str, Sequence[_Episode]], routes: Sequence[str], what: str) -> dict[str, Scores]:
+def _called(specs: Iterable[str], path: Path) -> dict[str, str]:
+    """Return which agent of the paper each agent with its options is: `simlingo:tuning=published` is `simlingo`."""
+    called: dict[str, str] = {}
+    for spec in sorted(specs):
+        name = spec.partition(":")[0]
+        if name not in AGENTS:
+            raise UsageError(f"{path} holds the agent {spec!r}. The paper's are {', '.join(AGENTS)}.")
+        if name in called:
+            raise UsageError(
+                f"{path} holds {called[name]!r} and {spec!r}. A table has one of them: give a report of one alone."
+            )
+        called[name] = spec
+    return called
+
+
+def _comfort(summaries: Sequence[Mapping[str, Any]], routes: int) -> dict[str, dict[str, float | None]]:
+    """Return the comfort by agent and setting, of the rows of a report that are over all routes."""
+    found: dict[str, dict[str, float | None]] = defaultdict(dict)
+    for row in summaries:
+        summary = row["summary"]
+        if summary is not None and summary["episodes"] == routes:
+            found[row["agent"]][row["setting"]] = None if summary["comfort"] is None else round(summary["comfort"], 3)
+    return found
+
+
+def _driven(
+    by_setting: Mapping[str, Sequence[_Episode]],
+    routes: Sequence[str],
+    comfort: Mapping[str, float | None],
+    what: str,
+) -> dict[str, Scores]:
+    settings = [setting for setting in DRIVEN if setting in by_setting]
+    cleans = dict.fromkeys(map(clean_of, settings))
     driven = {
-        setting: _scores(by_setting.get(setting, ()), routes, f"{what} under {setting}")
-        for setting in (CLEAN, *SETTINGS)
-        if setting == CLEAN or setting in by_setting
+        setting: _scores(by_setting.get(setting, ()), routes, comfort, f"{what} under {setting}")
+        for setting in DRIVEN
+        if setting in settings or setting in cleans
     }
-    if not any(driven[CLEAN].driving_score):
-        raise ComparisonError(f"{what}: the clean driving score is 0, so its degradation is undefined.")
+    for setting in cleans:
+        scored = sum(score > 0.0 for score in driven[setting].driving_score)
+        if scored < _FEWEST_ROUTES:
+            raise ComparisonError(
+                f"{what} under {setting}: the clean driving score is 0 on {len(routes) - scored} of {len(routes)} "
+                "routes, so its degradation is undefined."
+            )
     return driven
 
 
-def _scores(episodes: Sequence[_Episode], routes: Sequence[str], what: str) -> Scores:
+def _scores(
+    episodes: Sequence[_Episode], routes: Sequence[str], comfort: Mapping[str, float | None], what: str
+) -> Scores:
     by_route = {episode["route_id"]: episode for episode in episodes}
     if set(by_route) != set(routes) or len(by_route) != len(episodes):
         lacking = [route for route in routes if route not in by_route]
@@ -122,10 +177,16 @@ def _scores(episodes: Sequence[_Episode], routes: Sequence[str], what: str) -> S
         raise ComparisonError(
             f"{what}: no score on {', '.join(unscored[:5])} ({len(unscored)} routes). Drive them again."
         )
+    setting = episodes[0]["setting"]
+    if setting not in comfort:
+        raise ComparisonError(
+            f"{what}: no summary over {len(routes)} routes, so its comfort is not known. Drive it again."
+        )
     return Scores(
         tuple(round(by_route[route]["driving_score"], 4) for route in routes),
         tuple(bool(by_route[route]["success"]) for route in routes),
         tuple(_efficiency(by_route[route]["speed_ratios_pct"]) for route in routes),
+        comfort[setting],
     )
 
 
@@ -158,19 +219,17 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
 
 
 def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAgent:
-    """Return the later drive with the settings that only the earlier has, if their clean episodes are the same."""
-    lacking = [
-        setting for setting in (CLEAN, *SETTINGS) if setting in earlier.settings and setting not in later.settings
-    ]
+    """Return the later drive with the settings that only the earlier has, if the same agent drove the same cleanly."""
+    lacking = [setting for setting in DRIVEN if setting in earlier.settings and setting not in later.settings]
     if not lacking:
         return later
-    facts = [(driven.made_of, driven.versions, driven.settings[CLEAN]) for driven in (earlier, later)]
-    if facts[0] != facts[1]:
+    facts = [(driven.called, driven.made_of, driven.versions) for driven in (earlier, later)]
+    clean = [setting for setting in later.settings if setting == clean_of(setting) and setting in earlier.settings]
+    if facts[0] != facts[1] or any(earlier.settings[setting] != later.settings[setting] for setting in clean):
         raise ComparisonError(
             f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other code, "
-            "weights, versions or processor). A setting is compared with its own clean run: drive those again, too."
+            "weights, options, versions or processor). A setting is compared with its own clean run: drive those "
+            "again, too."
         )
     settings = {**earlier.settings, **later.settings}
-    return DrivenAgent(
-        later.made_of, later.versions, {name: settings[name] for name in (CLEAN, *SETTINGS) if name in settings}
-    )
+    return replace(later, settings={name: settings[name] for name in DRIVEN if name in settings})
