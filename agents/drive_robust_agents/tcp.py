@@ -134,16 +134,17 @@ class TCP(LearnedAgent):
             return Control()
         speed_mps = observation.speed.mps
         pedals = self._controller.step(waypoints, speed_mps, targets[0])
-        control = Control(pedals.throttle, pedals.steer, pedals.brake)
+        control = self._given(Control(pedals.throttle, pedals.steer, pedals.brake), speed_mps)
         if self.mode != "traj":
-            direct = _direct(outputs["action"].tolist())
+            direct = _direct(outputs["action"].tolist())  # learned from this car's controls: nothing is to be converted
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
             if self._numbers.full_brake and control.brake > 0.0:
                 control = Control(control.throttle, control.steer, 1.0)
-            most = 0.0 if control.brake > 0.5 else capped_throttle(self._numbers, speed_mps, control.steer)
+            cap = Control(throttle=capped_throttle(self._numbers, speed_mps, control.steer))
+            most = 0.0 if control.brake > 0.5 else self._given(cap, speed_mps).throttle
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
-        return self._given(control, speed_mps)
+        return control
 
 
 def _direct(action: Sequence[float]) -> Control:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 torch = pytest.importorskip("torch")
 
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec  # noqa: E402
+from drive_robust_agents._planning.mkz import Pedals  # noqa: E402
+from drive_robust_agents._planning.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents.tcp import CAMERA, TCP, Fusion, Mode  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402
@@ -112,8 +114,9 @@ def test_traj_drives_by_the_waypoints_and_ctrl_by_the_action() -> None:
 @pytest.mark.parametrize("mode", ["traj", "ctrl", "fused"])
 def test_the_throttle_is_capped_by_the_measured_speed_in_every_mode(mode: Mode) -> None:
     fast = Scripted(mps=12.0, action=(0.0, 1.0))
-    assert driver(fast, mode).act(seen(speed=5.0)).throttle == pytest.approx(tuning.TCP.cruise_throttle)
-    assert driver(fast, mode).act(seen(speed=1.0)).throttle == pytest.approx(tuning.TCP.free_throttle)
+    for speed, cap in ((5.0, tuning.TCP.cruise_throttle), (1.0, tuning.TCP.free_throttle)):
+        given = driver(fast, mode).act(seen(speed=speed)).throttle
+        assert given == pytest.approx(pedals_from_plain(speed, Pedals(cap, 0.0)).throttle)
 
 
 @pytest.mark.parametrize("mode", ["traj", "ctrl", "fused"])
