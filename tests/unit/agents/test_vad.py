@@ -175,7 +175,7 @@ def test_the_throttle_is_the_same_at_every_speed_below_the_wish() -> None:
         most = pedals_from_plain(speed_mps, Pedals(VAD.tunings["ours"].most_throttle, 0.0)).throttle
         assert given == pytest.approx(most)
     fast = replace(observed(3), speed=Speed(8.0, 3))
-    assert agent.act(fast) == replace(agent.act(fast), throttle=0.0, brake=1.0)
+    assert agent.act(fast).brake == pytest.approx(pedals_from_plain(8.0, Pedals(0.0, 1.0)).brake)
 
 
 def test_without_a_route_it_says_what_is_missing() -> None:
