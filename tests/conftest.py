@@ -26,6 +26,7 @@ LIBRARIES = (
     "llvmlite",
     "numba",
     "numpy",
+    "onnx",
     "onnxruntime",
     "rich",
     "scipy",

@@ -27,11 +27,13 @@ def digests(folder: Path, *args: str) -> dict[str, str]:
     command = [sys.executable, "-m", "pytest", "--drive-robust", "-q", "-p", "no:cacheprovider", str(folder)]
     command += [
         "--drive-routes",
-        "801,2501,4001",
+        "3801,4301",
         "--drive-stuck-stop",
-        "20",
+        "5",
         "--drive-verdict",
         "point",
+        "--drive-store",
+        "off",  # what one run has driven is not what the next one drives
         "--drive-json",
         str(target),
         *args,
@@ -45,6 +47,6 @@ def digests(folder: Path, *args: str) -> dict[str, str]:
 def test_one_process_and_two_workers_agree(tmp_path: Path) -> None:
     (tmp_path / "test_suite.py").write_text(SUITE, encoding="utf-8")
     alone = digests(tmp_path)
-    assert len(alone) == 9
+    assert len(alone) == 6
     assert digests(tmp_path, "-n2") == alone
     assert digests(tmp_path, "-k", "gps") == {name: value for name, value in alone.items() if "burst" not in name}

@@ -102,7 +102,7 @@ def test_a_store_that_takes_nothing_costs_no_verdict_and_no_second_drive(campaig
     assert campaign.stored() == set()
     assert not list(campaign.folder.glob(".drive-robust/**/*.tmp"))
     conftest.write_text(before)  # there is room again
-    assert campaign.run(*engine) == 0
+    assert campaign.run("--drive-executor", "inline") == 0
     assert len(campaign.stored()) == campaign.episodes
 
 

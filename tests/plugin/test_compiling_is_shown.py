@@ -28,7 +28,7 @@ class TestBoth:
 def test_the_first_run_says_how_many_functions_are_compiled_and_drives_before_all_are(suite, pytester, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(pytester.path / "compiled"))
     folder = suite(test=SUITE)
-    options = ("--drive-robust", "--drive-sim", "embedded", "--drive-agent", "steady", "--drive-routes", "dev10")
+    options = ("--drive-robust", "--drive-sim", "embedded", "--drive-agent", "steady", "--drive-routes", "801")
     said = []
     for number in range(2):
         result = folder.runpytest_subprocess(
