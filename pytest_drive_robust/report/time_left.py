@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable
+from statistics import fmean
 
 from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Started
 
@@ -107,7 +108,8 @@ class EpisodeCosts:
         for (agent, setting), walls in self._walls_s.items():
             if setting in self._baselines:
                 agents[agent] += walls
-        usual = _mean((_mean(walls, _USUAL_EPISODE_S) for walls in agents.values()), _USUAL_EPISODE_S)
+        # An agent of which nothing is known may cost far more than one that is quick.
+        usual = max(_mean((fmean(walls) for walls in agents.values() if walls), 0.0), _USUAL_EPISODE_S)
         costs = {}
         for agent, setting in set(self._kinds.values()):
             walls = self._walls_s[agent, setting]
