@@ -225,11 +225,10 @@ def _bar(state: ProgressState) -> Table:
     from rich.text import Text
 
     grid = Table.grid(padding=(0, 1))
-    for _ in range(3):
-        grid.add_column(no_wrap=True, overflow="ellipsis")
+    for may_shrink in (False, False, True):  # what is under way is cut off where the line is full, not the time left
+        grid.add_column(no_wrap=not may_shrink)
     done, total = state.compiled or (state.done, state.total)
     texts = (state.compiling(), "") if state.compiled is not None else (state.counts(), state.now())
-    grid.add_row(
-        ProgressBar(total=max(total, 1), completed=done, width=20), Text(texts[0]), Text(texts[1], style="dim")
-    )
+    now = Text(texts[1], style="dim", no_wrap=True, overflow="ellipsis")
+    grid.add_row(ProgressBar(total=max(total, 1), completed=done, width=20), Text(texts[0]), now)
     return grid

@@ -41,7 +41,7 @@ def line_of(text: str, sentence: str) -> int:
 
 def run(folder: Path, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "no:randomly", "--drive-robust"]
-    command += ["--drive-agent", "blind", "--drive-routes", "3901", "--drive-verdict", "point", *words]
+    command += ["--drive-agent", "blind", "--drive-routes", "3001", "--drive-verdict", "point", *words]
     command += ["--drive-workers", "1", "--drive-stuck-stop", "5"]
     dropped = ("PYTEST_", "COV_", "GITHUB_")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(dropped)}
@@ -95,9 +95,9 @@ def test_allure_gets_the_plots_and_the_film(files):
     (held,) = [result for result in results if result["status"] == "passed"]
     assert not held.get("attachments")
     found = {item["name"]: files / "allure" / item["source"] for item in broken["attachments"]}
-    assert list(found) == ["driving scores", "speed on 3901", "film of 3901", "replay"]
-    for name in ("driving scores", "speed on 3901"):
+    assert list(found) == ["driving scores", "speed on 3001", "film of 3001", "replay"]
+    for name in ("driving scores", "speed on 3001"):
         assert ElementTree.parse(found[name]).getroot().tag.endswith("svg")
-    film = found["film of 3901"].read_bytes()
+    film = found["film of 3001"].read_bytes()
     assert film[4:8] == b"ftyp" or film.startswith(b"\x89PNG")
     assert "first divergence at" in found["replay"].read_text()

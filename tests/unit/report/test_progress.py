@@ -134,3 +134,24 @@ def test_the_live_line_counts_functions_while_they_are_compiled():
     assert "compiling, 3 of 12 functions done" in drawn
     assert "0/1 episodes" not in drawn
     assert "0/1 episodes" in screen.stream.getvalue()
+
+
+def test_where_the_line_is_full_the_episode_is_cut_off_and_not_the_time_left(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    clock, screen = Clock(), FakeScreen()
+    progress = LiveProgress(screen, clock)
+    setting = "GPS noise 15 m and speed noise 0.2"
+    for event in (
+        asked(setting, "a", "b"),
+        started("a"),
+        Finished("a", 90.0),
+        Started("b", "expert", setting, "2801 " * 9),
+    ):
+        clock.now_s += 60.0
+        progress.see(event)
+    progress.refresh()
+    progress.pause()
+    drawn = screen.stream.getvalue()
+    assert "1/2 episodes, about 2 min left" in drawn
+    assert "expert, GPS noise 15 m" in drawn
+    assert "…" in drawn
