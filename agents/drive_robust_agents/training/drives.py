@@ -9,6 +9,7 @@ import uuid
 from collections.abc import Sequence
 from math import fsum
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -53,13 +54,15 @@ def drive(
     workers: int,
     store: Path,
     simulator: str = DEFAULT_SIMULATOR,
+    plugin: ModuleType = candidates,
 ) -> Driven:
     """Drive every agent (a name of the registry) under every setting over all routes, one seed.
 
-    What the store has is not driven again. An agent that breaks is an error, not a score: raises `AgentError`.
+    `plugin` registers names beside those that are installed. What the store has is not driven again. An agent that
+    breaks is an error, not a score: raises `AgentError`.
     """
     registry = default_registry()
-    candidates.pytest_drive_robust_register(registry)
+    plugin.pytest_drive_robust_register(registry)
     options = SimulatorOptions(stuck_stop_s=_STUCK_STOP_S)
     chosen = RunOptions(routes="held-out", routes_given=True, simulator=simulator, stuck_stop_s=_STUCK_STOP_S)
     scopes = Scopes(chosen, registry, lambda spec: tuple(routes))
@@ -73,7 +76,7 @@ def drive(
     worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
         folder=os.getcwd(),
-        plugins=(plugin_source(candidates),),
+        plugins=(plugin_source(plugin),),
         simulator=chosen.simulator,
         options=options,
     )

@@ -1,0 +1,148 @@
+"""Learned agents with one thing changed, as agents of the registry: `variant:tcp/target-rule`.
+
+Each change is one factor of what stands between the network and the car; `published` changes all of them at once. A
+factor takes the published numbers with the car that they are for: what it steers, or its pedals, are then given to the
+car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent
+from drive_robust_agents._wrappers.path_controller import PathController
+from drive_robust_agents._wrappers.pid import Gains, WaypointController
+from drive_robust_agents.simlingo import SimLingo
+from drive_robust_agents.tcp import TCP
+from drive_robust_agents.uniad import UniAD
+from drive_robust_agents.vad import VAD
+from pytest_drive_robust import Control, GlobalPlan
+from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.registry.registry import Registry
+
+__all__ = ["VARIANTS", "Change", "Variant", "pytest_drive_robust_register"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is changed: options of the agent, numbers of its controller, and what is not converted for the car."""
+
+    options: Mapping[str, Any] = field(default_factory=dict)
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    steers_as_it_is: bool = False
+    pedals_as_they_are: bool = False
+
+
+_TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
+_STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
+_PUBLISHED = Change(options={"tuning": "published"})
+_NOTHING = Change()
+
+
+def _pedals(**caps: Any) -> Change:
+    rule = {"speed_pairs": 5, "brake_below_mps": 0.4, **caps}
+    return Change(numbers=rule, pedals_as_they_are=True)
+
+
+def _halved(gains: Gains) -> Gains:
+    return Gains(gains.p / 2.0, gains.i / 2.0, gains.d / 2.0, gains.window)
+
+
+VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
+    "tcp": (
+        TCP,
+        {
+            "as-shipped": _NOTHING,
+            "target-rule": _TARGET_RULE,
+            "steering": _STEERING,
+            "pedals": _pedals(cruise_throttle=tuning.TCP_PUBLISHED.cruise_throttle),
+            "published": _PUBLISHED,
+        },
+    ),
+    "uniad": (
+        UniAD,
+        {
+            "as-shipped": _NOTHING,
+            "target-rule": _TARGET_RULE,
+            "steering": _STEERING,
+            "pedals": _pedals(),
+            "published": _PUBLISHED,
+        },
+    ),
+    "vad": (
+        VAD,
+        {
+            "as-shipped": _NOTHING,
+            "target-rule": _TARGET_RULE,
+            "steering": _STEERING,
+            "pedals": _pedals(most_throttle=tuning.VAD_PUBLISHED.most_throttle),
+            "published": _PUBLISHED,
+        },
+    ),
+    "simlingo": (
+        SimLingo,
+        {
+            "as-shipped": _NOTHING,
+            "filter-that-knows-the-time": Change(options={"position_filter": "elapsed"}),
+            "raw-gps": Change(options={"position_filter": "none"}),
+            "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
+            "our-numbers": Change(options={"tuning": "ours"}),
+        },
+    ),
+}
+"""Of each learned agent: its class, and what can be changed by name. `as-shipped` changes nothing."""
+
+
+class _Changed(LearnedAgent):
+    """What an agent does otherwise: mixed into its class."""
+
+    change: ClassVar[Change]
+    _controller: WaypointController | PathController
+
+    def reset(self, route: GlobalPlan, seed: int) -> None:
+        super().reset(route, seed)
+        if self.change.numbers:
+            kind: Any = type(self._controller)
+            self._controller = kind(replace(self._controller.tuning, **self.change.numbers))
+
+    def _given(self, control: Control, speed_mps: float) -> Control:
+        converted = super()._given(control, speed_mps)
+        pedals = control if self.change.pedals_as_they_are else converted
+        steer = (control if self.change.steers_as_it_is else converted).steer
+        return Control(pedals.throttle, steer, pedals.brake)
+
+
+class Variant:
+    """A factory of one agent with one change. Its code, its weights and the change key its episodes."""
+
+    def __init__(self, agent: str, name: str) -> None:
+        cls, changes = VARIANTS[agent]
+        self._change = changes[name]
+        self._made: Any = type(f"Changed{cls.__name__}", (_Changed, cls), {"change": self._change})
+        self.__wrapped__ = cls
+        self.__module__, self.__qualname__ = cls.__module__, cls.__qualname__
+        self.weights, self.computed_by = cls.weights, cls.computed_by
+        self.configuration = {**getattr(cls, "configuration", {}), "change": repr(self._change)}
+
+    def __call__(self) -> LearnedAgent:
+        """Return a new agent, changed."""
+        agent: LearnedAgent = self._made(**self._change.options)
+        return agent
+
+
+def _variant(argument: str) -> Variant:
+    """Return the factory of `AGENT/CHANGE`. Raises `UnknownNameError`."""
+    agent, _, name = argument.partition("/")
+    if agent not in VARIANTS:
+        raise UnknownNameError.of("learned agent", agent, VARIANTS)
+    if name not in VARIANTS[agent][1]:
+        raise UnknownNameError.of(f"change of {agent}", name, VARIANTS[agent][1])
+    return Variant(agent, name)
+
+
+def pytest_drive_robust_register(registry: Registry) -> None:
+    """Make `variant:AGENT/CHANGE` an agent."""
+    registry.register_agent("variant", _variant, argument="AGENT/CHANGE")
