@@ -6,29 +6,43 @@
 Each change (`_variants.py`) is driven clean and under the settings, over the same routes; a setting with a warm-up is
 compared with a clean drive that has it, too. RD is 1 - DS / DS clean with Fieller's 95 % interval; *less by* is how
 much smaller RD is than that of the agent as it ships, with the jackknife's interval, paired by route. What the store
-has is not driven again.
+has is not driven again. `--write FOLDER` keeps the table as `AGENT.md` and draws it as `AGENT.svg`, beside the
+RD of the paper.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 import _variants
+import matplotlib as mpl
 import numpy as np
+from _paper.published import PUBLISHED
+from _paper.published import SETTINGS as PAPER_SETTINGS
 from _variants import VARIANTS
+from matplotlib.figure import Figure
 
 from drive_robust_agents.training.drives import degradation, drive, summary
 from pytest_drive_robust import Setting
 from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.simulators.routes import resolve_routes
+from pytest_drive_robust.store.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from pytest_drive_robust.domain.result import EpisodeResult
 
 AS_SHIPPED = "as-shipped"
+_ENDS = (-0.4, 1.0)
+"""What the picture shows of RD; an interval without a lower end goes on to there."""
 SETTINGS = ("GPS noise 15 m", "200 ms latency (reading=released)")
 
 
@@ -39,6 +53,7 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--settings", nargs="+", default=list(SETTINGS), metavar="SENTENCE", help="what fails")
     parser.add_argument("--routes", default="one-per-scenario", help="what --drive-routes understands")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="keep the table and draw it there")
     parser.add_argument("--store", type=Path, default=Path(".drive-robust"), help="where episodes are kept")
     return parser.parse_args(argv)
 
@@ -60,42 +75,129 @@ def less_by(
     return value, value - reach, value + reach
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    given = parsed(argv)
-    known = VARIANTS[given.agent][1]
-    changes = list(dict.fromkeys([AS_SHIPPED, *(given.changes or known)]))
+@dataclass(frozen=True)
+class Row:
+    """What a setting costs an agent with one change. Scores are 0 to 100, shares and RD 0 to 1."""
+
+    setting: str
+    change: str
+    routes: int
+    clean: float
+    score: float
+    success: float
+    rd: float
+    interval: tuple[float | None, float | None]
+    less: tuple[float, float, float] | None
+
+    @classmethod
+    def of(
+        cls,
+        setting: str,
+        change: str,
+        pair: tuple[Sequence[EpisodeResult], Sequence[EpisodeResult]],
+        shipped: tuple[Sequence[EpisodeResult], Sequence[EpisodeResult]],
+    ) -> Row:
+        """Sum up the episodes of a change, (clean, perturbed), and compare them with those of the agent as it ships."""
+        found, lost = summary(pair[1]), degradation(*pair)
+        scores = [tuple([driving_score(one) for one in part] for part in each) for each in (shipped, pair)]
+        return cls(
+            setting=setting,
+            change=change,
+            routes=len(pair[0]),
+            clean=summary(pair[0])["driving_score"],
+            score=found["driving_score"],
+            success=found["success_rate"],
+            rd=lost["rd"],
+            interval=tuple(lost["rd_interval"]),
+            less=None if change == AS_SHIPPED else less_by(*scores),
+        )
+
+    def __str__(self) -> str:
+        low, high = ("-" if bound is None else f"{bound:.2f}" for bound in self.interval)
+        less = "" if self.less is None else "{:.2f} ({:.2f} to {:.2f})".format(*self.less)
+        return (
+            f"| {self.setting} | {self.change} | {self.clean:.1f} | {self.score:.1f} | {100.0 * self.success:.0f} "
+            f"| {self.rd:.2f} | {low} to {high} | {less} |"
+        )
+
+
+def driven(given: argparse.Namespace) -> list[Row]:
+    """Drive what is not driven yet; return the rows, setting by setting, each beginning with the agent as it ships."""
+    changes = list(dict.fromkeys([AS_SHIPPED, *(given.changes or VARIANTS[given.agent][1])]))
     settings = [str(Setting.parse(sentence)) for sentence in given.settings]
     baselines = {setting: str(Setting.parse(setting).baseline) for setting in settings}
-    driven = drive(
-        [f"variant:{given.agent}/{change}" for change in changes],
-        list(dict.fromkeys(["clean", *baselines.values(), *settings])),
+    names = {change: f"variant:{given.agent}/{change}" for change in changes}
+    results = drive(
+        list(names.values()),
+        list(dict.fromkeys([*baselines.values(), *settings])),
         resolve_routes(given.routes),
         workers=given.workers,
         store=given.store,
         plugin=_variants,
     )
-    print(f"| `{given.agent}`, setting | change | DS clean | DS | SR % | RD | 95 % | less by, 95 % |")
-    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    rows = []
     for setting in settings:
-        pairs = {
-            change: tuple(driven[f"variant:{given.agent}/{change}", one] for one in (baselines[setting], setting))
-            for change in changes
-        }
-        scores = {
-            change: tuple([driving_score(one) for one in part] for part in pair) for change, pair in pairs.items()
-        }
-        for change, (clean, perturbed) in pairs.items():
-            found, lost = summary(perturbed), degradation(clean, perturbed)
-            low, high = ("-" if bound is None else f"{bound:.2f}" for bound in lost["rd_interval"])
-            less = (
-                ""
-                if change == AS_SHIPPED
-                else "{:.2f} ({:.2f} to {:.2f})".format(*less_by(scores[AS_SHIPPED], scores[change]))
-            )
-            print(
-                f"| {setting} | {change} | {summary(clean)['driving_score']:.1f} | {found['driving_score']:.1f} "
-                f"| {100.0 * found['success_rate']:.0f} | {lost['rd']:.2f} | {low} to {high} | {less} |"
-            )
+        pairs = {change: (results[name, baselines[setting]], results[name, setting]) for change, name in names.items()}
+        rows += [Row.of(setting, change, pair, pairs[AS_SHIPPED]) for change, pair in pairs.items()]
+    return rows
+
+
+def table(agent: str, rows: Sequence[Row]) -> str:
+    head = [
+        f"{rows[0].routes} routes, seed 0.",
+        "",
+        f"| `{agent}`, setting | change | DS clean | DS | SR % | RD | 95 % | less by, 95 % |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    return "\n".join([*head, *map(str, rows)]) + "\n"
+
+
+def picture(agent: str, rows: Sequence[Row]) -> str:
+    """Draw RD of every row with its interval, and the paper's RD of the setting, as the text of an SVG."""
+    settings = list(dict.fromkeys(row.setting for row in rows))
+    with mpl.rc_context({"font.size": 10, "svg.hashsalt": "drive-robust"}):
+        figure = Figure(figsize=(9.0, 0.9 + 0.27 * len(rows) + 0.35 * len(settings)), layout="constrained")
+        parts = [[row for row in rows if row.setting == setting] for setting in settings]
+        grid = figure.subplots(
+            len(settings), 1, sharex=True, squeeze=False, height_ratios=[len(part) + 1 for part in parts]
+        )
+        for axes, setting, part in zip(grid[:, 0], settings, parts, strict=True):
+            places = range(len(part))
+            for place, row in zip(places, part, strict=True):
+                low, high = (end if bound is None else bound for bound, end in zip(row.interval, _ENDS, strict=True))
+                colour = "#444444" if row.change == AS_SHIPPED else "#0072B2"
+                axes.plot([low, high], [place, place], color=colour, linewidth=2.0, solid_capstyle="butt")
+                axes.plot(row.rd, place, "o", color=colour)
+            paper = _paper_rd(agent, setting)
+            if paper is not None:
+                axes.axvline(paper, color="#D55E00", linestyle=":", label="the paper: CARLA, original network")
+            axes.axvline(0.0, color="#BBBBBB", linewidth=0.8, zorder=0)
+            axes.set_yticks(list(places), [row.change.replace("-", " ") for row in part])
+            axes.set(xlim=_ENDS, ylim=(len(part) - 0.4, -0.6))
+            axes.set_title(setting, loc="left", fontsize=10)
+            axes.spines[["top", "right"]].set_visible(False)
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", fontsize=8, frameon=False)
+        grid[-1, 0].set_xlabel(f"RD of {agent}, 95 % interval over {rows[0].routes} routes")
+        file = io.StringIO()
+        figure.savefig(file, format="svg", facecolor="white", metadata={"Date": None})
+        return file.getvalue()
+
+
+def _paper_rd(agent: str, setting: str) -> float | None:
+    """Return the paper's RD of the setting, which it has once for both readings."""
+    words = setting.partition(" (")[0]
+    return PUBLISHED[agent][words].rd if words in PAPER_SETTINGS else None
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    given = parsed(argv)
+    rows = driven(given)
+    print(table(given.agent, rows), end="")
+    if given.write is not None:
+        given.write.mkdir(parents=True, exist_ok=True)
+        write_whole(given.write / f"{given.agent}.md", table(given.agent, rows))
+        write_whole(given.write / f"{given.agent}.svg", picture(given.agent, rows))
 
 
 if __name__ == "__main__":
