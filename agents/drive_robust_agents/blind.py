@@ -38,11 +38,16 @@ class Blind:
     consumes = frozenset({"gps", "compass", "imu", "speed"})
 
     def __init__(self, speed: float = 8.0) -> None:
-        if not (math.isfinite(speed) and speed > 0.0):
-            raise UsageError(f"blind has the speed {speed!r}, expected m/s above 0, as in 'blind:speed=8'.")
+        self.check(speed)
         self.speed_mps = speed
         self._line: Floats = np.zeros((0, 4))
         self._row = 0.0
+
+    @classmethod
+    def check(cls, speed: float = 8.0) -> None:
+        """Raise `UsageError` for a speed that it cannot keep."""
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise UsageError(f"blind has the speed {speed!r}, expected m/s above 0, as in 'blind:speed=8'.")
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return no cameras."""

@@ -103,8 +103,7 @@ class SimLingo(LearnedAgent):
     ) -> None:
         if position_filter is not None:
             self.position_filter = position_filter
-        if self.position_filter not in get_args(Filtered):
-            raise UnknownNameError.of("position_filter of simlingo", self.position_filter, get_args(Filtered))
+        _require_filter(self.position_filter)
         self.commentary, self.safety = commentary, safety
         self.instruction = None if instruction is None else parse_instruction(instruction)
         self._method = GENERATE if commentary else "forward"
@@ -112,6 +111,14 @@ class SimLingo(LearnedAgent):
             tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
         )  # fmt: skip
+
+    @classmethod
+    def check(cls, **options: Any) -> None:
+        """Raise `UsageError` for filters and sentences that it does not know, and for what `LearnedAgent` refuses."""
+        _require_filter(options.get("position_filter", cls.position_filter))
+        if "instruction" in options:
+            parse_instruction(options["instruction"])
+        super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return one wide camera above and behind the driver."""
@@ -173,6 +180,11 @@ class SimLingo(LearnedAgent):
             control = Control(max(Creep.THROTTLE, least), pedals.steer)
         self._last = _FULL_BRAKE if self._last is None else self._given(control, observation.speed.mps)
         return self._last
+
+
+def _require_filter(name: str) -> None:
+    if name not in get_args(Filtered):
+        raise UnknownNameError.of("position_filter of simlingo", name, get_args(Filtered))
 
 
 class SimLingoElapsed(SimLingo):

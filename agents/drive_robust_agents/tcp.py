@@ -28,7 +28,7 @@ from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["CAMERA", "TCP", "Fusion", "Mode"]
 
@@ -93,13 +93,17 @@ class TCP(LearnedAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        if mode not in get_args(Mode):
-            raise UsageError(f"tcp has no mode {mode!r}: expected one of {', '.join(map(repr, get_args(Mode)))}.")
-        self.mode: Mode = mode
+        self.mode: Mode = _mode_called(mode)
         super().__init__(
             tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
         )  # fmt: skip
+
+    @classmethod
+    def check(cls, **options: Any) -> None:
+        """Raise `UsageError` for an unknown mode and for what `LearnedAgent.check` refuses."""
+        _mode_called(options.get("mode", "traj"))
+        super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return one wide camera at the front edge of the roof."""
@@ -145,6 +149,14 @@ class TCP(LearnedAgent):
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
         return control
+
+
+def _mode_called(name: str) -> Mode:
+    for known in get_args(Mode):
+        if name == known:
+            mode: Mode = known
+            return mode
+    raise UnknownNameError.of("mode of tcp", name, get_args(Mode), hint="As in 'tcp:mode=fused'.")
 
 
 def _direct(action: Sequence[float]) -> Control:

@@ -25,6 +25,15 @@ class ConfiguredFactory(functools.partial[Any]):
     def __getattr__(self, name: str) -> Any:
         return getattr(self.func, name)
 
+    def check(self) -> None:
+        """Call the factory's own `check`, where it has one, with those of the options that it takes."""
+        check = getattr(self.func, "check", None)
+        if callable(check):
+            known = inspect.signature(check).parameters.values()
+            takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known)
+            names = self.keywords if takes_all else {parameter.name for parameter in known}
+            check(**{name: value for name, value in self.keywords.items() if name in names})
+
 
 def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
     """Return the factory with the options of a text such as `"mode=ctrl+engine=onnx"`.

@@ -26,6 +26,23 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
 
 
 @pytest.mark.parametrize(
+    ("agent", "message"),
+    [
+        ("blind:speed=-3", "blind has the speed -3.0, expected m/s above 0"),
+        ("tcp:mode=fussed", "Did you mean 'fused'?"),
+        ("vad:tuning=publishd", "Did you mean 'published'?"),
+        ("uniad:engine=onx", "Did you mean 'onnx'?"),
+        ("simlingo:commentary=true+position_filter=elapst", "Did you mean 'elapsed'?"),
+        ("simlingo:instruction=drive at warp 8", "drive at"),
+    ],
+)
+def test_a_value_that_an_agent_would_not_take_is_refused_before_anything_ran(suite, driven, agent, message):
+    output = refused(suite(GREEN), "--drive-agent", agent)
+    assert message in output
+    assert driven() == []
+
+
+@pytest.mark.parametrize(
     ("args", "message"),
     [
         (("--drive-sim", "fak"), "there is no simulator named 'fak'. Did you mean 'fake'?"),

@@ -94,15 +94,7 @@ class Policy:
         instructions for it are many times slower. `weights` is None for those that ship, or a file with its
         `manifest.json` beside it. Raises `UsageError` for weights that are refused and for what this machine cannot do.
         """
-        _one_of("engine", engine, tuple(ENGINES))
-        _one_of("dtype", dtype, _TYPES)
-        if threads < 1 or (engine == "onnx" and dtype != "float32"):
-            raise UsageError(
-                f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more; "
-                "engine='torch' has mixed precision."
-            )
-        if engine == "torch":
-            require("torch", extra="torch")
+        _require_possible(engine, dtype, threads)
         _, entry = store.locate(name, weights)
         key = _PolicyKey(
             name,
@@ -118,8 +110,18 @@ class Policy:
             return _made(key)
 
     @classmethod
-    def check(cls, name: str, network: str, *, weights: str | Path | None = None) -> None:
-        """Refuse at once the files that `of` would refuse: nothing is driven with weights that were changed."""
+    def check(
+        cls,
+        name: str,
+        network: str,
+        *,
+        engine: str = "onnx",
+        dtype: str = "float32",
+        threads: int = 1,
+        weights: str | Path | None = None,
+    ) -> None:
+        """Refuse at once what `of` would refuse, whatever the device: changed weights drive nothing."""
+        _require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
         store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
         for graph in entry.graphs.values():
@@ -183,6 +185,19 @@ def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
+
+
+def _require_possible(engine: str, dtype: str, threads: int) -> None:
+    """Raise `UsageError` for what no network runs on, and where torch is asked for and missing."""
+    _one_of("engine", engine, tuple(ENGINES))
+    _one_of("dtype", dtype, _TYPES)
+    if threads < 1 or (engine == "onnx" and dtype != "float32"):
+        raise UsageError(
+            f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more; "
+            "engine='torch' has mixed precision."
+        )
+    if engine == "torch":
+        require("torch", extra="torch")
 
 
 def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:

@@ -76,9 +76,14 @@ class LearnedAgent(ABC):
         self.reset(GlobalPlan(()), 0)
 
     @classmethod
-    def check(cls) -> None:
-        """Raise `UsageError` where the weights that ship are missing or not what their manifest says."""
-        Policy.check(cls.name, cls.architecture)
+    def check(cls, **options: Any) -> None:
+        """Raise `UsageError` for options that it would not take, and for weights that are not what their manifest says.
+
+        `options` are those in its name. A device is looked for where the agent is made.
+        """
+        tuning_called(options.get("tuning", "ours"), agent=cls.name)
+        computed = {name: options[name] for name in ("engine", "dtype", "threads") if name in options}
+        Policy.check(cls.name, cls.architecture, **computed)
 
     @abstractmethod
     def sensors(self) -> Sequence[CameraSpec]:

@@ -171,7 +171,7 @@ def test_it_does_not_act_before_it_has_a_route() -> None:
 
 
 def test_an_unknown_mode_is_refused() -> None:
-    with pytest.raises(UsageError, match="expected one of 'traj', 'ctrl', 'fused'"):
+    with pytest.raises(UsageError, match="Known: ctrl, fused, traj"):
         TCP("both", network=Scripted())  # type: ignore[arg-type]
 
 
