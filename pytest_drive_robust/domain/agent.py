@@ -34,8 +34,8 @@ class Agent(Protocol):
     * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint;
     * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
       how it drives and are not in its source, such as what it read from the environment;
-    * `check(**options)`, of the factory (of a class: a `classmethod`): called at collection with those of the options in
-      the agent's name that it takes; raises `UsageError` when no agent can be made;
+    * `check(**options)`, of the factory (of a class: a `classmethod`): called at collection with those options in the
+      agent's name that it takes; raises `UsageError` when no agent can be made;
     * `num_cpus` and `num_gpus`, of the class or factory: what an episode takes of a cluster (1 and 0 when not said);
     * `act_batch(agents: Sequence[Self], observations: Sequence[Observation]) -> Sequence[Control]`, a `staticmethod` or
       `classmethod`: `act` for many agent objects at once, each of them in an episode of its own. `--drive-lockstep`
