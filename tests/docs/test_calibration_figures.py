@@ -1,0 +1,46 @@
+"""What the pages say of the reference agents is what `benchmarks/calibration.md` counted."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROUTES = 220
+BLIND = "18 of 220 at 4 m/s, 12 at 6, 15 at 8, 19 at 11"
+
+
+def passed() -> dict[str, int]:
+    """Return how many of the 220 routes each agent of the calibration passes: the sum of its column."""
+    table = (ROOT / "benchmarks" / "calibration.md").read_text().partition("## Calibration")[2]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")]
+    head = next(row for row in rows if row[0] == "scenario")
+    counted = [row for row in rows if re.fullmatch(r"\d/5", row[1])]
+    assert len(counted) == 44
+    return {agent: sum(int(row[at][0]) for row in counted) for at, agent in enumerate(head) if at and agent != "DS"}
+
+
+def test_the_blind_pass_what_is_said() -> None:
+    speeds = {int(words[0]): int(words[1]) for words in ((4, 18), (6, 12), (8, 15), (11, 19))}
+    assert {speed: passed()[f"blind:speed={speed}"] for speed in speeds} == speeds
+    assert BLIND in (ROOT / "docs" / "gallery" / "agents.md").read_text()
+    assert max(speeds.values()) <= 0.1 * ROUTES
+
+
+@pytest.mark.parametrize(
+    ("page", "said"),
+    [
+        (
+            "docs/gallery/agents.md",
+            "marked `*` in every table) | {expert} of 220 routes |",
+        ),
+        ("docs/gallery/agents.md", "nothing else | {reactive} of 220 |"),
+        ("docs/gallery/agents.md", "| {constant} of 220 (`constant`) |"),
+        ("docs/explanation/world.md", "succeeds on {expert} of the 220 routes. `reactive`"),
+        ("docs/explanation/world.md", "brakes for what is ahead, on {reactive}."),
+    ],
+)
+def test_a_page_says_what_was_counted(page: str, said: str) -> None:
+    assert said.format(**passed()) in (ROOT / page).read_text()
