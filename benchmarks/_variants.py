@@ -69,6 +69,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "target-rule": _TARGET_RULE,
             "steering": _STEERING,
             "pedals": _pedals(),
+            "no-cap-of-5-mps": Change(numbers={"coast_above_mps": float("inf")}),
             "published": _PUBLISHED,
         },
     ),
@@ -90,6 +91,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "raw-gps": Change(options={"position_filter": "none"}),
             "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
             "our-numbers": Change(options={"tuning": "ours"}),
+            "commentary": Change(options={"commentary": True}),
         },
     ),
 }
