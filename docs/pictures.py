@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +35,16 @@ if TYPE_CHECKING:
 
     Pixels = NDArray[np.uint8]
 
+
+class Case(NamedTuple):
+    """A film of one episode beside its clean twin: until `until_s`, or to its end where that is None."""
+
+    agent: str
+    route: str
+    setting: str
+    until_s: float | None = None
+
+
 FOLDER = Path(__file__).parent / "pictures"
 FAILURES = {
     "burst-frame-drop": "3 s burst frame drop",
@@ -49,6 +59,14 @@ FAILURES = {
 FAILURE_ROUTE = "2701"
 README_FILM = ("classical", "2701", "3 s burst frame drop")
 """Agent, route and setting of the film on the first page."""
+CASES = {
+    "burst": Case("tcp", "4001", "3 s burst frame drop"),
+    "occlusion": Case("simlingo", "1501", "occlusion 0.8"),
+    "gps": Case("tcp", "4001", "GPS noise 15 m"),
+    "speed": Case("simlingo", "4301", "speed noise 0.2"),
+    "latency": Case("simlingo", "2901", "500 ms latency (reading=released)"),
+}
+"""The film of each case study of the gallery, by its failure."""
 LEARNED_AGENTS = ("tcp", "simlingo", "uniad", "vad")
 _AT_WORK_S = 4.0
 _STUDIES = 400
@@ -115,7 +133,8 @@ def failure(sentence: str) -> Pixels:
     """Draw the moment of a drive at which a failure is at work, beside the same moment of the clean drive."""
     clean, perturbed = tapes("classical", FAILURE_ROUTE, "clean", sentence)
     shown = Film(clean, perturbed)
-    at_work = range(round(_AT_WORK_S / shown.dt_s), min(len(clean.moments), len(perturbed.moments)))
+    # in the last moment nothing is looked at any more
+    at_work = range(round(_AT_WORK_S / shown.dt_s), min(len(clean.moments), len(perturbed.moments)) - 1)
     oldest = max(at_work, key=lambda at: (_age_ticks(perturbed, at), -at))
     position = oldest if _age_ticks(perturbed, oldest) > 1 else at_work[0]
     return _scaled(shown.picture(position), _FILM_PX)
@@ -171,7 +190,7 @@ def verdicts() -> str:
             axes.set(title=f"{routes} routes", xlabel="true RD", xlim=(_TRUE_RD[0], _TRUE_RD[-1]), ylim=(0.0, 1.0))
             if routes == 44:
                 axes.set_ylabel("share of verdicts")
-                axes.legend(loc="center left", fontsize=9)
+                axes.legend(loc="center left", fontsize=9, framealpha=1.0)
         file = io.StringIO()
         figure.savefig(file, format="svg", facecolor="white", metadata={"Date": None})
         return file.getvalue()
@@ -207,6 +226,12 @@ def draw_readme() -> Iterator[Path]:
     yield _write_film("readme", film(*README_FILM))
 
 
+def draw_cases() -> Iterator[Path]:
+    """Film the case studies: agents with networks, whose bits another processor may change."""
+    for name, case in CASES.items():
+        yield _write_film(f"case-{name}", film(case.agent, case.route, case.setting, until_s=case.until_s))
+
+
 def draw_tutorial() -> Iterator[Path]:
     """Film what the tutorial shows, with its own agent."""
     with tempfile.TemporaryDirectory() as folder:
@@ -223,6 +248,7 @@ DRAWN: dict[str, Callable[[], Iterator[Path]]] = {
     "agents": draw_agents,
     "verdicts": draw_verdicts,
     "failures": draw_failures,
+    "cases": draw_cases,
     "scenarios": draw_scenarios,
 }
 """What can be drawn, by name."""

@@ -69,6 +69,11 @@ _SHARED: Mapping[str, str] = {
     "AccidentTwoWays": f"A police car with two crashed cars behind it {_BORROW}",
     "ConstructionObstacle": f"A building site with sign, cones and barrier {_PASS}",
     "ConstructionObstacleTwoWays": f"A building site with sign, cones and barrier {_BORROW}",
+    "HighwayExit": "Leave a motorway through a flow in the exit lane that stays slower than the road.",
+    "InterurbanActorFlow": "Turn left off a country road, across an oncoming flow.",
+    "InterurbanAdvancedActorFlow": "Turn left onto a country road, across one flow and into another.",
+    "MergerIntoSlowTraffic": "Merge from a ramp into traffic that crawls.",
+    "MergerIntoSlowTrafficV2": "Merge into the slow traffic of a lane that is only for the exit.",
     "ParkedObstacle": f"A badly parked car, hazard lights on, {_PASS}",
     "ParkedObstacleTwoWays": f"A badly parked car, hazard lights on, {_BORROW}",
     "SignalizedJunctionLeftTurn": (
@@ -96,9 +101,9 @@ _EXIT_CODES = (
         "a broken contract, a drop, a damaged record, an episode that is not what was stored",
     ),
     (pytest.ExitCode.INTERRUPTED, "interrupted; what was finished is kept", "a command line that does not parse"),
-    (pytest.ExitCode.INTERNAL_ERROR, "a bug of ours", "-"),
+    (pytest.ExitCode.INTERNAL_ERROR, "a bug of ours", "none"),
     (pytest.ExitCode.USAGE_ERROR, "input that makes no sense; nothing was driven", "input that makes no sense"),
-    (pytest.ExitCode.NO_TESTS_COLLECTED, "no test was collected", "-"),
+    (pytest.ExitCode.NO_TESTS_COLLECTED, "no test was collected", "none"),
 )
 
 
@@ -122,7 +127,7 @@ def options() -> str:
 
 def ini_keys() -> str:
     """Return every ini key with its default."""
-    rows = [(f"``{o.name}``", f"``{o.default}``" if o.default else "-", f"``{o.flag}``") for o in _keyed()]
+    rows = [(f"``{o.name}``", f"``{o.default}``" if o.default else "none", f"``{o.flag}``") for o in _keyed()]
     return _table(("ini key", "default", "the option of the same meaning"), rows)
 
 
@@ -222,7 +227,7 @@ def scenarios() -> str:
         ]
         lines += [_SHARED.get(name) or inspect.getdoc(kind.build) or "", ""]
         drawn = {**kind.parameters, **kind.intervals}
-        told = ", ".join(f"``{key}`` {low:g} to {high:g}" for key, (low, high) in drawn.items())
+        told = ", ".join(f"``{key}`` {_between(low, high)}" for key, (low, high) in drawn.items())
         abilities = ", ".join(ability for ability, types in ABILITIES.items() if name in types) or "none"
         lines += [
             f":Routes: {', '.join(routes[name])}",
@@ -325,7 +330,7 @@ def _failure(name: str, cls: type[Perturbation]) -> Iterator[str]:
 
 def _plain(cls: type[Perturbation]) -> str:
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__)
-    return words.capitalize()
+    return words.capitalize().replace("Gps", "GPS")
 
 
 def _levels(cls: type[Perturbation]) -> str:
@@ -338,6 +343,10 @@ def _factor(kind: InfractionKind) -> str:
     if kind is InfractionKind.OUTSIDE_LANES:
         return "1 - the share of the way outside the lanes"
     return f"{PENALTIES[kind]:g}" if kind in PENALTIES else "none"
+
+
+def _between(low: float, high: float) -> str:
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _range(low: float, high: float) -> str:
@@ -355,10 +364,11 @@ def _keyed() -> list[Option]:
 def _option(option: Option) -> Iterator[str]:
     value = f"[={option.metavar}]" if option.bare else f" {option.metavar}".rstrip()
     yield from [f".. option:: {option.flag}{value}", ""]
-    yield from [f"   {_text(option.help)[0].upper()}{_text(option.help)[1:]}.", ""]
+    told = _text(option.help)
+    yield from [f"   {told}{'' if told.endswith('?') else '.'}", ""]
     if not option.is_switch:
-        default = f"``{option.default}``" if option.default else "off"
-        yield from [f"   Default: {default}. Ini key: ``{option.name}``.", ""]
+        default = f"Default: ``{option.default}``. " if option.default else ""
+        yield from [f"   {default}Ini key: ``{option.name}``.", ""]
 
 
 def _command(parser: argparse.ArgumentParser) -> Iterator[str]:

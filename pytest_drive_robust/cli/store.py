@@ -11,7 +11,7 @@ from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.references import home_of
-from pytest_drive_robust.report.numbers import duration_text
+from pytest_drive_robust.report.numbers import counted, duration_text
 from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
 
 _MEGA = 1e6
@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _stats(options: argparse.Namespace) -> int:
     found = statistics(_folder(options))
     print(
-        f"{found.folder}: {found.records} episodes, {found.size_bytes / _MEGA:.1f} MB, "
-        f"{duration_text(found.wall_s)} of driving, {found.runs} runs"
+        f"{found.folder}: {counted(found.records, 'episode')}, {found.size_bytes / _MEGA:.1f} MB, "
+        f"{duration_text(found.wall_s)} of driving, {counted(found.runs, 'run')}"
     )
     if found.by_agent:
         _print_agents(found)

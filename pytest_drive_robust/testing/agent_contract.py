@@ -179,8 +179,10 @@ class _Trial:
             tick = first_difference(expected, self.feed(_CHANGES[signal]))
             if tick is not None:
                 return Check("consumes", False, f"{signal} changes the control of act {tick}: declare it in consumes.")
-        told = f"{', '.join(undeclared)} reach no control, as declared." if undeclared else "every signal is declared."
-        return Check("consumes", True, told)
+        if not undeclared:
+            return Check("consumes", True, "every signal is declared.")
+        reach = "reach" if len(undeclared) > 1 else "reaches"
+        return Check("consumes", True, f"{', '.join(undeclared)} {reach} no control, as declared.")
 
     def privileged(self) -> Check:
         """Check that ground truth changes the controls of those that ask for it, and of nobody else."""
