@@ -28,6 +28,8 @@ from pytest_drive_robust.errors import UsageError
 _POLL_S = 1.0
 _CONNECT_S = 10.0
 _LOST_NODES = 2
+_HEAD_S = "15"
+"""Seconds without the head of the cluster after which Ray ends its client, as text; 60 where it is not told."""
 _SHUTDOWN_S = 10.0
 _LAST_MESSAGES_S = 1.0
 _MOST_TEXT = 600
@@ -52,6 +54,7 @@ class _Driver:
             return False
         try:
             _require_listener(cluster["address"])
+            os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", _HEAD_S)
             os.environ.setdefault("RAY_task_oom_retries", str(_LOST_NODES))  # without it an episode is tried for ever
             import ray
 
