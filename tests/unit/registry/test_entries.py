@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import pytest
 
 from pytest_drive_robust.domain.agent import has_portable_bits
@@ -28,11 +30,20 @@ class TakesNothing(ScriptedAgent):
         super().__init__([Control()])
 
 
+class Checked(Configurable):
+    asked: ClassVar[list[float]] = []
+
+    @classmethod
+    def check(cls, speed: float = 8.0) -> None:
+        cls.asked.append(speed)
+
+
 @pytest.fixture
 def registry() -> Registry:
     registry = Registry()
     registry.register_agent("mine", Configurable)
     registry.register_agent("bare", TakesNothing)
+    registry.register_agent("checked", Checked)
     return registry
 
 
@@ -54,6 +65,13 @@ def test_what_the_class_tells_of_its_agents_the_configured_factory_tells(registr
     assert has_portable_bits(factory)
     assert factory.weights == ("some.bin",)  # type: ignore[attr-defined]
     assert not hasattr(factory, "num_gpus")
+
+
+def test_a_check_is_given_the_options_that_it_takes(registry: Registry) -> None:
+    Checked.asked.clear()
+    for name in ("checked:speed=4+mode=ctrl", "checked:mode=ctrl", "mine:speed=4"):
+        registry.entry("agents", name).load().check()  # type: ignore[attr-defined]
+    assert Checked.asked == [4.0, 8.0]
 
 
 def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
