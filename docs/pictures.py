@@ -60,11 +60,11 @@ FAILURE_ROUTE = "2701"
 README_FILM = ("classical", "2701", "3 s burst frame drop")
 """Agent, route and setting of the film on the first page."""
 CASES = {
-    "burst": Case("tcp", "4001", "3 s burst frame drop"),
-    "occlusion": Case("simlingo", "1501", "occlusion 0.8"),
-    "gps": Case("tcp", "4001", "GPS noise 15 m"),
-    "speed": Case("simlingo", "4301", "speed noise 0.2"),
-    "latency": Case("simlingo", "2901", "500 ms latency (reading=released)"),
+    "burst": Case("tcp", "4201", "3 s burst frame drop", until_s=15.0),
+    "occlusion": Case("simlingo", "4201", "occlusion 0.5", until_s=14.0),
+    "gps": Case("tcp", "4301", "GPS noise 15 m"),
+    "speed": Case("simlingo", "4001", "speed noise 0.2", until_s=6.0),
+    "latency": Case("simlingo", "2901", "500 ms latency (reading=released)", until_s=13.0),
 }
 """The film of each case study of the gallery, by its failure."""
 LEARNED_AGENTS = ("tcp", "simlingo", "uniad", "vad")
