@@ -1,8 +1,9 @@
-"""Learned agents with one thing changed, as agents of the registry: `variant:tcp/target-rule`.
+"""Learned agents with one thing changed, as agents of the registry: `variant:vad/target-rule`.
 
-Each change is one factor of what stands between the network and the car; `published` changes all of them at once. A
-factor takes the published numbers with the car that they are for: what it steers, or its pedals, are then given to the
-car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
+Each change is one factor of what stands between the network and the car; `published` and `our-numbers` change all of
+them at once, and where an agent ships with the published numbers, the factors change ours (`ours-but-...`). A factor
+takes the published numbers with the car that they are for: what it steers, or its pedals, are then given to the car as
+they are, while ours are converted from a plain car (`_planning/plain_car.py`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ class Change:
 _TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
 _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
 _PUBLISHED = Change(options={"tuning": "published"})
+_OURS = Change(options={"tuning": "ours"})
 _NOTHING = Change()
 
 
@@ -56,10 +58,12 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         TCP,
         {
             "as-shipped": _NOTHING,
-            "target-rule": _TARGET_RULE,
-            "steering": _STEERING,
-            "pedals": _pedals(cruise_throttle=tuning.TCP_PUBLISHED.cruise_throttle),
-            "published": _PUBLISHED,
+            "our-numbers": _OURS,
+            "ours-but-target-rule": replace(_TARGET_RULE, options=_OURS.options),
+            "ours-but-steering": replace(_STEERING, options=_OURS.options),
+            "ours-but-pedals": replace(
+                _pedals(cruise_throttle=tuning.TCP_PUBLISHED.cruise_throttle, full_brake=True), options=_OURS.options
+            ),
         },
     ),
     "uniad": (
@@ -90,7 +94,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "filter-that-knows-the-time": Change(options={"position_filter": "elapsed"}),
             "raw-gps": Change(options={"position_filter": "none"}),
             "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
-            "our-numbers": Change(options={"tuning": "ours"}),
+            "our-numbers": _OURS,
             "commentary": Change(options={"commentary": True}),
         },
     ),

@@ -38,15 +38,17 @@ def test_each_change_is_in_force_after_every_reset(agent: str, name: str, monkey
 def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_published_ones() -> None:
     written = [(agent, repr(Variant(agent, name).configuration)) for agent, name in NAMES]
     assert len(set(written)) == len(written)
-    rule = VARIANTS["tcp"][1]["target-rule"].numbers
+    rule = VARIANTS["tcp"][1]["ours-but-target-rule"].numbers
     assert {name: getattr(tuning.TCP_PUBLISHED, name) for name in rule} == dict(rule)
+    pedals = VARIANTS["tcp"][1]["ours-but-pedals"].numbers
+    assert {name: getattr(tuning.TCP_PUBLISHED, name) for name in pedals} == dict(pedals)
 
 
 def test_an_unknown_change_is_refused_with_those_that_there_are() -> None:
     registry = Registry()
     ablations._variants.pytest_drive_robust_register(registry)
     with pytest.raises(UnknownNameError, match="target-rule"):
-        registry.agent("variant:tcp/target-rules")
+        registry.agent("variant:vad/target-rules")
 
 
 def test_less_by_is_paired_by_route() -> None:
@@ -59,11 +61,11 @@ def test_less_by_is_paired_by_route() -> None:
 @pytest.mark.slow
 def test_the_table_and_the_picture_show_what_was_driven(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    words = ["tcp", "--routes", "3101,2401", "--changes", "steering", "--settings", "GPS noise 15 m"]
+    words = ["tcp", "--routes", "3101,2401", "--changes", "ours-but-steering", "--settings", "GPS noise 15 m"]
     ablations.main([*words, "--workers", "1", "--store", "store", "--write", "drawn"])
     told = capsys.readouterr().out
     first, second = (line.split(" | ") for line in told.splitlines() if line.startswith("| GPS noise 15 m"))
-    assert (first[1], second[1]) == ("as-shipped", "steering")
+    assert (first[1], second[1]) == ("as-shipped", "ours-but-steering")
     for row in (first, second):
         assert math.isclose(float(row[5]), 1.0 - float(row[3]) / float(row[2]), abs_tol=0.01)
     assert (tmp_path / "drawn" / "tcp.md").read_text() in told

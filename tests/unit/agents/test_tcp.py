@@ -108,27 +108,28 @@ def test_reset_forgets_what_was_dropped_and_coasts_again() -> None:
 def test_traj_drives_by_the_waypoints_and_ctrl_by_the_action() -> None:
     braking = (0.5, -0.25)
     assert driver(Scripted(action=braking)).act(seen(speed=3.0)).throttle > 0.0
-    assert driver(Scripted(action=braking), "ctrl").act(seen(speed=3.0)) == Control(0.0, 0.5, 0.25)
+    assert driver(Scripted(action=braking), "ctrl").act(seen(speed=3.0)).steer == 0.5
 
 
 @pytest.mark.parametrize("mode", ["traj", "ctrl", "fused"])
-def test_the_throttle_is_capped_by_the_measured_speed_in_every_mode(mode: Mode) -> None:
+def test_by_our_numbers_the_throttle_is_capped_by_the_measured_speed_in_every_mode(mode: Mode) -> None:
     fast = Scripted(mps=12.0, action=(0.0, 1.0))
     for speed, cap in ((5.0, tuning.TCP.cruise_throttle), (1.0, tuning.TCP.free_throttle)):
-        given = driver(fast, mode).act(seen(speed=speed)).throttle
+        given = driver(fast, mode, tuning="ours").act(seen(speed=speed)).throttle
         assert given == pytest.approx(pedals_from_plain(speed, Pedals(cap, 0.0)).throttle)
 
 
 @pytest.mark.parametrize("mode", ["traj", "ctrl", "fused"])
-def test_published_the_throttle_is_a_twentieth_above_walking_pace(mode: Mode) -> None:
+def test_the_throttle_is_a_twentieth_above_walking_pace_as_published(mode: Mode) -> None:
     fast = Scripted(mps=12.0, action=(0.0, 1.0))
-    given = [driver(fast, mode, tuning="published").act(seen(speed=speed)) for speed in (1.4, 1.6)]
+    given = [driver(fast, mode).act(seen(speed=speed)) for speed in (1.4, 1.6)]
     assert [control.throttle for control in given] == pytest.approx([0.5, 0.05])
 
 
-def test_published_any_brake_is_a_full_one() -> None:
+def test_any_brake_is_a_full_one_as_published_and_what_was_asked_by_our_numbers() -> None:
     braking = Scripted(action=(0.5, -0.25))
-    assert driver(braking, "ctrl", tuning="published").act(seen(speed=3.0)) == Control(0.0, 0.5, 1.0)
+    assert driver(braking, "ctrl").act(seen(speed=3.0)) == Control(0.0, 0.5, 1.0)
+    assert driver(braking, "ctrl", tuning="ours").act(seen(speed=3.0)) == Control(0.0, 0.5, 0.25)
 
 
 def test_fused_lets_the_trajectory_lead_on_straights_and_the_control_branch_in_turns() -> None:
