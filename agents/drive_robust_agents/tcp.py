@@ -5,7 +5,8 @@ and what ties them, the measurements (speed, target point, command), the target 
 and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
 four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
 wrapper is why GPS noise hurts it and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what
-of the network is not kept; gains, target rule and caps are the published ones, with `tuning="ours"` ours (`_wrappers.tuning`).
+of the network is not kept. Gains, target rule and caps are the published ones; those of `tuning="ours"` were found for
+a plain car (`_wrappers.tuning`).
 
 `mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
 `"ctrl"` by the control branch alone; `"fused"` by both, as the paper does.
