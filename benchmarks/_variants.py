@@ -13,14 +13,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from drive_robust_agents._wrappers import tuning
-from drive_robust_agents._wrappers.learned_agent import LearnedAgent
+from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
+from drive_robust_agents._wrappers.memory import LAG_TICKS
 from drive_robust_agents._wrappers.path_controller import PathController
 from drive_robust_agents._wrappers.pid import Gains, WaypointController
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
 from drive_robust_agents.uniad import UniAD
 from drive_robust_agents.vad import VAD
-from pytest_drive_robust import Control, GlobalPlan
+from pytest_drive_robust import Control, GlobalPlan, Observation
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import Registry
 
@@ -29,18 +30,23 @@ __all__ = ["VARIANTS", "Change", "Variant", "pytest_drive_robust_register"]
 
 @dataclass(frozen=True)
 class Change:
-    """What is changed: options of the agent, numbers of its controller, and what is not converted for the car."""
+    """What is changed: options of the agent, numbers of its controller, and what is not converted for the car.
+
+    `moved_by_speed`: how far the car came since the memory is its measured speed times 0.5 s, not a difference of GPS.
+    """
 
     options: Mapping[str, Any] = field(default_factory=dict)
     numbers: Mapping[str, Any] = field(default_factory=dict)
     steers_as_it_is: bool = False
     pedals_as_they_are: bool = False
+    moved_by_speed: bool = False
 
 
 _TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
 _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
 _PUBLISHED = Change(options={"tuning": "published"})
 _OURS = Change(options={"tuning": "ours"})
+_SPEEDOMETER = Change(moved_by_speed=True)
 _NOTHING = Change()
 
 
@@ -74,6 +80,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "steering": _STEERING,
             "pedals": _pedals(),
             "no-cap-of-5-mps": Change(numbers={"coast_above_mps": float("inf")}),
+            "memory-by-speedometer": _SPEEDOMETER,
             "published": _PUBLISHED,
         },
     ),
@@ -84,6 +91,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "target-rule": _TARGET_RULE,
             "steering": _STEERING,
             "pedals": _pedals(most_throttle=tuning.VAD_PUBLISHED.most_throttle),
+            "memory-by-speedometer": _SPEEDOMETER,
             "published": _PUBLISHED,
         },
     ),
@@ -113,6 +121,13 @@ class _Changed(LearnedAgent):
         if self.change.numbers:
             kind: Any = type(self._controller)
             self._controller = kind(replace(self._controller.tuning, **self.change.numbers))
+
+    def _look(self, observation: Observation) -> NetworkRow:
+        row = super()._look(observation)
+        if self.change.moved_by_speed and row.inputs["known"]:
+            moved = (observation.speed.mps * 0.05 * LAG_TICKS, 0.0)
+            row.inputs["motion"][:2] = row.inputs["can_bus"][4:] = moved
+        return row
 
     def _given(self, control: Control, speed_mps: float) -> Control:
         converted = super()._given(control, speed_mps)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import ablations
+import numpy as np
 import pytest
 from _variants import VARIANTS, Variant
 
 from drive_robust_agents._nets.inference import Policy
 from drive_robust_agents._wrappers import tuning
-from pytest_drive_robust import Control, GlobalPlan
+from drive_robust_agents._wrappers.bev_agent import CAMERAS
+from drive_robust_agents.vad import VAD
+from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption
+from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed
+from pytest_drive_robust.domain.route import PlanPoint
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import Registry
 
@@ -33,6 +39,35 @@ def test_each_change_is_in_force_after_every_reset(agent: str, name: str, monkey
     given = driven._given(asked, 4.0)
     assert given.steer == (asked.steer if change.steers_as_it_is else plain.steer)
     assert given.throttle == (asked.throttle if change.pedals_as_they_are else plain.throttle)
+
+
+class Asked:
+    """A network that writes down what it was asked and plans to stand."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+
+    def run(self, method: str = "forward", /, **inputs: Any) -> dict[str, Any]:
+        self.rows.append({name: values[0].tolist() for name, values in inputs.items() if name in {"motion", "can_bus"}})
+        remembered = {name: np.zeros((1, *shape), dtype=np.float32) for name, shape in VAD.remembers.items()}
+        return {"waypoints": np.zeros((1, 6, 2), dtype=np.float32), **remembered}
+
+
+def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps(monkeypatch) -> None:
+    rows = {}
+    for change in ("as-shipped", "memory-by-speedometer"):
+        network = Asked()
+        monkeypatch.setattr(Policy, "of", lambda *_, network=network, **__: network)
+        agent = Variant("vad", change)()
+        agent.reset(GlobalPlan(tuple(PlanPoint(x_m, 0.0, RoadOption.LANE_FOLLOW) for x_m in (0.0, 99.0))), 0)
+        picture = np.zeros((96, 160, 3), dtype=np.uint8)
+        for tick, x_m in ((0, 0.0), (10, 14.0)):
+            sensed = (Gps(x_m, 3.0, tick), Compass(math.pi / 2.0, tick), Imu(0.0, 0.0, 0.0, tick), Speed(4.0, tick))
+            agent.act(Observation(tick, *sensed, {camera.name: Image(picture, tick) for camera in CAMERAS}))
+        rows[change] = network.rows
+    assert rows["as-shipped"][0] == rows["memory-by-speedometer"][0]  # nothing is remembered in the first tick
+    assert [rows[change][1]["motion"][0] for change in rows] == [14.0, 2.0]
+    assert [rows[change][1]["can_bus"][4] for change in rows] == [14.0, 2.0]
 
 
 def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_published_ones() -> None:
