@@ -8,6 +8,7 @@ they are, while ours are converted from a plain car (`_planning/plain_car.py`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -33,6 +34,7 @@ class Change:
     """What is changed: options of the agent, numbers of its controller, and what is not converted for the car.
 
     `moved_by_speed`: how far the car came since the memory is its measured speed times 0.5 s, not a difference of GPS.
+    `behind_m`: GPS tells a place that far behind, along the compass.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -40,6 +42,7 @@ class Change:
     steers_as_it_is: bool = False
     pedals_as_they_are: bool = False
     moved_by_speed: bool = False
+    behind_m: float = 0.0
 
 
 _TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
@@ -47,6 +50,7 @@ _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True
 _PUBLISHED = Change(options={"tuning": "published"})
 _OURS = Change(options={"tuning": "ours"})
 _SPEEDOMETER = Change(moved_by_speed=True)
+_BEHIND = Change(behind_m=20.0)
 _NOTHING = Change()
 
 
@@ -64,6 +68,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         TCP,
         {
             "as-shipped": _NOTHING,
+            "place-20-m-behind": _BEHIND,
             "our-numbers": _OURS,
             "ours-but-target-rule": replace(_TARGET_RULE, options=_OURS.options),
             "ours-but-steering": replace(_STEERING, options=_OURS.options),
@@ -103,6 +108,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "raw-gps": Change(options={"position_filter": "none"}),
             "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
             "our-numbers": _OURS,
+            "place-20-m-behind": _BEHIND,
             "commentary": Change(options={"commentary": True}),
         },
     ),
@@ -123,6 +129,10 @@ class _Changed(LearnedAgent):
             self._controller = kind(replace(self._controller.tuning, **self.change.numbers))
 
     def _look(self, observation: Observation) -> NetworkRow:
+        if self.change.behind_m:
+            gps, yaw = observation.gps, observation.compass.yaw_rad
+            x_m, y_m = gps.x_m - self.change.behind_m * math.cos(yaw), gps.y_m - self.change.behind_m * math.sin(yaw)
+            observation = replace(observation, gps=replace(gps, x_m=x_m, y_m=y_m))
         row = super()._look(observation)
         if self.change.moved_by_speed and row.inputs["known"]:
             moved = (observation.speed.mps * 0.05 * LAG_TICKS, 0.0)

@@ -70,6 +70,18 @@ def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps
     assert [rows[change][1]["can_bus"][4] for change in rows] == [14.0, 2.0]
 
 
+def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatch) -> None:
+    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    rows = []
+    for change in ("as-shipped", "place-20-m-behind"):
+        agent = Variant("tcp", change)()
+        agent.reset(GlobalPlan(tuple(PlanPoint(0.0, y_m, RoadOption.LANE_FOLLOW) for y_m in (0.0, 99.0))), 0)
+        sensed = (Gps(0.0, 30.0, 0), Compass(math.pi, 0), Imu(0.0, 0.0, 0.0, 0), Speed(4.0, 0))
+        rows.append(agent._look(Observation(0, *sensed, {"front": Image(np.zeros((128, 256, 3), np.uint8), 0)})))
+    assert [row.inputs.pop("target").round(3).tolist() for row in rows] == [[69.0, 0.0], [89.0, 0.0]]
+    assert str(rows[0].inputs) == str(rows[1].inputs)
+
+
 def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_published_ones() -> None:
     written = [(agent, repr(Variant(agent, name).configuration)) for agent, name in NAMES]
     assert len(set(written)) == len(written)
