@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ import numpy as np
 from PIL import Image
 
 from pytest_drive_robust import CameraSpec, Setting
+from pytest_drive_robust.metrics.score import is_success
 from pytest_drive_robust.perturbations import BUILTIN
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.film.canvas import BACKGROUND, CLEAN, Rectangle, fill, text
@@ -37,12 +39,13 @@ if TYPE_CHECKING:
 
 
 class Case(NamedTuple):
-    """A film of one episode beside its clean twin: until `until_s`, or to its end where that is None."""
+    """A film of one episode beside its clean twin, from `from_s` to `until_s` of the drive."""
 
     agent: str
     route: str
     setting: str
-    until_s: float | None = None
+    from_s: float = 0.0
+    until_s: float = math.inf
 
 
 FOLDER = Path(__file__).parent / "pictures"
@@ -57,12 +60,12 @@ FAILURES = {
 }
 """One sentence for each failure of the gallery, by the name of its class."""
 FAILURE_ROUTE = "2701"
-README_FILM = ("classical", "2701", "3 s burst frame drop")
+README_FILM = Case("classical", "2701", "3 s burst frame drop")
 """Agent, route and setting of the film on the first page."""
 CASES = {
-    "burst": Case("tcp", "4201", "3 s burst frame drop", until_s=15.0),
+    "burst": Case("simlingo", "3401", "3 s burst frame drop", until_s=9.0),
     "occlusion": Case("simlingo", "4201", "occlusion 0.5", until_s=14.0),
-    "gps": Case("tcp", "4301", "GPS noise 15 m"),
+    "gps": Case("tcp", "4001", "GPS noise 15 m", from_s=3.0, until_s=22.0),
     "speed": Case("simlingo", "4001", "speed noise 0.2", until_s=6.0),
     "latency": Case("simlingo", "2901", "500 ms latency (reading=released)", until_s=13.0),
 }
@@ -99,10 +102,13 @@ def tapes(agent: str, route_id: str, *settings: str) -> tuple[Tape, ...]:
     )
 
 
-def film(agent: str, route_id: str, setting: str, *, until_s: float | None = None) -> Iterator[Pixels]:
-    """Yield the pictures of the film of an episode beside its clean twin, a few in a second."""
-    shown = Film(*tapes(agent, route_id, "clean", setting))
-    positions = [at for at in shown.positions if until_s is None or at * shown.dt_s <= until_s]
+def film(case: Case) -> Iterator[Pixels]:
+    """Yield the pictures of the film of a case, a few in a second. Raises `ValueError` where nothing is to be seen."""
+    clean, perturbed = tapes(case.agent, case.route, "clean", case.setting)
+    if not is_success(clean.result) or is_success(perturbed.result):
+        raise ValueError(f"{case}: the agent should succeed clean and not under the failure; choose another route")
+    shown = Film(clean, perturbed)
+    positions = [at for at in shown.positions if case.from_s <= at * shown.dt_s <= case.until_s]
     for position in positions[:: round(1.0 / _FILM_HZ / shown.dt_s)]:
         yield _scaled(shown.picture(position), _FILM_PX)
 
@@ -223,13 +229,13 @@ def draw_failures() -> Iterator[Path]:
 
 def draw_readme() -> Iterator[Path]:
     """Film what the README and the first page show."""
-    yield _write_film("readme", film(*README_FILM))
+    yield _write_film("readme", film(README_FILM))
 
 
 def draw_cases() -> Iterator[Path]:
     """Film the case studies: agents with networks, whose bits another processor may change."""
     for name, case in CASES.items():
-        yield _write_film(f"case-{name}", film(case.agent, case.route, case.setting, until_s=case.until_s))
+        yield _write_film(f"case-{name}", film(case))
 
 
 def draw_tutorial() -> Iterator[Path]:
@@ -239,7 +245,7 @@ def draw_tutorial() -> Iterator[Path]:
         code = page.partition("<!-- file: my_agent.py -->\n```python\n")[2].partition("```")[0]
         (Path(folder) / "my_agent.py").write_text(code, encoding="utf-8")
         sys.path.insert(0, folder)
-        yield _write_film("tutorial", film("my_agent:MyAgent", "603", "GPS noise 5 m", until_s=9.0))
+        yield _write_film("tutorial", film(Case("my_agent:MyAgent", "603", "GPS noise 5 m", until_s=9.0)))
 
 
 DRAWN: dict[str, Callable[[], Iterator[Path]]] = {
