@@ -193,7 +193,9 @@ def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | 
     """Tell where the two parted and whether they are what was driven before; False when one that was asked is not."""
     if len(tapes) == 2:
         parted = first_divergence(tapes[0].result, tapes[1].result)
-        print("both drove the same" if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
+        same = tapes[0].result.trace.digest == tapes[1].result.trace.digest
+        alike = "both drove the same" if same else "no divergence: never 0.5 m or 1 m/s apart"
+        print(alike if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
     all_same = True
     for tape in tapes if before is not None else ():
         assert before is not None

@@ -22,6 +22,8 @@ from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 DEFAULT_ROUTES = OPTIONS["--drive-routes"].default
 DEFAULT_SIMULATOR = OPTIONS["--drive-sim"].default
 DEFAULT_STORE = OPTIONS["--drive-store"].default
+RESULTS = "results"
+"""What stands for a simulator, and for an agent without a name, with `--drive-results`."""
 
 
 def _verdict_rule(kind: GivenText, margin: GivenText, alpha: GivenText) -> VerdictRule:

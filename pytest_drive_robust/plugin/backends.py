@@ -14,7 +14,7 @@ from pytest_drive_robust.engine.platform_check import check_platform
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
-from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.run import RESULTS, RunOptions
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor, factory_offers_lockstep
@@ -22,8 +22,6 @@ from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
-RESULTS = "results"
-"""What stands for a simulator, and for an agent without a name, with `--drive-results`."""
 BENCH2DRIVE = "bench2drive"
 """The simulator that is the official evaluator."""
 

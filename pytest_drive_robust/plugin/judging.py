@@ -110,8 +110,7 @@ class Drive:
         `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
         __tracebackhide__ = True
-        if not isinstance(requirement, Requirement):
-            raise TypeError(f"drive.check expects a requirement, as requirements(...) gives them, not {requirement!r}")
+        _require_requirement("check", requirement)
         with self._errors_of(str(requirement)):
             rule = MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._verdict_rule)
             verdict_rule = rule.for_routes(len(self.routes))
@@ -176,6 +175,7 @@ class Drive:
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
         """
         __tracebackhide__ = True
+        _require_requirement("minimal", requirement)
         with self._errors_of(str(requirement)):
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
             return minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
@@ -273,3 +273,9 @@ class DriveContext(NamedTuple):
 def marker_options(item: pytest.Item) -> MarkerOptions:
     """Return what the markers of a test say. Raises `UsageError`."""
     return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
+
+
+def _require_requirement(call: str, given: object) -> None:
+    __tracebackhide__ = True
+    if not isinstance(given, Requirement):
+        raise TypeError(f"drive.{call} expects a requirement, as requirements(...) gives them, not {given!r}")

@@ -75,6 +75,7 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
     assert values["RD under 200 ms latency <= 0.60"] == pytest.approx(0.5)
     assert values["SR under clean >= 0.90"] == 1.0
     assert not (pytester.path / ".drive-robust").exists()
+    result.stdout.no_fnmatch_line("*drive-robust replay*")  # nobody can drive them again
 
 
 def test_results_of_the_released_code_are_named_in_its_reading(results, pytester):

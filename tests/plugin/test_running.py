@@ -210,6 +210,13 @@ def test_what_a_requirement_measured_reaches_junit(suite):
     assert '<property name="drive_verdict" value="fail" />' in text
 
 
+@pytest.mark.parametrize("call", ["check", "minimal"])
+def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
+    result = run(suite(test=f"def test_it(drive):\n    drive.{call}('DS under clean >= 1')\n"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"E*drive.{call} expects a requirement, as requirements(...) gives them, not 'DS*"])
+
+
 def test_progress_is_a_few_plain_lines_where_there_is_no_terminal(suite):
     result = run(suite(GREEN, RED))
     lines = [line for line in result.outlines if line.startswith("drive-robust: steady under")]

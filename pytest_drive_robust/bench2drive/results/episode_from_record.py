@@ -105,7 +105,8 @@ def _own(
     told = episode_from_fields(fields, where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
         if given != wanted:
-            raise UsageError(f"{record.where} was driven with the {name} {given!a}, but is given for {wanted!a}.")
+            hint = f" Give --drive-agent {given}." if name == "agent" else ""
+            raise UsageError(f"{record.where} was driven with the {name} {given!a}, but is given for {wanted!a}.{hint}")
     _require_same(record, told)
     stored = _stored(record, folders)
     if stored is not None and stored.episode == told.episode and stored.trace.digest == fields.get("trace_digest"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from bdb import BdbQuit
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,6 +78,8 @@ def agent_act(agent: Agent, observation: Observation) -> Control:
     try:  # spelled out, not `_blamed`: this is called in every tick
         control: object = agent.act(observation)
     except BLAMED as error:
+        if _quits(error):
+            raise KeyboardInterrupt("the debugger was left") from error
         raise AgentError(blame("act", error)) from error
     return _checked(control, "act")
 
@@ -140,7 +143,14 @@ def _blamed(call: str) -> Iterator[None]:
     try:
         yield
     except BLAMED as error:
+        if _quits(error):
+            raise KeyboardInterrupt("the debugger was left") from error
         raise AgentError(blame(call, error)) from error
+
+
+def _quits(error: BaseException) -> bool:
+    """Whether somebody left a debugger in this process: pytest makes an exception of its own of the `q`."""
+    return BaseException not in BLAMED and (isinstance(error, BdbQuit) or type(error).__module__ == "_pytest.outcomes")
 
 
 def _place(error: BaseException) -> str:
