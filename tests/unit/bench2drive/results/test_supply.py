@@ -178,7 +178,5 @@ def test_an_export_answers_only_for_its_own_agent_and_setting(tmp_path: Path) ->
         answered(executor, tasks_of(executor, "200 ms latency"))
     clean = ResultsExecutor([ResultsSource.read("clean", path)])
     (task,) = Scope("someone", "results", clean.routes, (0,)).need(Setting.CLEAN, clean=False).requests
-    with pytest.raises(
-        UsageError, match="driven with the agent 'driver', but is given for 'someone'. Give --drive-agent driver"
-    ):
+    with pytest.raises(UsageError, match=r"agent 'driver', but is given for 'someone'\. Give --drive-agent driver"):
         clean.submit(task).result(timeout=0)
