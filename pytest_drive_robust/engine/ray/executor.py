@@ -202,8 +202,8 @@ def _no_cluster(address: str, problem: str) -> UsageError:
         )
     return UsageError(
         f"no Ray cluster can be used at {address!r}: {problem}. Start one with 'ray start --head' and give its "
-        "host:port as --drive-ray-address, or give 'local' to use this machine alone. Where 'ray start' says that token "
-        "authentication is enabled, set RAY_AUTH_MODE=token here, too; the token is in ~/.ray/auth_token of the head."
+        "host:port as --drive-ray-address, or give 'local' to use this machine alone. Where 'ray start' says that "
+        "token authentication is enabled, set RAY_AUTH_MODE=token here, too; the head's token is in ~/.ray/auth_token."
     )
 
 
