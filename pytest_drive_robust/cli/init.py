@@ -45,6 +45,6 @@ def _init(options: argparse.Namespace) -> int:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
         say(f"{path}: written")
-    say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-save")
+    say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-verdict point --drive-save")
     say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")
     return 0

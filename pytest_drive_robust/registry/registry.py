@@ -151,7 +151,11 @@ class Registry:
             name = bare
         if name not in known:
             if takes_options:
-                raise UnknownNameError.of("agent", bare, known, hint=_HINTS[kind])
+                factory, _, options = argument.partition(":")
+                own = (
+                    f"Options follow a registered name: register {bare}:{factory} under one, then give NAME:{options}."
+                )
+                raise UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS[kind])
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]

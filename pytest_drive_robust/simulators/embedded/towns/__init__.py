@@ -59,8 +59,8 @@ def build_town(name: str) -> Town:
     match = re.fullmatch(r"([A-Za-z]+)(\d{1,6})", name)
     if match is None:
         raise RouteError(
-            f"town {name!r} is none of ours: expected a style and a number such as 'Street1'. "
-            f"Styles: {', '.join(sorted(STYLES))}."
+            f"town {name!r} is none of ours: expected a style and a number such as 'Street1', or "
+            f"'Town' and a number for a polyline of your own. Styles: {', '.join(sorted(STYLES))}."
         )
     style, number = match[1], int(match[2])
     if style not in STYLES:
