@@ -34,6 +34,7 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
         ("uniad:engine=onx", "Did you mean 'onnx'?"),
         ("simlingo:commentary=true+position_filter=elapst", "Did you mean 'elapsed'?"),
         ("simlingo:instruction=drive at warp 8", "drive at"),
+        ("my_agent:MyAgent:speed=8", "Options follow a registered name: register my_agent:MyAgent under one"),
     ],
 )
 def test_a_value_that_an_agent_would_not_take_is_refused_before_anything_ran(suite, driven, agent, message):
