@@ -60,7 +60,7 @@ def test_the_complete_table_is_one_more_command(tmp_path: Path) -> None:
     short = f"--drive-routes 4301 --drive-store={tmp_path / 'store'} --drive-report={tmp_path / 'look'}"
     driven = shell(f"{block('complete').strip()} {short}", ROOT)
     assert driven.returncode in (0, 1), driven.stdout + driven.stderr  # one route need not meet the limits
-    head, *rows = driven.stdout.partition("= drive-robust =")[2].partition("\n")[2].splitlines()
+    head, *rows = driven.stdout.partition("= drive-robust =")[2].partition("\n")[2].strip().splitlines()
     assert head.split() == ["agent", "setting", "DS", "SR", "RD", "efficiency", "comfort", "routes", "verdict"]
     table = [row for row in rows if row.startswith(("tcp ", "expert* "))]
     assert len(table) == 15
