@@ -18,6 +18,9 @@ _DESCRIPTION = """Proposes a limit for each setting that an agent was driven und
 it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the
 file, tighten what matters, commit it."""
 
+_FEW_ROUTES = 12
+"""With fewer, what an agent shows is chance for the most part; verdicts from evidence seldom take fewer."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `limits`."""
@@ -52,6 +55,13 @@ def _limits(options: argparse.Namespace) -> int:
     with refusing_unwritable(path):
         path.write_text(head + "".join(map(_line, found)), encoding="utf-8")
     say(f"{path}: {len(found)} limits. Review them, then commit the file.")
+    fewest = min(item.routes for item in found)
+    if fewest < _FEW_ROUTES:
+        routes = "route" if fewest == 1 else "routes"
+        say(
+            f"warning: {fewest} {routes} show little of an agent, and another {fewest} would give other limits. Drive "
+            "those that the gate will drive, as with --drive-routes one-per-scenario (44), and propose again."
+        )
     return 0
 
 

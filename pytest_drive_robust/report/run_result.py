@@ -43,6 +43,7 @@ class SettingRow:
     of the requirements on this row: `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged.
     `needed` leaves out what a verdict did not wait for; where it did not wait for all of the `planned` routes,
     `ds_interval` and `rd_interval` say what DS and RD may be on routes like these (alpha of the verdict rule a side).
+    `judged` holds the value of every metric that a requirement on this row names.
     """
 
     agent: str
@@ -58,6 +59,7 @@ class SettingRow:
     planned: int = 0
     ds_interval: Interval | None = None
     rd_interval: Interval | None = None
+    judged: Mapping[str, float | None] = field(default_factory=dict)
 
     @property
     def is_partial(self) -> bool:
@@ -200,6 +202,7 @@ def _row(
         summary=summary,
         rd=None if pairs is None else 1.0 - mean(pairs[1]) / mean(pairs[0]),
         verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
+        judged={item.metric: item.value for item in judged if _is_on(item, asked)},
         problem=problem,
         planned=len(asked.keys) // max(1, len(asked.seeds)),
         ds_interval=_ds_interval(results, rule.alpha) if partial else None,

@@ -16,7 +16,9 @@ from pytest_drive_robust.verdict.evaluate import immunity
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
-_PARTIAL_COLUMNS = ("DS", "SR", "RD", "routes")
+_NARROW_COLUMNS = ("DS", "SR", "RD", "routes")
+_MOST_OTHERS = 2
+"""So many more metrics fit into a line; JSON has all of them."""
 
 
 def run_summary(run: RunResult, *, colour: bool) -> str:
@@ -41,26 +43,28 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
 
 
 def columns_of(run: RunResult) -> tuple[str, ...]:
-    """Return the columns with numbers.
+    """Return the columns with numbers: those that every run has, and the other metrics that requirements name.
 
-    Where rows rest on few routes DS and RD come with their intervals, which take the place of efficiency and comfort
-    unless a requirement asks for these.
+    Where rows rest on few routes DS and RD come with their intervals. These and other metrics take the place of
+    efficiency and comfort unless a requirement asks for them.
     """
-    if not any(row.is_partial for row in run.rows):
+    judged = dict.fromkeys(name for row in run.rows for name in row.judged)
+    others = [name for name in judged if name not in _COLUMNS][:_MOST_OTHERS]
+    if not others and not any(row.is_partial for row in run.rows):
         return _COLUMNS
-    judged = {item.metric for item in run.judged}
-    return tuple(name for name in _COLUMNS if name in _PARTIAL_COLUMNS or name in judged)
+    usual = [name for name in _COLUMNS if name in _NARROW_COLUMNS or name in judged]
+    return (*usual[:-1], *others, usual[-1])
 
 
 def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
-    """Return DS, SR, RD, efficiency, comfort and the count of routes, those of `columns`, as they are shown."""
+    """Return the metrics and the count of routes that `columns` name, as they are shown."""
     summary = row.summary
     routes = (f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)) + (
         f" x {len(row.seeds)}" if len(row.seeds) > 1 else ""
     )
     if len(row.results) < row.needed:
         routes = f"{len(row.results)} of {row.needed}"
-    numbers = {"routes": routes}
+    numbers = {name: shown(name, value) for name, value in row.judged.items()} | {"routes": routes}
     if summary is not None:
         numbers |= {
             "DS": shown("DS", summary.ds) + _between(row.ds_interval, "{:.0f}"),

@@ -19,19 +19,19 @@ SETTING = "200 ms latency"
 
 
 @functools.cache
-def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0") -> dict[str, object]:
+def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0", routes: int = 40) -> dict[str, object]:
     """Return a run of one agent, clean and under latency; `factor` is what becomes of the scores under latency."""
     episodes: dict[str, EpisodeResult] = {}
     asked: list[Event] = []
     for setting, scale in (("clean", 1.0), (SETTING, factor)):
-        results = [scored(str(n), score * scale, setting=setting) for n, score in enumerate(SCORES, start=1)]
+        results = [scored(str(n), score * scale, setting=setting) for n, score in enumerate(SCORES[:routes], start=1)]
         if crash:
             results[3] = crashed_simulation("4", setting=setting)
         keys = {f"{setting} {result.episode.route_id}": result for result in results}
         episodes.update(keys)
         asked += [Asked("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
-    routes = tuple(f"{n}={digest}" for n in range(1, len(SCORES) + 1))
-    identified = Identified("driver", "agents 1", "abc", "", routes)
+    digests = tuple(f"{n}={digest}" for n in range(1, routes + 1))
+    identified = Identified("driver", "agents 1", "abc", "", digests)
     run = RunResult.of(RunOptions(simulator="embedded"), [identified, *asked], episodes.get, versions={})
     return run_as_json(run)
 

@@ -24,6 +24,16 @@ def test_they_keep_the_distance_that_evidence_needs() -> None:
     assert proposed() == ["DS under clean >= 70", "RD under 200 ms latency <= 0.20"]
 
 
+def test_few_routes_are_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("few", routes=3)
+    proposed()
+    assert "warning: 3 routes show little of an agent" in capsys.readouterr().out
+    Path("limits-driver.txt").unlink()
+    store_run("many", routes=12)
+    proposed()
+    assert "warning" not in capsys.readouterr().out
+
+
 def test_a_run_is_named_or_the_latest(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a", factor=0.5)
     store_run("b")

@@ -61,6 +61,29 @@ def test_a_long_agent_and_a_long_setting_stay_within_a_hundred_columns():
     assert setting.replace(" ", "") in "".join("".join(line[8 : 4 + width].split()) for line in lines[1:4])
 
 
+def measured(metric: str, value: float | None) -> Judged:
+    return Judged("t", "...", "driver", "dev10", (0,), metric, "clean", "<=", 9.0, "pass", value)
+
+
+def test_a_metric_that_a_requirement_names_has_a_column():
+    results = [scored("1", 100.0)]
+    run = run_of(("clean", results), ("fog", results), judged=[measured("hardest_braking", 4.256)])
+    head, clean, fog = run_summary(run, colour=False).splitlines()
+    assert head.split() == ["agent", "setting", "DS", "SR", "RD", "hardest_braking", "routes", "verdict"]
+    assert clean.split() == ["driver", "clean", "100.00", "1.00", "-", "4.26", "1", "pass"]
+    assert fog.split()[-3:] == ["-", "1", "-"]
+
+
+def test_as_many_metrics_have_columns_as_fit():
+    names = [f"a_metric_as_long_{number}" for number in range(3)]
+    run = run_of(("clean", [scored("1", 100.0)]), judged=[measured(name, None) for name in (*names, "comfort")])
+    head, *lines = run_summary(run, colour=False).splitlines()
+    assert "comfort" in head
+    assert "efficiency" not in head
+    assert [name in head for name in names] == [True, True, False]
+    assert max(map(len, (head, *lines))) <= 100
+
+
 def test_agent_errors_are_listed_once_per_reason():
     broken = [make_result(str(number), end=End.AGENT_CRASHED, end_detail="ValueError: no") for number in range(5)]
     text = run_summary(run_of(("clean", broken)), colour=False)
