@@ -226,12 +226,25 @@ def _film(tapes: list[Tape], target: Path) -> None:
 
 @contextmanager
 def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Return a bar on a terminal, nothing elsewhere: `step()` for each tick or picture."""
+    """Return a bar on a terminal, nothing elsewhere: `step()` for each tick or picture.
+
+    A debugger ends it: it would be drawn over the prompt.
+    """
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    debugger = sys.breakpointhook
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+
+        def debug(*args: object, **options: object) -> object:
+            progress.stop()
+            return debugger(*args, **options)
+
         bar = progress.add_task(what, total=total)
-        yield lambda: progress.advance(bar)
+        sys.breakpointhook = debug
+        try:
+            yield lambda: progress.advance(bar)
+        finally:
+            sys.breakpointhook = debugger
 
 
 def _print_result(result: EpisodeResult) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -36,6 +37,16 @@ class Secretive(Good):
 
 class Bad(Good):
     def act(self, observation): return None
+
+class Slow(Good):
+    def act(self, observation):
+        return Control(throttle=0.2, steer=0.001 * observation.speed.mps)
+
+class Debugged(Good):
+    def act(self, observation):
+        if observation.tick == 5:
+            breakpoint()
+        return super().act(observation)
 """
 ROUTE = resolve_routes("full")[0]
 GOOD = ("replay", ROUTE.id, "--agent", "film_agents:Good", "--sim", FAKE, "--tick-cap", "40")
@@ -108,6 +119,33 @@ def test_without_an_encoder_a_strip_of_pictures_takes_its_place(
     picture = cv2.imread("film.png")
     assert picture is not None
     assert picture.shape == (1440, 2560, 3)  # start, divergence, end
+
+
+@pytest.mark.parametrize(
+    ("agent", "told"), [("Good", "both drove the same"), ("Slow", "no divergence: never 0.5 m or 1 m/s apart")]
+)
+def test_two_that_never_part_are_the_same_or_nearly(agent: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [part.replace("Good", agent) for part in GOOD]
+    assert main([*arguments, "--setting", "speed noise 0.9", "--no-video"]) == 0
+    assert told in capsys.readouterr().out
+
+
+def test_no_bar_is_drawn_over_the_prompt_of_a_debugger(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+
+    def prompt(*_: object) -> None:
+        capsys.readouterr()
+        time.sleep(0.3)  # a bar is drawn ten times a second
+        drawn.append(capsys.readouterr().err)
+
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as on a terminal
+    monkeypatch.setattr(sys, "breakpointhook", prompt)
+    arguments = [part.replace("Good", "Debugged") for part in GOOD]
+    assert main([*arguments, "--no-video"]) == 0
+    assert drawn == [""]
+    assert sys.breakpointhook is prompt
 
 
 def test_nothing_is_written_when_nobody_wants_a_film(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
