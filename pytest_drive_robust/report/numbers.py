@@ -24,7 +24,12 @@ def interval_text(metric: str, low: float, high: float, *, confidence: float = 0
     name = f"{100.0 * confidence:.3g} % interval"
     if not (math.isfinite(low) and math.isfinite(high)):
         return f"{name} unknown"
-    return f"{name} {shown(metric, low)} to {shown(metric, high)}"
+    return f"{name} {lower_end(metric, low)} to {shown(metric, high)}"
+
+
+def lower_end(metric: str, low: float) -> str:
+    """Return the lower end of an interval; `"< -1"` where few routes leave open what RD could be."""
+    return "< -1" if metric == "RD" and low < -1.0 else shown(metric, low)
 
 
 def counted(number: int, noun: str) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import legible, shown
+from pytest_drive_robust.report.numbers import legible, lower_end, shown
 from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.stats.several import any_wrong
@@ -67,9 +68,9 @@ def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
     numbers = {name: shown(name, value) for name, value in row.judged.items()} | {"routes": routes}
     if summary is not None:
         numbers |= {
-            "DS": shown("DS", summary.ds) + _between(row.ds_interval, "{:.0f}"),
+            "DS": shown("DS", summary.ds) + _between(row.ds_interval, "{:.0f}".format),
             "SR": shown("SR", summary.sr),
-            "RD": shown("RD", row.rd) + _between(row.rd_interval, "{:.2f}"),
+            "RD": shown("RD", row.rd) + _between(row.rd_interval, partial(lower_end, "RD")),
             "efficiency": shown("efficiency", summary.efficiency),
         }
         if "comfort" in columns:  # takes the trace of every episode
@@ -77,9 +78,9 @@ def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
     return [numbers.get(name, "-") for name in columns]
 
 
-def _between(interval: tuple[float, float] | None, form: str) -> str:
+def _between(interval: tuple[float, float] | None, form: Callable[[float], str]) -> str:
     """Return `" (0.24 to 0.45)"`; nothing without an interval."""
-    return "" if interval is None else f" ({form.format(interval[0])} to {form.format(interval[1])})"
+    return "" if interval is None else f" ({form(interval[0])} to {form(interval[1])})"
 
 
 def footnotes(run: RunResult) -> list[str]:

@@ -147,7 +147,7 @@ def test_rows_of_early_verdicts_are_not_compared_by_score():
     head, first, second, *notes = run_summary(run, colour=False).splitlines()
     assert head.split() == ["agent", "setting", "DS", "SR", "RD", "routes", "verdict"]
     assert re.fullmatch(r"driver +clean +100\.00 \(\d+ to 100\) +1\.00 +- +6/9 +-", first)
-    assert re.fullmatch(r"driver +late +50\.00 \(\d+ to \d+\) +0\.00 +0\.50 \(\S+ to \S+\) +4/9 +pass", second)
+    assert re.fullmatch(r"driver +late +50\.00 \(\d+ to \d+\) +0\.00 +0\.50 \(< -1 to \S+\) +4/9 +pass", second)
     assert "Between rows compare RD" in " ".join(notes)
     clean_row, late_row = run_as_json(run)["summaries"]
     assert (clean_row["routes"], clean_row["routes_planned"], clean_row["rd_interval"]) == (6, 9, None)
@@ -157,6 +157,18 @@ def test_rows_of_early_verdicts_are_not_compared_by_score():
     text = run_summary(RunResult.of(RunOptions(), whole, {**clean, **late}.get, versions={}), colour=False)
     assert "efficiency" in text
     assert "Between rows" not in text
+
+
+def test_an_rd_that_one_route_leaves_open_has_no_digits():
+    clean = {f"clean {number}": scored(str(number), 100.0) for number in range(9)}
+    late = {f"late {number}": scored(str(number), 50.0, setting="late") for number in range(9)}
+    asked = [
+        Asked("driver", "dev10", "clean", (0,), tuple(clean), ()),
+        Asked("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
+    ]
+    spared = [Used(("clean 0", "late 0")), Spared(tuple(clean)[1:]), Spared(tuple(late)[1:])]
+    run = RunResult.of(RunOptions(), [*asked, *spared], {**clean, **late}.get, versions={})
+    assert "0.50 (< -1 to " in run_summary(run, colour=False)
 
 
 def test_a_clean_score_below_the_floor_has_no_degradation_to_show():
