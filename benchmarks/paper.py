@@ -9,14 +9,15 @@ may well be broken:
         --drive-json tcp.json
 
 Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. One setting at a time
-does as well, as in `-k "reading and occlusion-0.8"`, with a report each. Then draw, from one or more such
-reports; of an agent that is in several files each setting is that of the last one, if all belong to the same clean run
-(else a new report must hold all that the old one does), so that it can be put over the committed results:
+does as well, as in `-k "reading and occlusion-0.8"`, with a report each. `--drive-seeds 1` drives another seed: a report
+has one, and a table as many as all its drives have. Then draw, from one or more such reports; of an agent that is in
+several files each setting is that of the last one, if all belong to the same clean run (else a new report must hold all
+that the old one does), so that it can be put over the committed results:
 
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
 
-Written are `results.json` (score, success and efficiency of every episode, comfort of every row), `table.md`,
+Written are `results.json` (score, success and efficiency of every episode, comfort of every row and seed), `table.md`,
 `patterns.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
 `explanations.md` of the same folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`,
 `latency`, `gps`, `occlusion`, `burst`, `speed` and `ranking`. Agents and settings that are in no file are shown as not

@@ -15,7 +15,7 @@ from typing import Any
 
 from _paper.published import AGENTS
 from _paper.readings import DRIVEN, clean_of
-from _paper.results import FORMAT, DrivenAgent, Results, Scores, results_of
+from _paper.results import FORMAT, DrivenAgent, Results, Scores, SeedScores, results_of
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError, UsageError
@@ -27,24 +27,34 @@ _Episode = Mapping[str, Any]
 _FEWEST_ROUTES = 2
 """One route has no spread, so nothing could have an interval."""
 
+_OUR_CODE = ("pytest", "pytest-drive-robust")
+"""Versions that change with every commit, and decide no number."""
+
 _KIND = FORMAT.rpartition(" ")[0]
 
 
 def read(paths: Sequence[Path]) -> Results:
     """Read all files as one. Of an agent that several files hold, each setting is that of the last file which has it.
 
+    Files of other seeds are more drives of the same, and must hold the same agents and settings.
+
     Raises `UsageError` for a file that is neither kind or of a former format, or that holds an agent which the paper
     does not, or one agent under two choices of options; `ComparisonError` for episodes without a score, for routes that
-    lack some setting, for a setting without its clean drive, for files of different routes or worlds and for settings
-    of one agent that belong to different clean runs.
+    lack some setting, for a setting without its clean drive, for files of different routes or worlds, for settings
+    of one agent that belong to different clean runs and for seeds that lack what others have.
     """
-    merged: Results | None = None
+    by_seeds: dict[tuple[int, ...], Results] = {}
     for path in paths:
         found = _of_file(path)
-        merged = found if merged is None else _joined(merged, found, path)
-    if merged is None:
+        known = by_seeds.get(found.seeds) or next(iter(by_seeds.values()), None)
+        if known is not None:
+            _check_alike(known, found, path)
+        by_seeds[found.seeds] = _joined(by_seeds[found.seeds], found, path) if found.seeds in by_seeds else found
+    if not by_seeds:
         raise UsageError("no file was given. Expected JSON reports of suites/paper, or a results.json.")
-    return Results(merged.world, merged.routes, {name: merged.agents[name] for name in AGENTS if name in merged.agents})
+    merged = _of_all_seeds([by_seeds[seeds] for seeds in sorted(by_seeds)])
+    agents = {name: merged.agents[name] for name in AGENTS if name in merged.agents}
+    return replace(merged, agents=agents)
 
 
 def _of_file(path: Path) -> Results:
@@ -56,8 +66,8 @@ def _of_file(path: Path) -> Results:
         return results_of(document)
     if isinstance(document, dict) and str(document.get("format")).startswith(_KIND):
         raise UsageError(
-            f"{path} is of the format {document['format']!r}. Expected {FORMAT!r}, which has both readings and "
-            "comfort: drive its agents again and give the reports."
+            f"{path} is of the format {document['format']!r}. Expected {FORMAT!r}, which has both readings, comfort "
+            "and seeds: drive its agents again and give the reports."
         )
     if isinstance(document, dict) and document.get("schema") == 1 and "episodes" in document:
         return _of_report(document, path)
@@ -68,8 +78,8 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
     settings, fingerprint, versions = document["settings"], document["fingerprint"], document["versions"]
     if len(settings["seeds"]) != 1 or settings["metrics"] != "bench2drive":
         raise UsageError(
-            f"{path} has seeds {settings['seeds']} and metrics {settings['metrics']!r}. "
-            "The paper's table has one seed and `--drive-metrics bench2drive`."
+            f"{path} has seeds {settings['seeds']} and metrics {settings['metrics']!r}. Expected one seed a report "
+            "(drive each by a command of its own and give all reports) and `--drive-metrics bench2drive`."
         )
     episodes = _by_agent_and_setting(document["episodes"], path)
     called = _called(episodes, path)
@@ -96,12 +106,8 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
         )
         for name, spec in called.items()
     }
-    world = {
-        "simulator": versions["simulator"],
-        "seed": settings["seeds"][0],
-        "stuck_stop_s": settings["stuck_stop_s"],
-    }
-    return Results(world, routes, agents)
+    world = {"simulator": versions["simulator"], "stuck_stop_s": settings["stuck_stop_s"]}
+    return Results(world, tuple(settings["seeds"]), routes, agents)
 
 
 def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str, dict[str, list[_Episode]]]:
@@ -182,12 +188,13 @@ def _scores(
         raise ComparisonError(
             f"{what}: no summary over {len(routes)} routes, so its comfort is not known. Drive it again."
         )
-    return Scores(
+    found = SeedScores(
         tuple(round(by_route[route]["driving_score"], 4) for route in routes),
         tuple(bool(by_route[route]["success"]) for route in routes),
         tuple(_efficiency(by_route[route]["speed_ratios_pct"]) for route in routes),
         comfort[setting],
     )
+    return Scores((found,))
 
 
 def _efficiency(ratios_pct: Sequence[float]) -> float | None:
@@ -200,7 +207,7 @@ def _place(route: str) -> tuple[int, str]:
     return (int(route), route) if route.isdecimal() else (2**31, route)
 
 
-def _joined(first: Results, second: Results, path: Path) -> Results:
+def _check_alike(first: Results, second: Results, path: Path) -> None:
     if first.world != second.world:
         raise ComparisonError(f"{path} was driven in {dict(second.world)}, the files before it in {dict(first.world)}.")
     if first.routes != second.routes:
@@ -210,12 +217,61 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
             f"{path} holds {len(second.routes)} routes, the files before it {len(first.routes)}; different: {shown}. "
             "Agents are compared on the same routes only."
         )
+
+
+def _joined(first: Results, second: Results, path: Path) -> Results:
     both = {
         name: _completed(first.agents[name], driven, f"{path}: {name}")
         for name, driven in second.agents.items()
         if name in first.agents
     }
-    return Results(first.world, first.routes, {**first.agents, **second.agents, **both})
+    return replace(first, agents={**first.agents, **second.agents, **both})
+
+
+def _of_all_seeds(parts: Sequence[Results]) -> Results:
+    """Return the drives of all seeds, in rising order."""
+    first, seeds = parts[0], tuple(seed for part in parts for seed in part.seeds)
+    if len(parts) == 1:
+        return first
+    if len(set(seeds)) < len(seeds):
+        raise ComparisonError(f"several files hold one of the seeds {', '.join(map(str, seeds))} and others not all.")
+    for part in parts[1:]:
+        for name in {**first.agents, **part.agents}:
+            _check_same_drives(name, [of.agents.get(name) for of in (first, part)], [first.seeds, part.seeds])
+    agents = {
+        name: replace(
+            driven,
+            settings={
+                setting: Scores(tuple(one for part in parts for one in part.agents[name].settings[setting].of_seeds))
+                for setting in driven.settings
+            },
+        )
+        for name, driven in first.agents.items()
+    }
+    return replace(first, seeds=seeds, agents=agents)
+
+
+def _check_same_drives(name: str, driven: Sequence[DrivenAgent | None], seeds: Sequence[tuple[int, ...]]) -> None:
+    ours, theirs = (() if one is None else tuple(one.settings) for one in driven)
+    lacking = [setting for setting in DRIVEN if (setting in ours) != (setting in theirs)]
+    if lacking:
+        raise ComparisonError(
+            f"{name} under {', '.join(lacking[:3])} was driven with one of the seeds {seeds[0]} and {seeds[1]} only. "
+            "Drive it with the others, too, or leave those files out."
+        )
+    if len({_facts(one) for one in driven if one is not None}) > 1:
+        raise ComparisonError(
+            f"{name} was driven with the seeds {seeds[0]} and {seeds[1]} by other weights, options or versions."
+        )
+
+
+def _facts(driven: DrivenAgent) -> tuple[object, ...]:
+    """Return what must be the same in files that are put together.
+
+    Code may be of another day where weights tell what drives: that it still drives the same is what a clean run shows.
+    """
+    versions = sorted((name, version) for name, version in driven.versions.items() if name not in _OUR_CODE)
+    return driven.called, driven.made_of["weights"] or driven.made_of["source"], *versions
 
 
 def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAgent:
@@ -223,11 +279,11 @@ def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAge
     lacking = [setting for setting in DRIVEN if setting in earlier.settings and setting not in later.settings]
     if not lacking:
         return later
-    facts = [(driven.called, driven.made_of, driven.versions) for driven in (earlier, later)]
+    facts = [_facts(driven) for driven in (earlier, later)]
     clean = [setting for setting in later.settings if setting == clean_of(setting) and setting in earlier.settings]
     if facts[0] != facts[1] or any(earlier.settings[setting] != later.settings[setting] for setting in clean):
         raise ComparisonError(
-            f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other code, "
+            f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other "
             "weights, options, versions or processor). A setting is compared with its own clean run: drive those "
             "again, too."
         )

@@ -1,4 +1,4 @@
-"""Driven episodes as this benchmark keeps them: score, success and efficiency of every agent, setting and route.
+"""Driven episodes as this benchmark keeps them: score, success, efficiency of every agent, setting, route and seed.
 
 A setting is called as the report calls it, so that `200 ms latency (reading=released)` is another one than without
 the brackets; `readings.py` says which of them stand in the table. Nothing is filled in: an agent or a setting that was
@@ -8,19 +8,22 @@ not driven is missing.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "results_of", "text_of"]
+from pytest_drive_robust.arithmetic.signals import mean
 
-FORMAT = "drive-robust paper table 2"
-"""What the compact file says it is. The first one had one reading and no comfort."""
+__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "results_of", "text_of"]
+
+FORMAT = "drive-robust paper table 3"
+"""What the compact file says it is. The first one had one reading and no comfort, the second one seed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scores:
-    """One agent under one setting; one value for each route, in the order of `Results.routes`.
+class SeedScores:
+    """One agent under one setting with one seed; one value for each route, in the order of `Results.routes`.
 
     `driving_score` is 0..100; `efficiency` percent of the traffic's speed, None on a route without data; `comfort`
     percent of the segments, the mean over the routes that have data, because a report has it of no single route.
@@ -30,6 +33,38 @@ class Scores:
     success: tuple[bool, ...]
     efficiency: tuple[float | None, ...]
     comfort: float | None
+
+
+@dataclass(frozen=True)
+class Scores:
+    """One agent under one setting, with each of `Results.seeds`; for each route the mean over them."""
+
+    of_seeds: tuple[SeedScores, ...]
+
+    @cached_property
+    def driving_score(self) -> tuple[float, ...]:
+        """Of each route, 0..100."""
+        return tuple(mean(of_route) for of_route in zip(*(one.driving_score for one in self.of_seeds), strict=True))
+
+    @cached_property
+    def success(self) -> tuple[float, ...]:
+        """The share of the seeds with which each route was a success."""
+        return tuple(mean(of_route) for of_route in zip(*(one.success for one in self.of_seeds), strict=True))
+
+    @cached_property
+    def efficiency(self) -> tuple[float | None, ...]:
+        """Of each route, percent of the traffic's speed; None where no seed has data."""
+        return tuple(map(_mean_of_known, zip(*(one.efficiency for one in self.of_seeds), strict=True)))
+
+    @cached_property
+    def comfort(self) -> float | None:
+        """Percent of the segments."""
+        return _mean_of_known(one.comfort for one in self.of_seeds)
+
+
+def _mean_of_known(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return mean(known) if known else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +84,12 @@ class DrivenAgent:
 class Results:
     """`routes` maps each route id to its scenario type and the digest of its definition.
 
-    `world` is what all agents must share: simulator with its version, seed, when a standing car is stopped.
+    `world` is what all agents must share: simulator with its version, when a standing car is stopped. `seeds` are those
+    with which each route was driven, in rising order.
     """
 
     world: Mapping[str, object]
+    seeds: tuple[int, ...]
     routes: Mapping[str, tuple[str, str]]
     agents: Mapping[str, DrivenAgent]
 
@@ -66,17 +103,23 @@ def text_of(results: Results) -> str:
             "versions": driven.versions,
             "settings": {
                 setting: {
-                    "driving_score": scores.driving_score,
-                    "success": [int(value) for value in scores.success],
-                    "efficiency": scores.efficiency,
-                    "comfort": scores.comfort,
+                    "driving_score": [one.driving_score for one in scores.of_seeds],
+                    "success": [[int(value) for value in one.success] for one in scores.of_seeds],
+                    "efficiency": [one.efficiency for one in scores.of_seeds],
+                    "comfort": [one.comfort for one in scores.of_seeds],
                 }
                 for setting, scores in driven.settings.items()
             },
         }
         for name, driven in results.agents.items()
     }
-    document = {"format": FORMAT, "world": results.world, "routes": results.routes, "agents": agents}
+    document = {
+        "format": FORMAT,
+        "world": results.world,
+        "seeds": results.seeds,
+        "routes": results.routes,
+        "agents": agents,
+    }
     return _json(document) + "\n"
 
 
@@ -96,16 +139,20 @@ def results_of(document: Mapping[str, Any]) -> Results:
             driven["made_of"],
             driven["versions"],
             {
-                setting: Scores(
-                    tuple(lists["driving_score"]),
-                    tuple(map(bool, lists["success"])),
-                    tuple(lists["efficiency"]),
-                    lists["comfort"],
-                )
+                setting: Scores(tuple(map(_of_seed, *(lists[name] for name in _LISTS))))
                 for setting, lists in driven["settings"].items()
             },
         )
         for name, driven in document["agents"].items()
     }
     routes = {route: (facts[0], facts[1]) for route, facts in document["routes"].items()}
-    return Results(document["world"], routes, agents)
+    return Results(document["world"], tuple(document["seeds"]), routes, agents)
+
+
+_LISTS = ("driving_score", "success", "efficiency", "comfort")
+
+
+def _of_seed(
+    driving_score: Iterable[float], success: Iterable[int], efficiency: Iterable[float | None], comfort: float | None
+) -> SeedScores:
+    return SeedScores(tuple(driving_score), tuple(map(bool, success)), tuple(efficiency), comfort)

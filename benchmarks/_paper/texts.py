@@ -29,7 +29,7 @@ def table_text(results: Results) -> str:
     lines = [
         "# The paper's table",
         "",
-        f"{len(results.routes)} routes, seed {results.world['seed']}, simulator {results.world['simulator']}; "
+        f"{len(results.routes)} routes, {_seeds(results)}, simulator {results.world['simulator']}; "
         "written by `python benchmarks/paper.py`.",
         "RD = 1 - DS / DS clean. Intervals are 95 %, over routes: Student's for DS, Wilson's for SR,",
         "Fieller's for RD (paired by route; the jackknife's where rows have different clean drives).",
@@ -207,7 +207,7 @@ def patterns_text(results: Results, by_reading: Mapping[str, Sequence[Pattern]],
     lines = [
         "# Seven patterns of the paper's table",
         "",
-        f"{len(results.routes)} routes, seed {results.world['seed']}; written by `python benchmarks/paper.py`.",
+        f"{len(results.routes)} routes, {_seeds(results)}; written by `python benchmarks/paper.py`.",
         "Every comparison is a difference over the same routes with its 95 % interval (jackknife over routes),",
         "positive where the pattern holds. It *appears* (yes) when the interval lies above 0, *does not appear* (no)",
         "when it lies at or below 0, and *cannot be told* (?) when it holds both. A pattern appears when all its",
@@ -225,6 +225,11 @@ def patterns_text(results: Results, by_reading: Mapping[str, Sequence[Pattern]],
         for name, found in _distinct(readings, patterns):
             lines += ["", *_pattern_lines(name, found)]
     return "\n".join(lines) + "\n"
+
+
+def _seeds(results: Results) -> str:
+    *first, last = map(str, results.seeds)
+    return f"seeds {', '.join(first)} and {last}" if first else f"seed {last}"
 
 
 def _distinct(readings: Sequence[str], patterns: Sequence[Pattern]) -> list[tuple[str, Pattern]]:

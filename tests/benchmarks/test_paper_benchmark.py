@@ -199,8 +199,8 @@ def test_a_report_that_is_no_table_is_refused(
 
 
 def test_a_file_of_the_former_format_is_refused(tmp_path: Path) -> None:
-    (former,) = saved(tmp_path, {"format": "drive-robust paper table 1", "agents": {}})
-    with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 2', .* drive its agents again"):
+    (former,) = saved(tmp_path, {"format": "drive-robust paper table 2", "agents": {}})
+    with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 3', .* drive its agents again"):
         reports.read([former])
 
 
@@ -269,6 +269,52 @@ def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
     newer["versions"]["lockstep"] = "8"
     with pytest.raises(ComparisonError, match="of another clean run"):
         reports.read(saved(tmp_path, report("tcp", ALIKE), newer))
+
+
+def with_seed(document: dict[str, Any], seed: int) -> dict[str, Any]:
+    return {**document, "settings": {**document["settings"], "seeds": [seed]}}
+
+
+def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
+    other = {**ALIKE, "occlusion 0.5": 0.5}
+    parts = [with_seed(report("tcp", other), 1), report("tcp", ALIKE)]
+    found = reports.read(saved(tmp_path, *parts))
+    assert found.seeds == (0, 1)
+    (alone,) = (reports.read(saved(tmp_path, report("tcp", ALIKE))).agents["tcp"].settings["occlusion 0.5"],)
+    both = found.agents["tcp"].settings["occlusion 0.5"]
+    assert both.driving_score == pytest.approx([0.75 * score for score in alone.driving_score])
+    assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
+    assert f"{len(CLEAN_DS)} routes, seeds 0 and 1, simulator" in texts.table_text(found)
+    assert results.results_of(json.loads(results.text_of(found))) == found
+
+
+def test_every_seed_holds_the_same_drives(tmp_path: Path) -> None:
+    lacking = {setting: share for setting, share in ALIKE.items() if setting != "occlusion 0.8"}
+    with pytest.raises(ComparisonError, match=r"tcp under occlusion 0\.8 was driven with one of the seeds"):
+        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", lacking), 1)))
+    with pytest.raises(ComparisonError, match="tcp under clean, 1 s burst frame drop"):
+        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("vad", ALIKE), 1)))
+    heavier = with_seed(report("tcp", ALIKE), 1)
+    for made_of in heavier["fingerprint"]["agents"].values():
+        made_of["weights"] = "cc"
+    with pytest.raises(ComparisonError, match="by other weights, options or versions"):
+        reports.read(saved(tmp_path, report("tcp", ALIKE), heavier))
+    with pytest.raises(ComparisonError, match="7 routes, the files before it 8"):
+        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE, routes=7), 1)))
+
+
+def test_code_of_another_day_that_drives_the_same_goes_on(tmp_path: Path) -> None:
+    whole = as_published("tcp")
+    later = json.loads(json.dumps({**whole, "episodes": [e for e in whole["episodes"] if e["setting"] == CLEAN]}))
+    later["versions"]["pytest-drive-robust"] = "9.9"
+    for made_of in later["fingerprint"]["agents"].values():
+        made_of["source"] = "other"
+    found = reports.read(saved(tmp_path, whole, later)).agents["tcp"]
+    assert set(found.settings) == set(DRIVEN)
+    for episode in later["episodes"]:
+        episode["driving_score"] *= 0.5
+    with pytest.raises(ComparisonError, match="of another clean run"):
+        reports.read(saved(tmp_path, whole, later))
 
 
 @given(ratios=st.lists(st.floats(0.0, 3000.0)))
@@ -397,7 +443,7 @@ def test_the_correlation_has_an_interval_around_it_and_the_same_one_again(noisy:
 def test_too_few_cells_have_no_correlation(noisy: Drives) -> None:
     assert agreement.agreement(noisy, SETTINGS[:2]).correlation is None
     assert agreement.agreement(noisy, SETTINGS[:3]).correlation is not None
-    alone = Drives(results.Results(noisy.results.world, noisy.results.routes, {}), "paper")
+    alone = Drives(results.Results(noisy.results.world, (0,), noisy.results.routes, {}), "paper")
     assert agreement.agreement(alone, SETTINGS) == agreement.Agreement(44, 0, None, None)
 
 
