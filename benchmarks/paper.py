@@ -10,9 +10,9 @@ may well be broken:
 
 Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. One setting at a time
 does as well, as in `-k "reading and occlusion-0.8"`, with a report each. `--drive-seeds 1` drives another seed: a
-report has one, and a table as many as all its drives have. Then draw, from one or more such reports; of an agent that is in
-several files each setting is that of the last one, if all belong to the same clean run (else a new report must hold all
-that the old one does), so that it can be put over the committed results:
+report has one, and a table as many as all its drives have. Then draw, from one or more such reports; of an agent that
+is in several files each setting is that of the last one, if all belong to the same clean run (else a new report must
+hold all that the old one does), so that it can be put over the committed results:
 
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
