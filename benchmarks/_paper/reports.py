@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,16 +43,15 @@ def read(paths: Sequence[Path]) -> Results:
     lack some setting, for a setting without its clean drive, for files of different routes or worlds, for settings
     of one agent that belong to different clean runs and for seeds that lack what others have.
     """
-    by_seeds: dict[tuple[int, ...], Results] = {}
+    by_seed: dict[int, Results] = {}
     for path in paths:
-        found = _of_file(path)
-        known = by_seeds.get(found.seeds) or next(iter(by_seeds.values()), None)
-        if known is not None:
-            _check_alike(known, found, path)
-        by_seeds[found.seeds] = _joined(by_seeds[found.seeds], found, path) if found.seeds in by_seeds else found
-    if not by_seeds:
+        for seed, found in _by_seed(_of_file(path)):
+            if by_seed:
+                _check_alike(next(iter(by_seed.values())), found, path)
+            by_seed[seed] = _joined(by_seed[seed], found, path) if seed in by_seed else found
+    if not by_seed:
         raise UsageError("no file was given. Expected JSON reports of suites/paper, or a results.json.")
-    merged = _of_all_seeds([by_seeds[seeds] for seeds in sorted(by_seeds)])
+    merged = _of_all_seeds([by_seed[seed] for seed in sorted(by_seed)])
     agents = {name: merged.agents[name] for name in AGENTS if name in merged.agents}
     return replace(merged, agents=agents)
 
@@ -228,13 +227,19 @@ def _joined(first: Results, second: Results, path: Path) -> Results:
     return replace(first, agents={**first.agents, **second.agents, **both})
 
 
+def _by_seed(found: Results) -> Iterator[tuple[int, Results]]:
+    """Yield the drives of each seed, so that a report of one seed can be put over results of several."""
+    for number, seed in enumerate(found.seeds):
+        agents = {
+            name: replace(driven, settings={key: Scores((of.of_seeds[number],)) for key, of in driven.settings.items()})
+            for name, driven in found.agents.items()
+        }
+        yield seed, replace(found, seeds=(seed,), agents=agents)
+
+
 def _of_all_seeds(parts: Sequence[Results]) -> Results:
-    """Return the drives of all seeds, in rising order."""
+    """Return the drives of all seeds, in the order of `parts`, which have one each."""
     first, seeds = parts[0], tuple(seed for part in parts for seed in part.seeds)
-    if len(parts) == 1:
-        return first
-    if len(set(seeds)) < len(seeds):
-        raise ComparisonError(f"several files hold one of the seeds {', '.join(map(str, seeds))} and others not all.")
     for part in parts[1:]:
         for name in {**first.agents, **part.agents}:
             _check_same_drives(name, [of.agents.get(name) for of in (first, part)], [first.seeds, part.seeds])

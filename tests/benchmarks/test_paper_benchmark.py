@@ -288,6 +288,16 @@ def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
     assert results.results_of(json.loads(results.text_of(found))) == found
 
 
+def test_a_report_of_one_seed_is_put_over_results_of_several(tmp_path: Path) -> None:
+    both = reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE), 1)))
+    (tmp_path / "results.json").write_text(results.text_of(both), encoding="utf-8")
+    (later,) = saved(tmp_path, with_seed(report("tcp", {**ALIKE, "occlusion 0.5": 0.5}), 1))
+    found = reports.read([tmp_path / "results.json", later])
+    assert found.seeds == (0, 1)
+    assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
+    assert reports.read([tmp_path / "results.json"]) == both
+
+
 def test_every_seed_holds_the_same_drives(tmp_path: Path) -> None:
     lacking = {setting: share for setting, share in ALIKE.items() if setting != "occlusion 0.8"}
     with pytest.raises(ComparisonError, match=r"tcp under occlusion 0\.8 was driven with one of the seeds"):
