@@ -32,9 +32,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from _paper.figures import heat_map, latency_curves, retention_radar
+from _paper.joining import read
 from _paper.patterns import patterns_of
 from _paper.readings import READINGS, Drives
-from _paper.reports import read
 from _paper.results import text_of
 from _paper.texts import explanations, patterns_text, table_text
 

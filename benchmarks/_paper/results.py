@@ -15,7 +15,7 @@ from typing import Any
 
 from pytest_drive_robust.arithmetic.signals import mean
 
-__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "results_of", "text_of"]
+__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
 
 FORMAT = "drive-robust paper table 3"
 """What the compact file says it is. The first one had one reading and no comfort, the second one seed."""
@@ -92,6 +92,11 @@ class Results:
     seeds: tuple[int, ...]
     routes: Mapping[str, tuple[str, str]]
     agents: Mapping[str, DrivenAgent]
+
+
+def place_of(route: str) -> tuple[int, str]:
+    """Return where a route stands among others: by number, then what is no number."""
+    return (int(route), route) if route.isdecimal() else (2**31, route)
 
 
 def text_of(results: Results) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import paper_table
 import pytest
-from _paper import agreement, estimates, figures, patterns, published, reports, results, texts
+from _paper import agreement, estimates, figures, joining, patterns, published, reports, results, texts
 from _paper.estimates import IntervalEstimate
 from _paper.published import AGENTS, AVERAGES, CLEAN, FAMILIES, PUBLISHED, SETTINGS
 from _paper.readings import DRIVEN, NO_LATENCY, READINGS, SAME, Drives, called_in
@@ -55,7 +55,7 @@ def drawn(files: list[Path], folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def of_shares(tmp_path: Path, shares: Mapping[str, Mapping[str, float]]) -> results.Results:
-    return reports.read(saved(tmp_path, *(report(agent, of) for agent, of in shares.items())))
+    return joining.read(saved(tmp_path, *(report(agent, of) for agent, of in shares.items())))
 
 
 def paper_reading(tmp_path: Path, shares: Mapping[str, Mapping[str, float]]) -> Drives:
@@ -195,26 +195,27 @@ def test_a_report_that_is_no_table_is_refused(
     document = report("tcp", ALIKE)
     spoil(document)
     with pytest.raises(error, match=re.escape(said)):
-        reports.read(saved(tmp_path, document))
+        joining.read(saved(tmp_path, document))
 
 
 def test_a_file_of_the_former_format_is_refused(tmp_path: Path) -> None:
     (former,) = saved(tmp_path, {"format": "drive-robust paper table 2", "agents": {}})
     with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 3', .* drive its agents again"):
-        reports.read([former])
+        joining.read([former])
 
 
 def test_agents_on_other_routes_are_not_compared(tmp_path: Path) -> None:
     files = saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE, routes=7))
-    with pytest.raises(ComparisonError, match="holds 7 routes, the files before it 8; different: 801"):
-        reports.read(files)
+    said = "vad was driven with seed 0 on 7 routes, tcp with seed 0 on 8; different: 801"
+    with pytest.raises(ComparisonError, match=said):
+        joining.read(files)
 
 
 def test_a_new_report_replaces_its_agent_only(tmp_path: Path) -> None:
     old, vad, new = report("tcp", ALIKE), report("vad", ALIKE), as_published("tcp")
-    found = reports.read(saved(tmp_path, old, vad, new))
-    assert found.agents["tcp"] == reports.read(saved(tmp_path, new)).agents["tcp"]
-    assert found.agents["vad"] == reports.read(saved(tmp_path, vad)).agents["vad"]
+    found = joining.read(saved(tmp_path, old, vad, new))
+    assert found.agents["tcp"] == joining.read(saved(tmp_path, new)).agents["tcp"]
+    assert found.agents["vad"] == joining.read(saved(tmp_path, vad)).agents["vad"]
 
 
 def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
@@ -223,7 +224,7 @@ def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
         {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in (CLEAN, WARM, setting)]}
         for setting in DRIVEN
     ]
-    assert reports.read(saved(tmp_path, *parts[::-1])) == reports.read(saved(tmp_path, whole))
+    assert joining.read(saved(tmp_path, *parts[::-1])) == joining.read(saved(tmp_path, whole))
 
 
 def test_latency_of_the_released_reading_needs_its_own_clean_drive_only(tmp_path: Path) -> None:
@@ -231,11 +232,11 @@ def test_latency_of_the_released_reading_needs_its_own_clean_drive_only(tmp_path
     latency = [WARM, *(called_in("released", row) for row in FAMILIES["latency"])]
     alone = {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] in latency]}
     rest = {**whole, "episodes": [one for one in whole["episodes"] if one["setting"] not in latency]}
-    found = reports.read(saved(tmp_path, alone))
+    found = joining.read(saved(tmp_path, alone))
     assert estimates.degradation(Drives(found, "released"), "vad", FAMILIES["latency"]) is not None
     assert estimates.driving_score(Drives(found, "released"), "vad", (CLEAN,)) is None
     assert "| `released`, latency | 3 of 12 |" in texts.table_text(found)
-    assert reports.read(saved(tmp_path, alone, rest)) == reports.read(saved(tmp_path, whole))
+    assert joining.read(saved(tmp_path, alone, rest)) == joining.read(saved(tmp_path, whole))
 
 
 def test_no_line_leads_through_what_was_not_driven() -> None:
@@ -256,7 +257,7 @@ def test_bars_say_the_mean_rd_or_that_nothing_was_driven() -> None:
 def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
     together = report("vad", ALIKE)
     together["versions"]["lockstep"] = "8"
-    found = reports.read(saved(tmp_path, report("tcp", ALIKE), together))
+    found = joining.read(saved(tmp_path, report("tcp", ALIKE), together))
     assert "none 1.0, weights bb, 8 episodes in lockstep." in texts.table_text(found)
     assert "none 1.0, weights bb." in texts.table_text(found)
 
@@ -264,11 +265,11 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
 def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
     other = report("tcp", {"clean": 0.9, "occlusion 0.5": 0.5})
     with pytest.raises(ComparisonError, match=r"1\.json: tcp lacks 1 s burst frame drop, .* of another clean run"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), other))
+        joining.read(saved(tmp_path, report("tcp", ALIKE), other))
     newer = report("tcp", {"clean": 1.0, "occlusion 0.5": 0.5})
     newer["versions"]["lockstep"] = "8"
     with pytest.raises(ComparisonError, match="of another clean run"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), newer))
+        joining.read(saved(tmp_path, report("tcp", ALIKE), newer))
 
 
 def with_seed(document: dict[str, Any], seed: int) -> dict[str, Any]:
@@ -278,9 +279,9 @@ def with_seed(document: dict[str, Any], seed: int) -> dict[str, Any]:
 def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
     other = {**ALIKE, "occlusion 0.5": 0.5}
     parts = [with_seed(report("tcp", other), 1), report("tcp", ALIKE)]
-    found = reports.read(saved(tmp_path, *parts))
+    found = joining.read(saved(tmp_path, *parts))
     assert found.seeds == (0, 1)
-    (alone,) = (reports.read(saved(tmp_path, report("tcp", ALIKE))).agents["tcp"].settings["occlusion 0.5"],)
+    (alone,) = (joining.read(saved(tmp_path, report("tcp", ALIKE))).agents["tcp"].settings["occlusion 0.5"],)
     both = found.agents["tcp"].settings["occlusion 0.5"]
     assert both.driving_score == pytest.approx([0.75 * score for score in alone.driving_score])
     assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
@@ -289,28 +290,84 @@ def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
 
 
 def test_a_report_of_one_seed_is_put_over_results_of_several(tmp_path: Path) -> None:
-    both = reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE), 1)))
+    both = joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE), 1)))
     (tmp_path / "results.json").write_text(results.text_of(both), encoding="utf-8")
     (later,) = saved(tmp_path, with_seed(report("tcp", {**ALIKE, "occlusion 0.5": 0.5}), 1))
-    found = reports.read([tmp_path / "results.json", later])
+    found = joining.read([tmp_path / "results.json", later])
     assert found.seeds == (0, 1)
     assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
-    assert reports.read([tmp_path / "results.json"]) == both
+    assert joining.read([tmp_path / "results.json"]) == both
 
 
 def test_every_seed_holds_the_same_drives(tmp_path: Path) -> None:
     lacking = {setting: share for setting, share in ALIKE.items() if setting != "occlusion 0.8"}
-    with pytest.raises(ComparisonError, match=r"tcp under occlusion 0\.8 was driven with one of the seeds"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", lacking), 1)))
+    with pytest.raises(
+        ComparisonError, match=r"tcp under occlusion 0\.8 was driven in one of these only: seed 0, seed 1"
+    ):
+        joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", lacking), 1)))
     with pytest.raises(ComparisonError, match="tcp under clean, 1 s burst frame drop"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("vad", ALIKE), 1)))
+        joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("vad", ALIKE), 1)))
     heavier = with_seed(report("tcp", ALIKE), 1)
     for made_of in heavier["fingerprint"]["agents"].values():
         made_of["weights"] = "cc"
-    with pytest.raises(ComparisonError, match="by other weights, options or versions"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), heavier))
-    with pytest.raises(ComparisonError, match="7 routes, the files before it 8"):
-        reports.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE, routes=7), 1)))
+    with pytest.raises(ComparisonError, match="with other weights, options or versions in these: seed 0, seed 1"):
+        joining.read(saved(tmp_path, report("tcp", ALIKE), heavier))
+    with pytest.raises(ComparisonError, match="tcp was driven with seed 1 on 7 routes, tcp with seed 0 on 8"):
+        joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE, routes=7), 1)))
+
+
+def of_routes(document: dict[str, Any], routes: range, comfort: float) -> dict[str, Any]:
+    """The part of a report that is about some of its routes, by place."""
+    kept = [str(100 * place + 101) for place in routes]
+    part = json.loads(json.dumps(document))
+    part["episodes"] = [episode for episode in part["episodes"] if episode["route_id"] in kept]
+    part["fingerprint"]["routes"] = {route: part["fingerprint"]["routes"][route] for route in kept}
+    for row in part["summaries"]:
+        row["summary"] = {"episodes": len(kept), "comfort": comfort}
+    return part
+
+
+def test_routes_can_be_driven_in_parts(tmp_path: Path) -> None:
+    whole, vad = as_published("tcp"), report("vad", ALIKE)
+    first, second = of_routes(whole, range(2, 8), 20.0), of_routes(whole, range(2), 60.0)
+    found = joining.read(saved(tmp_path, vad, first, second))
+    expected = joining.read(saved(tmp_path, vad, whole))
+    assert list(found.routes.items()) == list(expected.routes.items())
+    for setting, scores in expected.agents["tcp"].settings.items():
+        ours = found.agents["tcp"].settings[setting]
+        assert ours.driving_score == scores.driving_score
+        assert ours.success == scores.success
+        assert ours.efficiency == scores.efficiency
+        assert ours.comfort == pytest.approx((6 * 20.0 + 2 * 60.0) / 8)
+    assert joining.read(saved(tmp_path, second, vad, first)) == found
+
+
+def test_a_row_of_one_part_is_driven_again_before_the_parts_are_put_together(tmp_path: Path) -> None:
+    whole = report("tcp", ALIKE)
+    first, second = (of_routes(whole, places, 30.0) for places in (range(4), range(4, 8)))
+    again = of_routes(report("tcp", {**ALIKE, "occlusion 0.5": 0.5}), range(4), 30.0)
+    found = joining.read(saved(tmp_path, first, second, again)).agents["tcp"].settings["occlusion 0.5"]
+    assert found.driving_score[:4] == pytest.approx([0.5 * score for score in CLEAN_DS[:4]])
+    assert found.driving_score[4:] == pytest.approx(CLEAN_DS[4:])
+
+
+def test_parts_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    whole = report("tcp", ALIKE)
+    first, second = of_routes(whole, range(4), 30.0), of_routes(whole, range(4, 8), 30.0)
+    with pytest.raises(ComparisonError, match=r"tcp: 1 of its 4 routes \(401\) are in a file before it, .* holds 4"):
+        joining.read(saved(tmp_path, first, of_routes(whole, range(3, 7), 30.0)))
+    with pytest.raises(ComparisonError, match="vad was driven with seed 0 on 4 routes, tcp with seed 0 on 8"):
+        joining.read(saved(tmp_path, first, second, of_routes(report("vad", ALIKE), range(4), 30.0)))
+    second["episodes"] = [episode for episode in second["episodes"] if episode["setting"] != "occlusion 0.8"]
+    said = (
+        "tcp under occlusion 0.8 was driven in one of these only: its 4 routes from 101 to 401, its 4 routes from 501"
+    )
+    with pytest.raises(ComparisonError, match=re.escape(said)):
+        joining.read(saved(tmp_path, first, second))
+    third = of_routes(whole, range(4, 8), 30.0)
+    third["fingerprint"]["routes"]["501"] = "other"
+    with pytest.raises(ComparisonError, match="was driven on other routes 501 than the files before it"):
+        joining.read(saved(tmp_path, whole, third))
 
 
 def test_code_of_another_day_that_drives_the_same_goes_on(tmp_path: Path) -> None:
@@ -319,12 +376,12 @@ def test_code_of_another_day_that_drives_the_same_goes_on(tmp_path: Path) -> Non
     later["versions"]["pytest-drive-robust"] = "9.9"
     for made_of in later["fingerprint"]["agents"].values():
         made_of["source"] = "other"
-    found = reports.read(saved(tmp_path, whole, later)).agents["tcp"]
+    found = joining.read(saved(tmp_path, whole, later)).agents["tcp"]
     assert set(found.settings) == set(DRIVEN)
     for episode in later["episodes"]:
         episode["driving_score"] *= 0.5
     with pytest.raises(ComparisonError, match="of another clean run"):
-        reports.read(saved(tmp_path, whole, later))
+        joining.read(saved(tmp_path, whole, later))
 
 
 @given(ratios=st.lists(st.floats(0.0, 3000.0)))
@@ -395,7 +452,7 @@ def test_the_jackknife_of_several_rows_has_nearly_fiellers_interval(tmp_path: Pa
     for episode in whole["episodes"]:
         if episode["setting"] not in (CLEAN, WARM):
             episode["driving_score"] *= generator.uniform(0.4, 0.8)
-    found = Drives(reports.read(saved(tmp_path, whole)), "released")  # the clean drives are alike: Fieller's
+    found = Drives(joining.read(saved(tmp_path, whole)), "released")  # the clean drives are alike: Fieller's
     fieller = estimates.degradation(found, "tcp", SETTINGS)
     jackknife = estimates.gap(estimates.rd_means(found, "tcp", SETTINGS), np.zeros(1 + len(CLEAN_DS)))
     assert fieller is not None
@@ -424,7 +481,7 @@ def test_rank_correlation_is_spearmans(row: list[float], expected: float) -> Non
 
 @pytest.mark.parametrize("reading", READINGS)
 def test_the_papers_own_figures_agree_with_the_paper(tmp_path: Path, reading: str) -> None:
-    found = agreement.agreement(Drives(reports.read(saved(tmp_path, *map(as_published, AGENTS))), reading), SETTINGS)
+    found = agreement.agreement(Drives(joining.read(saved(tmp_path, *map(as_published, AGENTS))), reading), SETTINGS)
     assert (found.driven, found.cells) == (44, 44)
     assert found.correlation is not None
     assert found.difference is not None
@@ -439,7 +496,7 @@ def noisy(tmp_path_factory: pytest.TempPathFactory) -> Drives:
     documents = [as_published(agent) for agent in ("tcp", "simlingo")]
     for episode in (episode for document in documents for episode in document["episodes"]):
         episode["driving_score"] *= generator.uniform(0.5, 1.0)
-    return Drives(reports.read(saved(tmp_path_factory.mktemp("noisy"), *documents)), "released")
+    return Drives(joining.read(saved(tmp_path_factory.mktemp("noisy"), *documents)), "released")
 
 
 def test_the_correlation_has_an_interval_around_it_and_the_same_one_again(noisy: Drives) -> None:
@@ -476,7 +533,7 @@ def verdicts(found: results.Results) -> dict[str, str]:
 
 @pytest.mark.parametrize("reading", READINGS)
 def test_the_papers_own_table_shows_all_but_the_first_which_simlingo_breaks(tmp_path: Path, reading: str) -> None:
-    found = patterns.patterns_of(Drives(reports.read(saved(tmp_path, *map(as_published, AGENTS))), reading))
+    found = patterns.patterns_of(Drives(joining.read(saved(tmp_path, *map(as_published, AGENTS))), reading))
     assert [pattern.key for pattern in found if pattern.verdict != "appears"] == ["severity"]
     (broken,) = (part for part in found[0].parts if part.verdict != "appears")
     assert broken.what == "simlingo: burst 3 s - burst 1 s"
@@ -488,7 +545,7 @@ def test_the_papers_own_table_shows_all_but_the_first_which_simlingo_breaks(tmp_
 def test_more_speed_under_a_failure_is_a_rise_in_efficiency(tmp_path: Path) -> None:
     faster = {setting: 120.0 if setting.startswith("speed") else 100.0 for setting in ALIKE}
     files = saved(tmp_path, report("tcp", ALIKE, efficiency_of=faster), report("uniad", ALIKE))
-    found = {pattern.key: pattern for pattern in patterns.patterns_of(Drives(reports.read(files), READINGS[0]))}[
+    found = {pattern.key: pattern for pattern in patterns.patterns_of(Drives(joining.read(files), READINGS[0]))}[
         "speed"
     ]
     assert [found.verdict_of(agent) for agent in ("tcp", "uniad", "vad")] == ["appears", "does not appear", None]
