@@ -36,6 +36,7 @@ def table_text(results: Results) -> str:
         "Efficiency is the speed in percent of the traffic's, comfort the percentage of comfortable",
         "segments. The paper drove the original networks in CARLA on 220 routes, without intervals; ours",
         "are compact re-implementations in the embedded world: compare patterns, not levels.",
+        *_stop(results),
         "",
         "Its failures have two readings, `paper` (its equations) and `released` (its code). These rows are",
         "the same in both, driven once and shown in both:",
@@ -67,6 +68,16 @@ def table_text(results: Results) -> str:
         for reading in READINGS:
             lines += ["", f"Reading `{reading}`:", "", *_agent_table(Drives(results, reading), agent)]
     return "\n".join(lines) + "\n"
+
+
+def _stop(results: Results) -> list[str]:
+    stop_s = results.world["stuck_stop_s"]
+    if stop_s is None:
+        return ["Every episode was driven to its end, as there."]
+    return [
+        f"An episode ended when its car had stood still for {stop_s:g} s (`drive_stuck_stop`); there it goes on,",
+        "and some cars get away after all.",
+    ]
 
 
 def _missing(results: Results) -> list[str]:

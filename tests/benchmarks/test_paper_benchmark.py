@@ -262,6 +262,15 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
     assert "none 1.0, weights bb." in texts.table_text(found)
 
 
+@pytest.mark.parametrize(
+    ("stop_s", "said"), [(30.0, "its car had stood still for 30 s"), (None, "Every episode was driven to its end")]
+)
+def test_the_table_says_whether_standing_cars_were_stopped(tmp_path: Path, stop_s: float | None, said: str) -> None:
+    document = report("tcp", ALIKE)
+    document["settings"]["stuck_stop_s"] = stop_s
+    assert said in texts.table_text(joining.read(saved(tmp_path, document)))
+
+
 def test_a_setting_keeps_its_own_clean_run(tmp_path: Path) -> None:
     other = report("tcp", {"clean": 0.9, "occlusion 0.5": 0.5})
     with pytest.raises(ComparisonError, match=r"1\.json: tcp lacks 1 s burst frame drop, .* of another clean run"):
