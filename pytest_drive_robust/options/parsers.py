@@ -61,12 +61,12 @@ def share(given: GivenText) -> float:
 
 
 def seconds(given: GivenText) -> float | None:
-    """Return a number of seconds > 0, None for nothing."""
-    if not given.text:
+    """Return a number of seconds > 0, None for nothing and for `"none"`."""
+    if given.text in ("", "none"):
         return None
     value = _number(given.text)
     if not (math.isfinite(value) and value > 0):
-        raise UsageError(f"{given.flag} is {given.text!r}, expected seconds > 0, as in {given.flag} 60.")
+        raise UsageError(f"{given.flag} is {given.text!r}, expected seconds > 0 or none, as in {given.flag} 60.")
     return value
 
 

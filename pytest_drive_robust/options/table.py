@@ -61,7 +61,7 @@ _RUN = (
         "none",
         "none: each verdict from evidence is wrong at most alpha of the time; holm: any fail of the whole run is",
     ),
-    Option("--drive-stuck-stop", "SECONDS", "", "end an episode when the ego stood this long"),
+    Option("--drive-stuck-stop", "SECONDS", "", "end an episode when the ego stood this long; none: never"),
     Option(
         "--drive-store",
         "FOLDER",

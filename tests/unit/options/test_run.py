@@ -88,6 +88,11 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
         RunOptions.from_pytest_config(FakeConfig(drive_store="kept", rootpath=tmp_path))
 
 
+@pytest.mark.parametrize(("text", "stop_s"), [("none", None), ("", None), ("2.5", 2.5)])
+def test_a_stuck_stop_can_be_turned_off(text, stop_s):
+    assert RunOptions.from_pytest_config(FakeConfig(drive_stuck_stop=text)).stuck_stop_s == stop_s
+
+
 @pytest.mark.parametrize("text", ["nan", "inf", "0", "-1", "soon"])
 def test_a_stuck_stop_that_is_no_time_is_refused(text):
     with pytest.raises(UsageError, match="expected seconds > 0"):
