@@ -118,22 +118,27 @@ def _worst(verdict: Verdict) -> list[str]:
     lines = ["  worst routes"] if verdict.worst else []
     under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
     compared = verdict.clean is not None and under != "clean"
+    metric = verdict.requirement.metric.name
+
+    def of(value: float | None) -> str:
+        return "" if value is None else f"{metric} {shown(metric, value)}, "
+
     for item in verdict.worst:
         head = f"  {item.route_id} {item.scenario}" + (f", seed {item.seed}" if verdict.seeds > 1 else "")
         if not compared:
-            lines += [head, _story(under, item.perturbed_score, item.perturbed_outcome)]
+            lines += [head, _story(under, item.perturbed_score, item.perturbed_outcome, of(item.perturbed_value))]
             continue
         parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s {item.diverged_by}"
         lines += [
             cut(head, WIDTH - len(parted)) + parted,
-            _story("clean", item.clean_score, item.clean_outcome),
-            _story("perturbed", item.perturbed_score, item.perturbed_outcome),
+            _story("clean", item.clean_score, item.clean_outcome, of(item.clean_value)),
+            _story("perturbed", item.perturbed_score, item.perturbed_outcome, of(item.perturbed_value)),
         ]
     return lines
 
 
-def _story(under: str, score: float | None, outcome: str) -> str:
-    return cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {outcome}")
+def _story(under: str, score: float | None, outcome: str, value: str) -> str:
+    return cut(f"    {under:<9} {'-' if score is None else f'{score:.1f}':>6}  {value}{outcome}")
 
 
 def _quoted(word: str) -> str:

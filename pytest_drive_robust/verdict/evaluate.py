@@ -23,8 +23,11 @@ from pytest_drive_robust.stats.intervals import (
     ratio_interval,
     share_interval,
 )
-from pytest_drive_robust.verdict.explain import WorstRoute, worst_routes
+from pytest_drive_robust.verdict.explain import WorstRoute, Yardstick, worst_routes
 from pytest_drive_robust.verdict.requirement import Requirement
+
+_SCORES = ("RD", "DS", "SR")
+"""The metrics whose worst routes are those with the lowest driving scores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +111,11 @@ def evaluate(
         low, high = _interval_after_reading(metric, values, references, verdict_rule.alpha, ended=ended)
         p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
     reason = _below_floor(metric, clean, verdict_rule)
+    decision = "inconclusive" if reason and decision == "pass" else decision
     return Verdict(
         requirement=requirement,
         agent=agent,
-        decision="inconclusive" if reason and decision == "pass" else decision,
+        decision=decision,
         verdict_rule=verdict_rule,
         margin=requirement.margin(verdict_rule) if verdict_rule.kind == "evidence" else 0.0,
         reason=reason,
@@ -123,9 +127,29 @@ def evaluate(
         seeds=len({result.episode.seed for result in perturbed}),
         clean=summarize(clean, mode=mode) if clean else None,
         perturbed=summarize(perturbed, mode=mode),
-        worst=worst_routes(clean, perturbed, relative=metric.needs_clean),
+        worst=worst_routes(
+            clean,
+            perturbed,
+            relative=metric.needs_clean,
+            yardstick=None if decision == "pass" else _yardstick(requirement, mode),
+        ),
         p_value=p_value,
     )
+
+
+def _yardstick(requirement: Requirement, mode: str) -> Yardstick | None:
+    """Return what ranks the routes of a broken requirement; None where the driving score does."""
+    metric = requirement.metric
+    if metric.name in _SCORES:
+        return None
+
+    def value(result: EpisodeResult) -> float | None:
+        try:
+            return metric.measure([result], mode=mode)
+        except Exception:  # a user's function may be made for several episodes only, and this is for information
+            return None
+
+    return Yardstick(value, requirement.limit, is_upper=requirement.comparison == "<=")
 
 
 def _interval_after_reading(

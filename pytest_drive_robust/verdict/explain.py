@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -49,6 +49,8 @@ class WorstRoute:
 
     `clean_score` is None and `clean_outcome` `"not driven"` when there is no clean twin; `diverged_s` is the second at
     which the two began to differ, None when they never did or there is no twin; `diverged_by` says in what.
+    `clean_value` and `perturbed_value` are those of the metric by which the route is one of the worst, None where that
+    is the driving score.
     """
 
     route_id: str
@@ -60,6 +62,24 @@ class WorstRoute:
     perturbed_outcome: str
     diverged_s: float | None
     diverged_by: str = ""
+    clean_value: float | None = None
+    perturbed_value: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Yardstick:
+    """A limit for routes one by one: `value` is the metric of one episode, None without data."""
+
+    value: Callable[[EpisodeResult], float | None]
+    limit: float
+    is_upper: bool
+
+    def excess(self, result: EpisodeResult) -> float:
+        """Return how far an episode is beyond the limit: above 0 when it breaks it alone."""
+        value = self.value(result)
+        if value is None:
+            return 0.0
+        return value - self.limit if self.is_upper else self.limit - value
 
 
 class Divergence(NamedTuple):
@@ -72,27 +92,44 @@ class Divergence(NamedTuple):
 
 
 def worst_routes(
-    clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult], *, relative: bool, count: int = 3
+    clean: Sequence[EpisodeResult],
+    perturbed: Sequence[EpisodeResult],
+    *,
+    relative: bool,
+    yardstick: Yardstick | None = None,
+    count: int = 3,
 ) -> tuple[WorstRoute, ...]:
     """Return at most `count` routes, one episode each, the worst first.
 
-    `relative`: by the driving score that was lost against the clean twin, routes that lost nothing left out (every
-    perturbed episode must have its twin). Otherwise by the lowest driving score, full scores left out. Ties go by
-    route and seed, so that the order is always the same.
+    By `yardstick`: those whose own value is furthest beyond the limit. Without one, and where no episode breaks the
+    limit alone: `relative`, by the driving score that was lost against the clean twin, routes that lost nothing left
+    out (every perturbed episode must have its twin); otherwise by the lowest driving score, full scores left out. Ties
+    go by route and seed, so that the order is always the same.
     """
-    twins = {(result.episode.route_id, result.episode.seed): result for result in clean}
-    ranked: list[tuple[float, str, int, EpisodeResult]] = []
-    for result in perturbed:
-        route_id, seed = result.episode.route_id, result.episode.seed
-        reference = driving_score(twins[route_id, seed]) if relative else 100.0
-        loss = reference - driving_score(result)
-        if loss > 0.0:
-            ranked.append((-loss, route_id, seed, result))
+    twins = {_place(result): result for result in clean}
+
+    def lost(result: EpisodeResult) -> float:
+        return (driving_score(twins[_place(result)]) if relative else 100.0) - driving_score(result)
+
+    value = yardstick.value if yardstick is not None else None
+    worst = _furthest(perturbed, yardstick.excess) if yardstick is not None else []
+    if not worst:
+        value, worst = None, _furthest(perturbed, lost)
+    return tuple(_explain(result, twins.get(_place(result)), value) for result in worst[:count])
+
+
+def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult], float]) -> list[EpisodeResult]:
+    """Return the episodes with an excess above 0, the largest first, one of each route."""
+    ranked = sorted(((-excess(result), *_place(result), result) for result in results), key=lambda entry: entry[:3])
     worst: dict[str, EpisodeResult] = {}
-    for _, route_id, _, result in sorted(ranked, key=lambda entry: entry[:3]):
-        worst.setdefault(route_id, result)
-    chosen = list(worst.values())[:count]
-    return tuple(_explain(result, twins.get((result.episode.route_id, result.episode.seed))) for result in chosen)
+    for distance, route_id, _, result in ranked:
+        if distance < 0.0:
+            worst.setdefault(route_id, result)
+    return list(worst.values())
+
+
+def _place(result: EpisodeResult) -> tuple[str, int]:
+    return result.episode.route_id, result.episode.seed
 
 
 def describe_outcome(result: EpisodeResult) -> str:
@@ -139,7 +176,9 @@ def first_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> Divergen
     return Divergence(float((row + 1) * clean.dt_s), first)  # a row of the trace is the end of its tick
 
 
-def _explain(result: EpisodeResult, twin: EpisodeResult | None) -> WorstRoute:
+def _explain(
+    result: EpisodeResult, twin: EpisodeResult | None, value: Callable[[EpisodeResult], float | None] | None
+) -> WorstRoute:
     parted = None if twin is None else first_divergence(twin, result)
     return WorstRoute(
         route_id=result.episode.route_id,
@@ -151,6 +190,8 @@ def _explain(result: EpisodeResult, twin: EpisodeResult | None) -> WorstRoute:
         perturbed_outcome=describe_outcome(result),
         diverged_s=None if parted is None else parted.second,
         diverged_by="" if parted is None else parted.signal,
+        clean_value=None if twin is None or value is None else value(twin),
+        perturbed_value=None if value is None else value(result),
     )
 
 

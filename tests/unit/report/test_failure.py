@@ -7,11 +7,12 @@ import pytest
 from result_factory import infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.verdict.evaluate import evaluate
-from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.requirement import Requirement, requirement
 
 LATENCY = Setting.of(InferenceLatency(ms=200))
 
@@ -98,3 +99,11 @@ def test_a_privileged_agent_is_said_to_be_one():
 def test_one_route_is_no_interval():
     text = text_of(requirement("RD", LATENCY) <= 0.1, CLEAN[:1], PERTURBED[:1])
     assert "(95 % interval unknown, 1 route x 1 seed)" in text
+
+
+def test_what_a_route_is_blamed_for_stands_beside_its_outcome():
+    late = [make_result("7", setting=str(LATENCY), trace=trace_of(40, speed_mps=12.0))]
+    metric = Metric.from_function("fastest", lambda results: float(results[0].trace.column("speed_mps").max()))
+    lines = text_of(Requirement(metric, LATENCY, "<=", 10.0), [], late).splitlines()
+    assert lines[-2] == "    perturbed  100.0  fastest 12.00, completed"
+    assert lines[-1].startswith("  replay:  drive-robust replay 7 ")

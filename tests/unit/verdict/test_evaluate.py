@@ -26,7 +26,7 @@ from pytest_drive_robust.perturbations import (
 )
 from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, immunity, measure, require_touched
-from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.requirement import Requirement, requirement
 from pytest_drive_robust.verdict.sentences import parse_requirement
 
 LATE = "200 ms latency"
@@ -288,3 +288,41 @@ def test_an_agent_that_uses_what_was_changed_is_not(touched: str, consumes: tupl
     setting = Setting.of(GpsNoise())
     given = (touched,) if touched else ()
     assert immunity(episodes(setting, *given, cameras=("front",), consumes=consumes)) == ""
+
+
+def fastest(results: Sequence[EpisodeResult]) -> float:
+    return max(float(result.trace.column("speed_mps").max()) for result in results)
+
+
+def at(route: str, mps: float, *, seed: int = 0, setting: str = LATE) -> EpisodeResult:
+    return make_result(route, seed=seed, setting=setting, trace=trace_of(40, speed_mps=mps))
+
+
+def test_a_broken_limit_of_another_metric_names_the_routes_that_break_it_alone() -> None:
+    metric = Metric.from_function("fastest", fastest)
+    late = [at("1", 9.0), at("2", 12.0), at("2", 14.0, seed=1), at("3", 30.0), at("4", 10.0)]
+    clean = [at(result.episode.route_id, 5.0, seed=result.episode.seed, setting="clean") for result in late]
+    broken = evaluate(Requirement(metric, Setting.parse(LATE), "<=", 10.0), agent="driver", clean=clean, perturbed=late)
+
+    told = [(route.route_id, route.seed, route.perturbed_value, route.clean_value) for route in broken.worst]
+    assert told == [("3", 0, 30.0, 5.0), ("2", 1, 14.0, 5.0)]
+    slow = evaluate(Requirement(metric, Setting.parse(LATE), ">=", 31.0), agent="driver", clean=[], perturbed=late)
+    assert [route.route_id for route in slow.worst] == ["1", "4", "2"]
+    held = evaluate(Requirement(metric, Setting.parse(LATE), "<=", 30.0), agent="driver", clean=[], perturbed=late)
+    assert held.worst == ()
+
+
+@pytest.mark.parametrize("of_one", [None, ZeroDivisionError])
+def test_a_metric_without_a_value_of_one_episode_names_the_lowest_driving_scores(
+    of_one: type[Exception] | None,
+) -> None:
+    def of_many(results: Sequence[EpisodeResult]) -> float | None:
+        if len(results) > 1:
+            return 1.0
+        if of_one is not None:
+            raise of_one
+        return None
+
+    wanted = Requirement(Metric.from_function("spread", of_many), Setting.parse(LATE), "<=", 0.5)
+    verdict = evaluate(wanted, agent="driver", clean=[], perturbed=drives([100.0, 20.0, 100.0], setting=LATE))
+    assert [(route.route_id, route.perturbed_value) for route in verdict.worst] == [("1", None)]
