@@ -8,11 +8,15 @@ may well be broken:
     pytest --drive-robust suites/paper -k reading --drive-agent tcp --drive-routes full --drive-verdict point \\
         --drive-json tcp.json
 
-Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. One setting at a time
-does as well, as in `-k "reading and occlusion-0.8"`, with a report each. `--drive-seeds 1` drives another seed: a
-report has one, and a table as many as all its drives have. Then draw, from one or more such reports; of an agent that
-is in several files each setting is that of the last one, if all belong to the same clean run (else a new report must
-hold all that the old one does), so that it can be put over the committed results:
+Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. It may be driven in
+parts, with a report each: some routes and then others, one setting at a time, as in `-k "reading and occlusion-0.8"`,
+and every seed by itself, `--drive-seeds 1`. The second route of each type:
+
+    --drive-routes $(seq -s, 102 100 4402)
+
+Then draw, from all such reports; of an agent that is in several files on the same routes each setting is that of the
+last one, if all belong to the same clean run (else a new report must hold all that the old one does), so that it can be
+put over the committed results:
 
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
