@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -325,7 +327,7 @@ def test_every_seed_holds_the_same_drives(tmp_path: Path) -> None:
         joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE, routes=7), 1)))
 
 
-def of_routes(document: dict[str, Any], routes: range, comfort: float) -> dict[str, Any]:
+def of_routes(document: dict[str, Any], routes: Iterable[int], comfort: float) -> dict[str, Any]:
     """The part of a report that is about some of its routes, by place."""
     kept = [str(100 * place + 101) for place in routes]
     part = json.loads(json.dumps(document))
@@ -349,6 +351,19 @@ def test_routes_can_be_driven_in_parts(tmp_path: Path) -> None:
         assert ours.efficiency == scores.efficiency
         assert ours.comfort == pytest.approx((6 * 20.0 + 2 * 60.0) / 8)
     assert joining.read(saved(tmp_path, second, vad, first)) == found
+
+
+@given(
+    order=st.permutations(range(len(CLEAN_DS))),
+    sizes=st.sampled_from([(8,), (2, 6), (5, 3), (4, 2, 2), (3, 3, 2), (2, 2, 2, 2)]),
+)
+def test_however_the_routes_are_parted_the_whole_is_the_same(order: list[int], sizes: tuple[int, ...]) -> None:
+    whole = report("vad", {**ALIKE, "occlusion 0.8": 0.5})
+    places = iter(order)
+    parts = [of_routes(whole, sorted(itertools.islice(places, size)), 30.0) for size in sizes]
+    with tempfile.TemporaryDirectory() as folder:
+        found = joining.read(saved(Path(folder), *parts))
+        assert results.text_of(found) == results.text_of(joining.read(saved(Path(folder), whole)))
 
 
 def test_a_row_of_one_part_is_driven_again_before_the_parts_are_put_together(tmp_path: Path) -> None:
