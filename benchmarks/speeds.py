@@ -2,7 +2,7 @@
 
 Efficiency compares an agent with its traffic, and that differs between worlds; metres per second do not. Files are
 reports of `--drive-json`, and results of the official evaluator (a file or a folder), as the authors of TCP, UniAD and
-VAD published them beside their code:
+VAD published them beside their code. Reports of the same agent are one row:
 
     python benchmarks/speeds.py tcp.json vad.json TCP-only-traj.json UniAD-Base.json VAD.json
 
@@ -81,7 +81,7 @@ def row_of(agent: str, drives: Sequence[Driven]) -> tuple[str, ...]:
     speeds = [drive.length_m / drive.game_s for drive in drives if drive.completed]
     if len(speeds) < FEWEST:
         raise UsageError(f"{agent} completed {len(speeds)} of {len(drives)} routes. Expected at least {FEWEST}.")
-    low, median, high = statistics.quantiles(speeds, n=4)
+    low, median, high = statistics.quantiles(speeds, n=4, method="inclusive")
     return (
         agent,
         str(len(drives)),
@@ -97,10 +97,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     table = Table(title="m/s of completed routes, without failures")
     for name in ("agent", "drives", "completed", "median m/s (quartiles)", "mean s"):
         table.add_column(name, justify="left" if name == "agent" else "right", no_wrap=True)
+    found: dict[str, list[Driven]] = {}
     try:
         for path in parser.parse_args(argv).files:
             for agent, drives in drives_of(path):
-                table.add_row(*row_of(agent, drives))
+                found.setdefault(agent, []).extend(drives)
+        for agent, drives in found.items():
+            table.add_row(*row_of(agent, drives))
     except DriveRobustError as error:
         sys.exit(f"error: {error}")
     Console(width=100).print(table)

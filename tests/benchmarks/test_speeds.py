@@ -47,7 +47,17 @@ def test_metres_per_second_of_the_completed_routes(tmp_path: Path) -> None:
     rows = {line.split()[1]: line for line in done.stdout.splitlines() if "5.00" in line}
     assert set(rows) == {"made-up", "theirs"}
     for row in rows.values():
-        assert [cell.strip() for cell in row.split("│")[2:6]] == ["4", "3", "5.00 (2.50 to 10.00)", "23.3"]
+        assert [cell.strip() for cell in row.split("│")[2:6]] == ["4", "3", "5.00 (3.75 to 7.50)", "23.3"]
+
+
+def test_reports_of_one_agent_are_one_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder, seconds in ((first, 10.0), (second, 40.0)):
+        folder.mkdir()
+        ours(folder, [seconds], ["completed"])
+    main([str(first / "ours.json"), str(second / "ours.json")])
+    (row,) = (line for line in capsys.readouterr().out.splitlines() if "made-up" in line)
+    assert [cell.strip() for cell in row.split("│")[2:6]] == ["2", "2", "6.25 (4.38 to 8.12)", "25.0"]
 
 
 def test_a_folder_of_official_results_is_read_whole(tmp_path: Path) -> None:
