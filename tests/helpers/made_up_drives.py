@@ -7,8 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from _paper.published import CLEAN, PUBLISHED, SETTINGS
+from _paper.readings import NO_LATENCY, READINGS, called_in
+
 CLEAN_DS = (95.0, 72.0, 48.0, 95.0, 90.0, 64.0, 80.0, 55.0)
 """Clean driving scores of the routes 101, 201, ..."""
+
+ALIKE = dict.fromkeys((CLEAN, *SETTINGS), 1.0)
+"""The reading `paper` alone."""
 
 
 def report(
@@ -61,3 +67,16 @@ def saved(folder: Path, *reports: Mapping[str, Any]) -> Sequence[Path]:
     for path, content in zip(paths, reports, strict=True):
         path.write_text(json.dumps(content), encoding="utf-8")
     return paths
+
+
+def as_published(agent: str) -> dict[str, Any]:
+    """A report that has the paper's own figures in both readings, without noise."""
+    best = PUBLISHED["simlingo"][CLEAN].ds
+    rows = {called_in(reading, row): figures for reading in READINGS for row, figures in PUBLISHED[agent].items()}
+    rows[called_in("released", NO_LATENCY)] = PUBLISHED[agent][CLEAN]
+    return report(
+        agent,
+        {setting: row.ds / best for setting, row in rows.items()},
+        efficiency_of={setting: row.efficiency for setting, row in rows.items()},
+        comfort_of={setting: row.comfort for setting, row in rows.items()},
+    )
