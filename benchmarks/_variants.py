@@ -1,9 +1,9 @@
 """Learned agents with one thing changed, as agents of the registry: `variant:vad/target-rule`.
 
-Each change is one factor of what stands between the network and the car; `published` and `our-numbers` change all of
-them at once, and where an agent ships with the published numbers, the factors change ours (`ours-but-...`). A factor
-takes the published numbers with the car that they are for: what it steers, or its pedals, are then given to the car as
-they are, while ours are converted from a plain car (`_planning/plain_car.py`).
+Each change is one factor of what stands between the network and the car. The agents ship with the published numbers;
+`our-numbers` changes all of them at once, and `ours-but-...` changes one factor of ours. `target-rule`, `steering` and
+`pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are then given to the
+car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
 """
 
 from __future__ import annotations
@@ -47,8 +47,7 @@ class Change:
 
 _TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
 _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
-_PUBLISHED = Change(options={"tuning": "published"})
-_OURS = Change(options={"tuning": "ours"})
+_NO_CAP = Change(numbers={"coast_above_mps": float("inf")})
 _SPEEDOMETER = Change(moved_by_speed=True)
 _BEHIND = Change(behind_m=20.0)
 _NOTHING = Change()
@@ -57,6 +56,14 @@ _NOTHING = Change()
 def _pedals(**caps: Any) -> Change:
     rule = {"speed_pairs": 5, "brake_below_mps": 0.4, **caps}
     return Change(numbers=rule, pedals_as_they_are=True)
+
+
+def _ours(**changes: Change) -> dict[str, Change]:
+    """Return our numbers, as `our-numbers`, and the changes to them, as `ours-but-...`."""
+    named = {f"ours-but-{name.replace('_', '-')}": change for name, change in changes.items()}
+    return {
+        name: replace(change, options={"tuning": "ours"}) for name, change in {"our-numbers": _NOTHING, **named}.items()
+    }
 
 
 def _halved(gains: Gains) -> Gains:
@@ -69,11 +76,10 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         {
             "as-shipped": _NOTHING,
             "place-20-m-behind": _BEHIND,
-            "our-numbers": _OURS,
-            "ours-but-target-rule": replace(_TARGET_RULE, options=_OURS.options),
-            "ours-but-steering": replace(_STEERING, options=_OURS.options),
-            "ours-but-pedals": replace(
-                _pedals(cruise_throttle=tuning.TCP_PUBLISHED.cruise_throttle, full_brake=True), options=_OURS.options
+            **_ours(
+                target_rule=_TARGET_RULE,
+                steering=_STEERING,
+                pedals=_pedals(cruise_throttle=tuning.TCP_PUBLISHED.cruise_throttle, full_brake=True),
             ),
         },
     ),
@@ -81,23 +87,28 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         UniAD,
         {
             "as-shipped": _NOTHING,
-            "target-rule": _TARGET_RULE,
-            "steering": _STEERING,
-            "pedals": _pedals(),
-            "no-cap-of-5-mps": Change(numbers={"coast_above_mps": float("inf")}),
+            "no-cap-of-5-mps": _NO_CAP,
             "memory-by-speedometer": _SPEEDOMETER,
-            "published": _PUBLISHED,
+            **_ours(
+                target_rule=_TARGET_RULE,
+                steering=_STEERING,
+                pedals=_pedals(),
+                no_cap_of_5_mps=_NO_CAP,
+                memory_by_speedometer=_SPEEDOMETER,
+            ),
         },
     ),
     "vad": (
         VAD,
         {
             "as-shipped": _NOTHING,
-            "target-rule": _TARGET_RULE,
-            "steering": _STEERING,
-            "pedals": _pedals(most_throttle=tuning.VAD_PUBLISHED.most_throttle),
             "memory-by-speedometer": _SPEEDOMETER,
-            "published": _PUBLISHED,
+            **_ours(
+                target_rule=_TARGET_RULE,
+                steering=_STEERING,
+                pedals=_pedals(most_throttle=tuning.VAD_PUBLISHED.most_throttle),
+                memory_by_speedometer=_SPEEDOMETER,
+            ),
         },
     ),
     "simlingo": (
@@ -107,9 +118,9 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "filter-that-knows-the-time": Change(options={"position_filter": "elapsed"}),
             "raw-gps": Change(options={"position_filter": "none"}),
             "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
-            "our-numbers": _OURS,
             "place-20-m-behind": _BEHIND,
             "commentary": Change(options={"commentary": True}),
+            **_ours(),
         },
     ),
 }

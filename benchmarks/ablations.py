@@ -1,13 +1,14 @@
 """What decides what a failure costs a learned agent: one factor of its wrapper changed at a time, the network as it is.
 
     python benchmarks/ablations.py tcp --settings "200 ms latency (reading=released)" "GPS noise 15 m"
-    python benchmarks/ablations.py simlingo --changes as-shipped raw-gps --routes full
+    python benchmarks/ablations.py simlingo --changes raw-gps --routes full
+    python benchmarks/ablations.py tcp --base our-numbers --changes ours-but-pedals
 
 Each change (`_variants.py`) is driven clean and under the settings, over the same routes; a setting with a warm-up is
 compared with a clean drive that has it, too. RD is 1 - DS / DS clean with Fieller's 95 % interval; *less by* is how
-much smaller RD is than that of the agent as it ships, with the jackknife's interval, paired by route. What the store
-has is not driven again. `--write FOLDER` keeps the table as `AGENT.md` and draws it as `AGENT.svg`, beside the
-RD of the paper.
+much smaller RD is than that of the base, the agent as it ships or `--base CHANGE`, with the jackknife's interval,
+paired by route. What the store has is not driven again. `--write FOLDER` keeps the table as `AGENT.md` and draws it as
+`AGENT.svg`, beside the RD of the paper.
 """
 
 from __future__ import annotations
@@ -40,7 +41,6 @@ from pytest_drive_robust.store.whole_file import write_whole
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
 
-AS_SHIPPED = "as-shipped"
 _ENDS = (-0.4, 1.0)
 """What the picture shows of RD; an interval without a lower end goes on to there."""
 SETTINGS = ("GPS noise 15 m", "200 ms latency (reading=released)")
@@ -50,6 +50,7 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("agent", choices=sorted(VARIANTS), help="whose wrapper is changed")
     parser.add_argument("--changes", nargs="+", metavar="NAME", help="some of them (default: all that there are)")
+    parser.add_argument("--base", default="as-shipped", metavar="NAME", help="the change that others are compared with")
     parser.add_argument("--settings", nargs="+", default=list(SETTINGS), metavar="SENTENCE", help="what fails")
     parser.add_argument("--routes", default="one-per-scenario", help="what --drive-routes understands")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
@@ -95,11 +96,11 @@ class Row:
         setting: str,
         change: str,
         pair: tuple[Sequence[EpisodeResult], Sequence[EpisodeResult]],
-        shipped: tuple[Sequence[EpisodeResult], Sequence[EpisodeResult]],
+        base: tuple[Sequence[EpisodeResult], Sequence[EpisodeResult]],
     ) -> Row:
-        """Sum up the episodes of a change, (clean, perturbed), and compare them with those of the agent as it ships."""
+        """Sum up the episodes of a change, (clean, perturbed), and compare them with those of the base."""
         found, lost = summary(pair[1]), degradation(*pair)
-        scores = [tuple([driving_score(one) for one in part] for part in each) for each in (shipped, pair)]
+        scores = [tuple([driving_score(one) for one in part] for part in each) for each in (base, pair)]
         return cls(
             setting=setting,
             change=change,
@@ -109,7 +110,7 @@ class Row:
             success=found["success_rate"],
             rd=lost["rd"],
             interval=tuple(lost["rd_interval"]),
-            less=None if change == AS_SHIPPED else less_by(*scores),
+            less=None if pair is base else less_by(*scores),
         )
 
     def __str__(self) -> str:
@@ -122,8 +123,8 @@ class Row:
 
 
 def driven(given: argparse.Namespace) -> list[Row]:
-    """Drive what is not driven yet; return the rows, setting by setting, each beginning with the agent as it ships."""
-    changes = list(dict.fromkeys([AS_SHIPPED, *(given.changes or VARIANTS[given.agent][1])]))
+    """Drive what is not driven yet; return the rows, setting by setting, each beginning with the base."""
+    changes = list(dict.fromkeys([given.base, *(given.changes or VARIANTS[given.agent][1])]))
     settings = [str(Setting.parse(sentence)) for sentence in given.settings]
     baselines = {setting: str(Setting.parse(setting).baseline) for setting in settings}
     names = {change: f"variant:{given.agent}/{change}" for change in changes}
@@ -138,7 +139,7 @@ def driven(given: argparse.Namespace) -> list[Row]:
     rows = []
     for setting in settings:
         pairs = {change: (results[name, baselines[setting]], results[name, setting]) for change, name in names.items()}
-        rows += [Row.of(setting, change, pair, pairs[AS_SHIPPED]) for change, pair in pairs.items()]
+        rows += [Row.of(setting, change, pair, pairs[given.base]) for change, pair in pairs.items()]
     return rows
 
 
@@ -165,7 +166,7 @@ def picture(agent: str, rows: Sequence[Row]) -> str:
             places = range(len(part))
             for place, row in zip(places, part, strict=True):
                 low, high = (end if bound is None else bound for bound, end in zip(row.interval, _ENDS, strict=True))
-                colour = "#444444" if row.change == AS_SHIPPED else "#0072B2"
+                colour = "#444444" if row.less is None else "#0072B2"
                 axes.plot([low, high], [place, place], color=colour, linewidth=2.0, solid_capstyle="butt")
                 axes.plot(row.rd, place, "o", color=colour)
             paper = _paper_rd(agent, setting)

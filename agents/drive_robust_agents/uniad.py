@@ -23,8 +23,8 @@ have); the memory is 0.5 s old at run time too.
 
 The wrapper is that of Bench2DriveZoo's `uniad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no throttle above a
-speed (5 m/s there), the brake dropped where the throttle is larger. Gains and target rules are ours, with
-`tuning="published"` the published ones (`_wrappers.tuning`).
+speed (5 m/s), the brake dropped where the throttle is larger. Gains and target rules are the published ones; those of
+`tuning="ours"` were found for a plain car (`_wrappers.tuning`).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class UniAD(BevAgent):
         self,
         *,
         optimise: bool = True,
-        tuning: Tuning = "ours",
+        tuning: Tuning = "published",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",

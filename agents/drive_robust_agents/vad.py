@@ -19,8 +19,8 @@ ahead (auxiliaries that the published model does not have); the memory is 0.5 s 
 
 The wrapper is that of Bench2DriveZoo's `vad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, a throttle
-that no speed cuts, the brake dropped where the throttle is larger. Gains are ours, with
-`tuning="published"` the published ones (`_wrappers.tuning`).
+that no speed cuts, the brake dropped where the throttle is larger. Gains and target rules are the published ones; those
+of `tuning="ours"` were found for a plain car (`_wrappers.tuning`).
 """
 
 from __future__ import annotations

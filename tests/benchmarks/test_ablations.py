@@ -95,7 +95,7 @@ def test_an_unknown_change_is_refused_with_those_that_there_are() -> None:
     registry = Registry()
     ablations._variants.pytest_drive_robust_register(registry)
     with pytest.raises(UnknownNameError, match="target-rule"):
-        registry.agent("variant:vad/target-rules")
+        registry.agent("variant:vad/ours-but-target-rules")
 
 
 def test_less_by_is_paired_by_route() -> None:
@@ -108,11 +108,12 @@ def test_less_by_is_paired_by_route() -> None:
 @pytest.mark.slow
 def test_the_table_and_the_picture_show_what_was_driven(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    words = ["tcp", "--routes", "3101,2401", "--changes", "ours-but-steering", "--settings", "GPS noise 15 m"]
+    words = ["tcp", "--routes", "3101,2401", "--settings", "GPS noise 15 m"]
+    words += ["--base", "our-numbers", "--changes", "ours-but-steering"]
     ablations.main([*words, "--workers", "1", "--store", "store", "--write", "drawn"])
     told = capsys.readouterr().out
     first, second = (line.split(" | ") for line in told.splitlines() if line.startswith("| GPS noise 15 m"))
-    assert (first[1], second[1]) == ("as-shipped", "ours-but-steering")
+    assert (first[1], second[1]) == ("our-numbers", "ours-but-steering")
     for row in (first, second):
         assert math.isclose(float(row[5]), 1.0 - float(row[3]) / float(row[2]), abs_tol=0.01)
     assert (tmp_path / "drawn" / "tcp.md").read_text() in told

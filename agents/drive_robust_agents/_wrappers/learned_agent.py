@@ -35,9 +35,9 @@ class LearnedAgent(ABC):
     module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the
     plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
 
-    `tuning` says whose numbers turn the plan into controls. `"ours"` are found for a plain car: it gives the controls
-    with which the car that is driven moves alike (`plain_car`). `"published"` are those of the released agent, made for
-    CARLA's car, and what they give is what it gives. Raises `UnknownNameError` for others.
+    `tuning` says whose numbers turn the plan into controls. `"published"` are those of the released agent, made for
+    CARLA's car, and what they give is what it gives. `"ours"` are found for a plain car: it gives the controls with
+    which the car that is driven moves alike (`plain_car`). Raises `UnknownNameError` for others.
     """
 
     consumes: ClassVar[frozenset[str]]
@@ -53,7 +53,7 @@ class LearnedAgent(ABC):
     def __init__(
         self,
         *,
-        tuning: Tuning = "ours",
+        tuning: Tuning = "published",
         engine: str = "onnx",
         device: str = "cpu",
         dtype: str = "float32",
@@ -81,7 +81,7 @@ class LearnedAgent(ABC):
 
         `options` are those in its name. A device is looked for where the agent is made.
         """
-        tuning_called(options.get("tuning", "ours"), agent=cls.name)
+        tuning_called(options.get("tuning", "published"), agent=cls.name)
         computed = {name: options[name] for name in ("engine", "dtype", "threads") if name in options}
         Policy.check(cls.name, cls.architecture, **computed)
 

@@ -17,6 +17,7 @@ from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
 from drive_robust_agents._nets.inference import Policy  # noqa: E402
 from drive_robust_agents._nets.uniad import UniadNet, UniadSpec  # noqa: E402
 from drive_robust_agents._wrappers.bev_agent import CAMERAS  # noqa: E402
+from drive_robust_agents._wrappers.tuning import Tuning  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402
 from drive_robust_agents.training.loop.trainer import TrainingOptions  # noqa: E402
 from drive_robust_agents.uniad import UniAD  # noqa: E402
@@ -151,8 +152,9 @@ def test_it_may_be_driven_in_lockstep_where_the_processor_keeps_rows_apart(weigh
     assert problem is None or "in other company" in problem  # the last bits of products are up to the processor
 
 
-def test_published_it_coasts_above_five_metres_per_second_too() -> None:
-    agent = UniAD(tuning="published", network=Scripted())
+@pytest.mark.parametrize("tuning", ["published", "ours"])
+def test_it_coasts_above_five_metres_per_second(tuning: Tuning) -> None:
+    agent = UniAD(tuning=tuning, network=Scripted())
     agent.reset(PLAN, 0)
     assert agent.act(seen(0, speed=3.0)).throttle > 0.0
     assert agent.act(seen(1, speed=5.1)).throttle == 0.0

@@ -65,9 +65,9 @@ class Spy:
         return {"waypoints": np.repeat(way[None], rows, axis=0).astype(np.float32), "bev": bev}
 
 
-def spied(*commands: RoadOption) -> tuple[VAD, Spy]:
+def spied(*commands: RoadOption, **options: Any) -> tuple[VAD, Spy]:
     spy = Spy()
-    agent = VAD(network=spy)
+    agent = VAD(network=spy, **options)
     agent.reset(plan(*(commands or [RoadOption.LANE_FOLLOW] * 3)), 0)
     return agent, spy
 
@@ -168,8 +168,8 @@ def test_the_plan_for_overlays_is_the_way_and_the_target() -> None:
     assert told.target_points == ((20.0, 0.0),)
 
 
-def test_the_throttle_is_the_same_at_every_speed_below_the_wish() -> None:
-    agent, _ = spied()
+def test_our_throttle_is_that_of_a_plain_car_the_same_at_every_speed_below_the_wish() -> None:
+    agent, _ = spied(tuning="ours")
     for tick, speed_mps in enumerate((0.0, 1.6, 3.0)):
         given = agent.act(replace(observed(tick), speed=Speed(speed_mps, tick))).throttle
         most = pedals_from_plain(speed_mps, Pedals(VAD.tunings["ours"].most_throttle, 0.0)).throttle
@@ -235,8 +235,7 @@ def test_a_network_built_from_the_plain_values_of_its_specification_is_the_same(
         VadNet.build(plain_spec(VadSpec()) | {"agentes": 8})
 
 
-def test_published_it_has_the_throttle_of_the_controller_alone() -> None:
-    agent = VAD(tuning="published", network=Spy())
-    agent.reset(plan(RoadOption.STRAIGHT), 0)
+def test_it_has_the_published_throttle_of_the_controller_alone() -> None:
+    agent, _ = spied()
     asked = [agent.act(replace(observed(tick), speed=Speed(1.0, tick))).throttle for tick in range(3)]
     assert asked == [0.75] * 3
