@@ -69,8 +69,7 @@ class Fusion:
 class TCP(LearnedAgent):
     """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
-    `tuning` is that of `LearnedAgent`: the published numbers are used where nothing is said, as on held-out routes
-    these weights drive no worse by them.
+    `tuning` is that of `LearnedAgent`.
 
     `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
