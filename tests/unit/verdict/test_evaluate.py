@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -181,6 +182,13 @@ def test_a_users_metric_is_measured_with_a_jackknife_interval() -> None:
     assert value == 30.0
     # mean 30, sd 26.4575, t(2; 0.975) = 4.302653
     assert (low, high) == pytest.approx((30 - 65.72, 30 + 65.72), abs=0.01)
+
+
+def test_a_users_metric_that_needs_several_episodes_has_a_value_of_two_routes_and_no_interval() -> None:
+    spread = Metric.from_function("spread", lambda results: statistics.stdev(result.ticks for result in results))
+    results = [make_result(str(ticks), trace=trace_of(ticks)) for ticks in (100, 200)]
+    value, interval = measure(spread, clean=[], perturbed=results)
+    assert (value, interval) == (pytest.approx(70.7, abs=0.1), (spread.low, spread.high))
 
 
 @pytest.mark.parametrize("nothing", [None, math.nan, math.inf])
