@@ -44,9 +44,9 @@ class Agreement:
     difference: float | None
 
 
-def agreement(drives: Drives, rows: Sequence[str]) -> Agreement:
-    """Compare all agents' RD in some rows with the paper's."""
-    cells = [(agent, row) for agent in AGENTS for row in rows]
+def agreement(drives: Drives, rows: Sequence[str], agents: Sequence[str] = AGENTS) -> Agreement:
+    """Compare the RD of some agents in some rows with the paper's."""
+    cells = [(agent, row) for agent in agents for row in rows]
     pairs = {cell: pair for cell in cells if (pair := drives.pair(*cell)) is not None}
     if not pairs:
         return Agreement(len(cells), 0, None, None)

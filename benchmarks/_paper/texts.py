@@ -59,6 +59,11 @@ def table_text(results: Results) -> str:
         "",
         *_agreements(results),
         "",
+        "One agent alone, what costs it more and what less, over its eleven rows and over the eight without",
+        "latency; *off by* is the mean absolute difference of RD:",
+        "",
+        *_agreements_by_agent(results),
+        "",
         "## RD (the paper's)",
     ]
     for reading in READINGS:
@@ -147,6 +152,24 @@ def _agreements(results: Results) -> list[str]:
                 )
             )
     return _table(("reading, cells", "driven", "rank correlation", "95 %", "mean abs. difference"), rows)
+
+
+def _agreements_by_agent(results: Results) -> list[str]:
+    rows = []
+    for reading in READINGS:
+        for agent in results.agents:
+            found = [
+                agreement(Drives(results, reading), settings, [agent])
+                for settings in (SETTINGS, AVERAGES[_PARTS["without latency"]])
+            ]
+            numbers = [
+                (_number(one.correlation, ".2f"), _NONE if one.correlation is None else _range(one.correlation, ".2f"))
+                for one in found
+            ]
+            differences = [_number(one.difference, ".2f") for one in found]
+            rows.append((f"`{reading}`", agent, *numbers[0], differences[0], *numbers[1], differences[1]))
+    header = ("reading", "agent", "all", "95 %", "off by", "without latency", "95 %", "off by")
+    return _table(header, rows, text_columns=2)
 
 
 def _glance(drives: Drives) -> list[str]:

@@ -325,6 +325,22 @@ def test_the_papers_own_figures_agree_with_the_paper(tmp_path: Path, reading: st
     assert found.difference < 0.005
 
 
+def test_agents_agree_with_the_paper_each_for_itself(tmp_path: Path) -> None:
+    tcp, vad = as_published("tcp"), as_published("vad")
+    for episode in vad["episodes"]:
+        if episode["setting"].startswith("GPS noise 15 m"):
+            episode["driving_score"] = 100.0
+    drives = Drives(joining.read(saved(tmp_path, tcp, vad)), "paper")
+    one, other = (agreement.agreement(drives, SETTINGS, [agent]) for agent in ("tcp", "vad"))
+    assert (one.driven, one.cells, other.driven, other.cells) == (11, 11, 11, 11)
+    assert one.difference is not None
+    assert other.difference is not None
+    assert one.difference < 0.005 < 0.1 < other.difference
+    assert one.correlation is not None
+    assert other.correlation is not None
+    assert other.correlation.value < 0.8 < 0.99 < one.correlation.value
+
+
 @pytest.fixture(scope="module")
 def noisy(tmp_path_factory: pytest.TempPathFactory) -> Drives:
     """The paper's own figures of two agents with chance on every route."""
