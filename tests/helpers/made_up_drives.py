@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from _paper import joining, results
 from _paper.published import CLEAN, PUBLISHED, SETTINGS
-from _paper.readings import NO_LATENCY, READINGS, called_in
+from _paper.readings import NO_LATENCY, READINGS, Drives, called_in
 
 CLEAN_DS = (95.0, 72.0, 48.0, 95.0, 90.0, 64.0, 80.0, 55.0)
 """Clean driving scores of the routes 101, 201, ..."""
@@ -80,3 +81,13 @@ def as_published(agent: str) -> dict[str, Any]:
         efficiency_of={setting: row.efficiency for setting, row in rows.items()},
         comfort_of={setting: row.comfort for setting, row in rows.items()},
     )
+
+
+def of_shares(folder: Path, shares: Mapping[str, Mapping[str, float]]) -> results.Results:
+    """Return what `joining` reads of a `report` of each agent, saved in `folder`."""
+    return joining.read(saved(folder, *(report(agent, of) for agent, of in shares.items())))
+
+
+def paper_reading(folder: Path, shares: Mapping[str, Mapping[str, float]]) -> Drives:
+    """Return the drives of `of_shares` in the reading `paper`."""
+    return Drives(of_shares(folder, shares), READINGS[0])
