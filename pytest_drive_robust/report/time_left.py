@@ -120,28 +120,35 @@ class EpisodeCosts:
 
 
 class Pace:
-    """How many seconds of episodes are driven in a second of the clock, and for how long those under way have been.
+    """How many seconds of episodes are driven in a second of the clock, and how many those under way have had.
 
-    Episodes that began before the first one of their agent ended may have waited for a compiler: they tell nothing.
+    Of those that are driven together each has its share of the time. Episodes that began before the first one of their
+    agent ended may have waited for a compiler: they tell nothing.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._began: dict[str, tuple[str, float, bool]] = {}
+        self._under_way: dict[str, tuple[Started, float, bool]] = {}
         self._ready: set[str] = set()
-        self.per_second = 1
+        self.per_second = 1.0
 
     def see(self, event: Event) -> None:
         """Take in an event. As many slots as were ever seen in use drive at the same time."""
         if isinstance(event, Started):
-            self._began[event.key] = event.agent, self._clock(), event.agent in self._ready
-            self.per_second = max(self.per_second, len(self._began))
-        elif isinstance(event, Finished) and event.key in self._began:
-            self._ready.add(self._began.pop(event.key)[0])
+            self._under_way[event.key] = event, self._clock(), event.agent in self._ready
+            in_use = math.fsum(1.0 / started.together for started, _, _ in self._under_way.values())
+            self.per_second = max(self.per_second, in_use)
+        elif isinstance(event, Finished) and event.key in self._under_way:
+            self._ready.add(self._under_way.pop(event.key)[0].agent)
 
     def running_s(self) -> dict[str, float]:
-        """Return for how long each episode under way has held its slot."""
-        return {key: self._clock() - began_s for key, (_, began_s, ready) in self._began.items() if ready}
+        """Return how long each episode under way has been driven, in its own seconds."""
+        now_s = self._clock()
+        return {
+            key: (now_s - began_s) / started.together
+            for key, (started, began_s, ready) in self._under_way.items()
+            if ready
+        }
 
 
 def _ident(event: Awaited | Read | Judged) -> _Ident:

@@ -31,7 +31,8 @@ class Executor(Protocol):
     `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off. One
     that drives in the thread of its caller has a `work()`: it is called again and again while somebody waits, and
     returns when something has ended or nothing is left. One whose episodes may wait for a compiler says in `compiling`
-    how many functions are compiled, of how many, and in `drives(agent)` whether an agent need not wait for it.
+    how many functions are compiled, of how many, and in `drives(agent)` whether an agent need not wait for it. One that
+    drives in lockstep says in `together(agent)` how many episodes of an agent share a driver.
     """
 
     @property
@@ -104,6 +105,10 @@ class LocalExecutor:
         self._singles = {future for future in self._singles if not future.done()}
         return self._workers * self._width - (self._width - 1) * len(self._singles)
 
+    def together(self, agent: str) -> int:
+        """Return how many episodes of this agent share a driver, and its time."""
+        return self._width if self._width > 1 and self._shares(agent) else 1
+
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Let the next free driver have an episode. Raises `UsageError` as `make_drivers`."""
         if not self._drivers:
@@ -146,13 +151,19 @@ class LocalExecutor:
 
     def _drive(self, driver: Driver) -> Generator[None, None, None]:
         """Drive what waits until nothing does; a step for every episode that has ended."""
-        while (first := next((request for request, _ in tuple(self._waiting)), None)) is not None:
+        while (first := self._first()) is not None:
             taken: dict[str, Future[EpisodeResult]] = {}
             try:
                 yield from self._drive_first(driver, first, taken)
             except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
                 self._fail(first.episode.agent, taken, error)
                 yield
+
+    def _first(self) -> EpisodeRequest | None:
+        """Return what is driven next: one that is driven alone, as no batch grows while it waits, else the oldest."""
+        waiting = tuple(self._waiting)
+        alone = (request for request, future in waiting if future in self._singles)
+        return next(alone, waiting[0][0] if waiting else None)
 
     def _drive_first(
         self, driver: Driver, first: EpisodeRequest, taken: dict[str, Future[EpisodeResult]]

@@ -63,6 +63,7 @@ class Scheduler:
         self._observer = observer
         self._work: Callable[[], object] | None = getattr(executor, "work", None)
         self._drives: Callable[[str], bool] = getattr(executor, "drives", lambda agent: True)
+        self._together: Callable[[str], int] = getattr(executor, "together", lambda agent: 1)
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
@@ -202,7 +203,8 @@ class Scheduler:
             self._later.pop(key, None)
             return True
         self._later.pop(key, None)
-        self._observer(Started(key, request.episode.agent, request.episode.setting, request.route.label))
+        agent, setting = request.episode.agent, request.episode.setting
+        self._observer(Started(key, agent, setting, request.route.label, self._together(agent)))
         self._tell_compiling()  # before an executor drives, and compiles, in this thread
         try:
             self._under_way[key] = _Drive(request, self._executor.submit(request), claim)

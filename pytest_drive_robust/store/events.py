@@ -122,12 +122,13 @@ class Compiling(Event):
 
 @dataclass(frozen=True, slots=True)
 class Started(Event):
-    """An episode began. `route` is the label of the route, for people."""
+    """An episode began. `route` is the label of the route, for people; so many are driven `together` by one process."""
 
     key: str
     agent: str
     setting: str
     route: str
+    together: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,6 +69,24 @@ def test_an_agent_without_act_batch_is_driven_as_ever(suite, pytester):
         assert not any("lockstep" in decode_episode(path.read_bytes()).versions for path in kept)
 
 
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_agents_with_and_without_act_batch_in_one_run(suite, pytester, executor):
+    tests = "".join(
+        f"""
+@pytest.mark.drive_robust(agent="{agent}")
+def test_{agent}(drive):
+    drive.check(requirements("DS under clean >= 1")[0])
+"""
+        for agent in ("Row", "steady", "Raises")
+    )
+    imports = "import pytest\nfrom pytest_drive_robust import requirements\n"
+    project = suite(test=imports + tests, conftest=LOCKSTEP_CONFTEST)
+    options = ("--drive-executor", executor, "--drive-workers", "1", "--drive-lockstep", "4", "--drive-store", "store")
+    project.runpytest_inprocess("--drive-robust", *options).assert_outcomes(passed=3)
+    lockstep = {one.episode.agent: one.versions.get("lockstep") for one in stored(pytester.path / "store").values()}
+    assert lockstep == {"Row": "4", "steady": None, "Raises": "4"}
+
+
 @pytest.mark.slow
 def test_two_workers_of_xdist_share_the_episodes(suite, pytester, driven):
     drive(suite, "Row", "alone")

@@ -68,12 +68,16 @@ class Clock:
 class Replayed:
     """Drives what was recorded, in the time that it took, on a clock of its own.
 
-    An agent's first episodes wait for `compile_s`.
+    An agent's first episodes wait for `compile_s`. With a `width` so many are driven together: `slots` counts all of
+    them, and each takes `width` times its own seconds.
     """
 
-    def __init__(self, clock: Clock, *, slots: int, compile_s: float = 0.0, gap_s: float = 0.02) -> None:
+    def __init__(
+        self, clock: Clock, *, slots: int, compile_s: float = 0.0, width: int = 1, gap_s: float = 0.02
+    ) -> None:
         self.slots = slots
         self._clock = clock
+        self._width = width
         self._compile_s, self._gap_s = compile_s, gap_s
         self._ready_s: dict[str, float] = {}
         self._known = recorded()
@@ -86,8 +90,11 @@ class Replayed:
         begins_s = max(self._clock.now_s, ready_s) + self._gap_s
         result = replace(scored(episode.route_id, ds, setting=episode.setting), episode=episode, wall_s=wall_s)
         future: Future[EpisodeResult] = Future()
-        self._ends.append((begins_s + wall_s, future, result))
+        self._ends.append((begins_s + wall_s * self._width, future, result))
         return future
+
+    def together(self, agent: str) -> int:
+        return self._width
 
     def work(self) -> None:
         self._ends.sort(key=lambda item: item[0])
@@ -124,11 +131,13 @@ def suites(rule: str) -> list[tuple[Requirement, Scope, VerdictRule]]:
     ]
 
 
-def replay(tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, slots: int, compile_s: float = 0.0) -> Told:
+def replay(
+    tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, slots: int, compile_s: float = 0.0, width: int = 1
+) -> Told:
     """What a run of these tests says."""
     clock = Clock()
     told = Told(clock)
-    executor = Replayed(clock, slots=slots, compile_s=compile_s)
+    executor = Replayed(clock, slots=slots, compile_s=compile_s, width=width)
     campaign = Campaign(MemoryStore(), executor, told, metrics="bench2drive")
     tests = list(tests)
     requests = {key: request for item, scope, _ in tests for key, request in scope.plan([item]).items()}
@@ -165,6 +174,12 @@ def test_after_ten_episodes_it_is_never_off_by_more_than_a_factor_of_two(
     told = replay(suites(rule), slots=slots, compile_s=compile_s)
     end_s = told.clock.now_s
     assert [(end_s - now_s, text) for now_s, text in told.texts[9:] if not is_true(text, end_s - now_s)] == []
+
+
+def test_episodes_that_are_driven_together_share_their_time() -> None:
+    told = replay(suites("point"), slots=16, width=8)
+    end_s = told.clock.now_s
+    assert [(end_s - now_s, text) for now_s, text in told.texts[15:] if not is_true(text, end_s - now_s)] == []
 
 
 def test_the_expected_count_of_episodes_is_right_by_a_quarter_from_the_start() -> None:

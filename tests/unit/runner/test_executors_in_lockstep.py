@@ -7,6 +7,7 @@ from concurrent.futures import Future
 import pytest
 from lockstep_agents import Net, bits, drive_together, task
 
+from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
@@ -14,10 +15,24 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
 from pytest_drive_robust.runner.executors import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.store.base import MemoryStore
+from pytest_drive_robust.store.events import Event, Started
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
 made: list[FakeSimulator] = []
+
+
+class Heard(list[Event]):
+    """An observer that keeps what it hears."""
+
+    def __call__(self, event: Event) -> None:
+        self.append(event)
+
+    def ticked(self) -> None: ...
+
+    def idle(self) -> None: ...
 
 
 class Unmakable(Net):
@@ -38,7 +53,7 @@ def registry() -> Registry:
     registry = Registry()
     registry.register_agent("net", Net)
     registry.register_agent("unmakable", Unmakable)
-    registry.register_agent("alone", ScriptedAgent)
+    registry.register_agent("alone", lambda: ScriptedAgent([Control(throttle=1.0)]))
     registry.register_simulator("world", world)
     registry.register_simulator("breaks once", lambda options: world(options, breaks=(2,)))
     registry.register_simulator("breaks", lambda options: world(options, breaks=tuple(range(1, 20))))
@@ -75,6 +90,14 @@ def test_what_is_submitted_is_driven_in_batches(registry: Registry) -> None:
     assert [bits(result) for result in found] == [bits(result) for result in alone]
 
 
+def test_the_display_is_told_how_many_share_a_driver(registry: Registry) -> None:
+    heard = Heard()
+    driving = Scheduler(MemoryStore(), executor(registry), heard)
+    driving.ensure([keyed(0), keyed(1, "alone")])
+    driving.close()
+    assert {event.agent: event.together for event in heard if isinstance(event, Started)} == {"net": 4, "alone": 1}
+
+
 def test_work_returns_when_an_episode_has_ended(registry: Registry) -> None:
     driving = executor(registry)
     futures = [driving.submit(keyed(number)) for number in range(4)]
@@ -108,6 +131,11 @@ def test_an_agent_that_cannot_be_made_has_no_results_and_others_have(registry: R
     assert isinstance(futures[0].exception(timeout=0.0), UsageError)
     assert futures[0].exception() is futures[2].exception(timeout=0.0)
     assert futures[1].result(timeout=0.0).outcome is Outcome.COMPLETED
+
+
+def test_an_agent_without_act_batch_is_driven_also_when_a_batch_waits_before_it(registry: Registry) -> None:
+    found = drive(executor(registry), [keyed(0), keyed(1, "alone"), keyed(2)])
+    assert [result.versions.get("lockstep") for result in found] == ["4", None, "4"]
 
 
 def test_an_agent_without_act_batch_takes_the_place_of_a_batch_until_it_is_collected(registry: Registry) -> None:
