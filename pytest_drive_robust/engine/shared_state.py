@@ -92,8 +92,8 @@ class SharedState(Watch):
     def clear(self) -> None:
         """Begin a new episode: nothing was driven yet."""
         self._agent_s = 0.0
-        _COUNT.pack_into(self._memory, _COUNT_AT, 0)
-        _COUNT.pack_into(self._memory, _RIG_AT, 0)
+        self._write(_COUNT_AT, _COUNT.pack(0))
+        self._write(_RIG_AT, _COUNT.pack(0))
         self.phase("idle", 0)
 
     def phase(self, name: str, tick: int) -> None:
@@ -104,15 +104,14 @@ class SharedState(Watch):
             if self._connection is not None and descriptor_identity(self._connection) != self._identity:
                 os._exit(CUT_OFF)
         self._phase, self._since_s = Phase[name.upper()], now
-        _READING.pack_into(self._memory, 0, self._phase, tick, now, self._agent_s)
+        self._write(0, _READING.pack(self._phase, tick, now, self._agent_s))
 
     def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
         """Keep what is known of the agent, unless it is too long: then the episode cannot be driven again without."""
         text = json.dumps([[asdict(camera) for camera in cameras], consumes, privileged]).encode()
         if len(text) <= _RIG_BYTES - _COUNT.size:
-            start = _RIG_AT + _COUNT.size
-            self._memory[start : start + len(text)] = text
-            _COUNT.pack_into(self._memory, _RIG_AT, len(text))
+            self._write(_RIG_AT + _COUNT.size, text)
+            self._write(_RIG_AT, _COUNT.pack(len(text)))
 
     def ticked(
         self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
@@ -121,14 +120,21 @@ class SharedState(Watch):
         if tick < self._capacity:
             answer = _UNASKED if asked is None else (asked.throttle, asked.steer, asked.brake)
             row = (*answer, applied.throttle, applied.steer, applied.brake)
-            _ROW.pack_into(self._memory, _ROWS_AT + tick * _ROW.size, *row)
-            _COUNT.pack_into(self._memory, _COUNT_AT, tick + 1)
+            self._write(_ROWS_AT + tick * _ROW.size, _ROW.pack(*row))
+            self._write(_COUNT_AT, _COUNT.pack(tick + 1))
 
     def failed(self, error: Exception) -> None:
         """Print the whole traceback among what the agent printed: a result holds one line of it."""
         if error.__cause__ is not None:
             with suppress(Exception):  # the agent may have closed what it goes to
                 traceback.print_exception(error.__cause__)
+
+    def _write(self, start: int, data: bytes) -> None:
+        """Put `data` there in one piece.
+
+        `pack_into` clears the place first: whoever reads in between sees a call that began at 0 s, and calls it late.
+        """
+        self._memory[start : start + len(data)] = data
 
     @property
     def ticks(self) -> int:

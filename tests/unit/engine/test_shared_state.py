@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 
 import pytest
@@ -91,3 +93,29 @@ def test_nonsense_is_no_phase_and_no_episode(states: tuple[SharedState, SharedSt
     assert ours.read().phase is Phase.IDLE
     assert ours.ticks == 4
     assert ours.recorded() is None
+
+
+WRITER = """
+import sys
+from itertools import count
+from pytest_drive_robust.engine.shared_state import SharedState
+
+state = SharedState(int(sys.argv[1]))
+for tick in count(1):
+    for phase in ("reset", "act", "sim"):
+        state.phase(phase, tick)
+"""
+
+
+def test_what_is_read_is_never_half_written() -> None:
+    fd = shared_file(3)
+    ours, begun_s = SharedState(fd), time.monotonic()
+    with subprocess.Popen([sys.executable, "-c", WRITER, str(fd)], pass_fds=(fd,)) as writer:
+        try:
+            while ours.read().tick == 0:
+                assert writer.poll() is None
+            read = [ours.read() for _ in range(50_000)]
+        finally:
+            writer.kill()
+            os.close(fd)
+    assert [reading for reading in read if reading.since_s < begun_s] == []
