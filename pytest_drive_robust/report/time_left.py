@@ -14,7 +14,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from statistics import fmean
 
-from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Started
+from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Reused, Started
 
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
@@ -79,7 +79,7 @@ class LikelyEpisodes:
 
 
 class EpisodeCosts:
-    """What the episodes of the plan cost in wall seconds, learnt from those that ended.
+    """What the episodes of the plan cost in wall seconds, learnt from those that ended, also in an earlier run.
 
     An episode costs what those of its agent under its setting cost on average. While few of these are known, what is
     usual counts as much as `_USUAL_WEIGHT` of them: the clean episodes of the agent, times `_USUAL_FACTOR` under a
@@ -99,7 +99,7 @@ class EpisodeCosts:
             self._baselines.add(event.clean or _CLEAN)
         elif isinstance(event, Started):
             self._kinds.setdefault(event.key, (event.agent, event.setting))
-        elif isinstance(event, Finished) and event.key in self._kinds:
+        elif isinstance(event, (Finished, Reused)) and event.key in self._kinds:
             self._walls_s[self._kinds[event.key]].append(event.wall_s)
 
     def expected_s(self, keys: Iterable[str]) -> dict[str, float]:

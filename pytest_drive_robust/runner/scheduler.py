@@ -168,7 +168,7 @@ class Scheduler:
         self._seen.add(request.key)
         self._later.pop(request.key, None)
         self._note_duration(request, stored.wall_s)
-        self._observer(Reused(request.key))
+        self._observer(Reused(request.key, stored.wall_s))
         return True
 
     def _has_come(self, request: EpisodeRequest) -> bool:

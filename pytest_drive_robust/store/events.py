@@ -141,9 +141,10 @@ class Finished(Event):
 
 @dataclass(frozen=True, slots=True)
 class Reused(Event):
-    """An episode was needed and found in the store, driven by another process or by an earlier run."""
+    """An episode was needed and found in the store, driven by another process or by an earlier run in `wall_s`."""
 
     key: str
+    wall_s: float
 
 
 @dataclass(frozen=True, slots=True)

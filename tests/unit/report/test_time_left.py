@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from result_factory import scored
@@ -69,29 +70,40 @@ class Replayed:
     """Drives what was recorded, in the time that it took, on a clock of its own.
 
     An agent's first episodes wait for `compile_s`. With a `width` so many are driven together: `slots` counts all of
-    them, and each takes `width` times its own seconds.
+    them, and each takes `width` times its own seconds. Everything takes `times` as long as recorded.
     """
 
     def __init__(
-        self, clock: Clock, *, slots: int, compile_s: float = 0.0, width: int = 1, gap_s: float = 0.02
+        self,
+        clock: Clock,
+        *,
+        slots: int,
+        compile_s: float = 0.0,
+        width: int = 1,
+        times: float = 1.0,
+        gap_s: float = 0.02,
     ) -> None:
         self.slots = slots
         self._clock = clock
-        self._width = width
+        self._width, self._times = width, times
         self._compile_s, self._gap_s = compile_s, gap_s
         self._ready_s: dict[str, float] = {}
         self._known = recorded()
         self._ends: list[tuple[float, Future[EpisodeResult], EpisodeResult]] = []
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
+        ready_s = self._ready_s.setdefault(request.episode.agent, self._clock.now_s + self._compile_s)
+        begins_s = max(self._clock.now_s, ready_s) + self._gap_s
+        result = self.result(request)
+        future: Future[EpisodeResult] = Future()
+        self._ends.append((begins_s + result.wall_s * self._width, future, result))
+        return future
+
+    def result(self, request: EpisodeRequest) -> EpisodeResult:
         episode = request.episode
         ds, wall_s = self._known[episode.agent, episode.setting, episode.route_id]
-        ready_s = self._ready_s.setdefault(episode.agent, self._clock.now_s + self._compile_s)
-        begins_s = max(self._clock.now_s, ready_s) + self._gap_s
-        result = replace(scored(episode.route_id, ds, setting=episode.setting), episode=episode, wall_s=wall_s)
-        future: Future[EpisodeResult] = Future()
-        self._ends.append((begins_s + wall_s * self._width, future, result))
-        return future
+        scored_one = scored(episode.route_id, ds, setting=episode.setting)
+        return replace(scored_one, episode=episode, wall_s=wall_s * self._times)
 
     def together(self, agent: str) -> int:
         return self._width
@@ -131,16 +143,17 @@ def suites(rule: str) -> list[tuple[Requirement, Scope, VerdictRule]]:
     ]
 
 
-def replay(
-    tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, slots: int, compile_s: float = 0.0, width: int = 1
-) -> Told:
-    """What a run of these tests says."""
+def replay(tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, resumes: bool = False, **pace: Any) -> Told:
+    """What a run of these tests says; one that `resumes` finds the clean episodes in its store."""
     clock = Clock()
     told = Told(clock)
-    executor = Replayed(clock, slots=slots, compile_s=compile_s, width=width)
-    campaign = Campaign(MemoryStore(), executor, told, metrics="bench2drive")
+    executor, store = Replayed(clock, **pace), MemoryStore()
+    campaign = Campaign(store, executor, told, metrics="bench2drive")
     tests = list(tests)
     requests = {key: request for item, scope, _ in tests for key, request in scope.plan([item]).items()}
+    for key, request in requests.items():
+        if resumes and request.episode.setting == "clean":
+            store.put(key, executor.result(request))
     campaign.planned(requests, [scope.reading(requirement, rule) for requirement, scope, rule in tests])
     for number, (requirement, scope, rule) in enumerate(tests):
         campaign.judge(requirement, scope, rule, nodeid=str(number))
@@ -180,6 +193,12 @@ def test_episodes_that_are_driven_together_share_their_time() -> None:
     told = replay(suites("point"), slots=16, width=8)
     end_s = told.clock.now_s
     assert [(end_s - now_s, text) for now_s, text in told.texts[15:] if not is_true(text, end_s - now_s)] == []
+
+
+def test_a_run_that_goes_on_knows_what_an_episode_takes() -> None:
+    told = replay(suites("point"), resumes=True, slots=2, times=8.0)
+    end_s = told.clock.now_s
+    assert [(end_s - now_s, text) for now_s, text in told.texts if not is_true(text, end_s - now_s)] == []
 
 
 def test_the_expected_count_of_episodes_is_right_by_a_quarter_from_the_start() -> None:
