@@ -9,6 +9,7 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.report.plan_table import plan_text
+from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading
 from pytest_drive_robust.store.base import EpisodeStore
 
@@ -28,6 +29,7 @@ class PlanPlugin:
     """
 
     config: pytest.Config
+    campaign: Campaign
     store: EpisodeStore
     requests: Mapping[str, EpisodeRequest]
     readings: Sequence[Reading]
@@ -38,10 +40,25 @@ class PlanPlugin:
         """Show the plan; no test runs."""
         reporter = self.config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
-            likely = {request.key for reading in self.readings for request in reading.likely}
+            likely, possible = self._needed()
             text = plan_text(
-                self.requests.values(), self.store.get, likely=likely, slots=self.slots, colour=reporter.hasmarkup
+                self.requests.values(),
+                self.store.get,
+                likely=likely,
+                possible=possible,
+                slots=self.slots,
+                colour=reporter.hasmarkup,
             )
             reporter.section("drive-robust plan")
             reporter.write_line(text)
         return True
+
+    def _needed(self) -> tuple[set[str], set[str]]:
+        """Return the keys of the episodes that the verdicts probably take, and that they take at most."""
+        likely: set[str] = set()
+        possible: set[str] = set()
+        for reading in self.readings:
+            few, most = self.campaign.outlook(reading)
+            likely.update(request.key for request in reading.requests(0, few))
+            possible.update(request.key for request in reading.requests(0, most))
+        return likely, possible

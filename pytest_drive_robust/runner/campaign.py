@@ -94,6 +94,23 @@ class Campaign:
             self._ensure_all(need, begun)
         return self._use(need.perturbed)
 
+    def outlook(self, reading: Reading) -> tuple[int, int]:
+        """Return how many routes the verdict probably takes, and at most, by what is stored; drive nothing."""
+        planned = len(reading.routes)
+        if reading.kind == "point" or self._whole:
+            return planned, planned
+        judge = reading.judge()
+        for number, route in enumerate(reading.routes):
+            if any(self._store.get(request.key) is None for request in route.requests):
+                return min(planned, number + max(1, judge.likely_left(planned))), planned
+            try:
+                score = self._score(reading, route)
+            except ComparisonError:  # an error is a verdict, too: nothing is read after it
+                return number + 1, number + 1
+            if score is not None and judge.read(*score) is not None:
+                return number + 1, number + 1
+        return planned, planned
+
     def judge(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule, *, nodeid: str) -> Judgement:
         """Drive what is missing and judge, for the record of the run.
 
@@ -164,7 +181,7 @@ class Campaign:
         self, reading: Reading, judge: Judge, begun: list[EpisodeRequest]
     ) -> Iterator[tuple[float, float] | None]:
         """Yield the scores of one route after the other, while free slots drive what `judge` probably reads next."""
-        planned, metric = len(reading.routes), reading.requirement.metric
+        planned = len(reading.routes)
         for number, route in enumerate(reading.routes):
             begun += route.requests
             likely = planned if self._whole else number + max(1, judge.likely_left(planned))
@@ -172,8 +189,12 @@ class Campaign:
             self.observer(Read(**named, routes=number, likely=likely))
             ahead, self._first = (*self._first, *reading.requests(number + 1, likely)), ()
             self.scheduler.ensure(route.requests, ahead, reading.requests(likely))
-            clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
-            yield metric.of_route(perturbed, clean=clean, mode=self._metrics)
+            yield self._score(reading, route)
+
+    def _score(self, reading: Reading, route: RouteRequests) -> tuple[float, float] | None:
+        """Return what a judge reads of a route whose episodes are stored, None where they hold no data."""
+        clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
+        return reading.requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
         """Return the results of these requests, which the run now rests on."""

@@ -21,7 +21,8 @@ def last_line(rule: str, *stored: str) -> str:
     reading = SCOPE.reading(WANTED, VerdictRule(rule))
     found = {key: replace(make_result(), wall_s=3.0) for key in stored}
     likely = {request.key for request in reading.likely}
-    return plan_text(REQUESTS.values(), found.get, likely=likely, slots=2, colour=False).splitlines()[-1]
+    text = plan_text(REQUESTS.values(), found.get, likely=likely, possible=REQUESTS, slots=2, colour=False)
+    return text.splitlines()[-1]
 
 
 def test_by_evidence_it_says_what_is_likely_and_what_is_possible() -> None:
@@ -35,4 +36,4 @@ def test_what_is_stored_is_not_driven_and_says_how_long_the_rest_takes() -> None
         "40 episodes would be driven, 2 at a time; how long that takes shows when the first ones are stored."
     )
     assert last_line("point", *list(REQUESTS)[:20]) == "20 episodes would be driven, 2 at a time, in about 30 s."
-    assert last_line("point", *REQUESTS) == "Every episode is stored: nothing would be driven."
+    assert last_line("point", *REQUESTS) == "Every verdict is in: nothing would be driven."

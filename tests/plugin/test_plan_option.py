@@ -1,0 +1,47 @@
+"""`--drive-plan`: what is left to drive, as far as the stored episodes tell."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
+from pytest_drive_robust.testing import fake_route
+
+
+@pytest.fixture
+def plan(suite, pytester):
+    """Write a suite of sixty routes; call with options to get the lines of its plan."""
+    project = suite("DS under clean >= 40")
+    save_routes([fake_route(str(number), length_m=9.0) for number in range(1, 61)], pytester.path / "routes.xml")
+
+    def read(*options: str) -> list[str]:
+        result = project.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-plan", *options)
+        assert result.ret == 0
+        return [line for line in result.outlines if line.strip()]
+
+    return read
+
+
+def test_a_plan_drives_nothing_and_says_what_the_verdict_probably_takes(plan, driven):
+    *_, row, last, _ = plan()
+    assert row.split() == ["steady", "clean", "60", "0", "60"]
+    assert last.startswith("About ")
+    assert "(at most 60: a verdict takes as many as it needs)" in last
+    assert driven() == []
+
+
+def test_where_the_verdict_is_in_nothing_is_left(plan, pytester, driven):
+    pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence").assert_outcomes(passed=1)
+    took = len(driven())
+    assert 0 < took < 60
+    *_, row, last, _ = plan()
+    assert row.split() == ["steady", "clean", "60", str(took), "0"]
+    assert last == "Every verdict is in: nothing would be driven."
+
+
+def test_another_limit_takes_what_it_takes_beyond_what_is_stored(plan, pytester, driven):
+    pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence")
+    took = len(driven())
+    *_, row, last, _ = plan("--drive-verdict", "point")
+    assert row.split() == ["steady", "clean", "60", str(took), str(60 - took)]
+    assert last.startswith(f"{60 - took} episodes would be driven")
