@@ -44,7 +44,7 @@ class CollectionPlugin:
         if context.options.correction != "none":
             context = context._replace(family=max(1, self._judged_by_evidence))
             config.stash[DRIVE_CONTEXT] = context
-        context.campaign.planned(self.requests, self.readings, ahead=not is_worker(config))
+        context.campaign.planned(self.requests, self.readings, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
             context.campaign.observer(Advised(tuple(self._advice.values())))  # the controller shows it

@@ -72,20 +72,24 @@ class Campaign:
         self.scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
 
     def planned(
-        self, requests: Mapping[str, EpisodeRequest], readings: Sequence[Reading], *, ahead: bool = True
+        self, requests: Mapping[str, EpisodeRequest], readings: Sequence[Reading], *, shared: bool = False
     ) -> None:
         """Note what the selected tests are known to need, so that the observer can say how much is left.
 
-        `ahead`: idle slots may begin with what the `readings` probably take, in their order, but first of all with a
-        few episodes of each agent, so that the observer knows early what the episodes of each take.
+        Idle slots may begin with what the `readings` probably take, in their order, but first of all with a few
+        episodes of each agent, so that the observer knows early what the episodes of each take. Where other processes
+        run some of the tests (`shared`), idle slots begin only with what is needed whatever the verdicts there are:
+        the episodes of values over all routes.
         """
         self.observer(Planned(tuple(requests)))
         readings = [replace(reading, kind="point") for reading in readings] if self._whole else readings
         for reading in readings:
             self.observer(awaited(reading))
-        if ahead:
+        if shared:
+            readings = [reading for reading in readings if reading.kind == "point"]
+        else:
             self._first = first_of_each_agent(readings)
-            self.scheduler.plan(request for reading in readings for request in reading.likely)
+        self.scheduler.plan(request for reading in readings for request in reading.likely)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Return every episode of `scope` under `setting`, routes within seeds."""

@@ -1,13 +1,16 @@
-"""Where all episodes of a setting are needed, those that take long begin first."""
+"""What begins first, and what idle slots begin with."""
 
 from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import replace
 
+import pytest
 from result_factory import make_result
 
+from pytest_drive_robust import requirements
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
@@ -20,15 +23,16 @@ WALL_S = {"0": 1.0, "1": 5.0, "2": 2.0, "3": 4.0, "4": 3.0, "5": 6.0}
 
 
 class Hands:
-    """An executor of one slot that notes what it was given."""
+    """An executor that notes what it was given."""
 
-    slots = 1
-
-    def __init__(self) -> None:
+    def __init__(self, slots: int = 1) -> None:
+        self.slots = slots
         self.begun: list[str] = []
+        self.settings: list[str] = []
 
     def submit(self, task: EpisodeRequest) -> Future[EpisodeResult]:
         self.begun.append(task.route.id)
+        self.settings.append(task.episode.setting)
         future: Future[EpisodeResult] = Future()
         future.set_result(replace(make_result(task.route.id), wall_s=WALL_S[task.route.id]))
         return future
@@ -67,3 +71,19 @@ def test_durations_of_an_earlier_run_count():
     assert hands.begun == []
     driving.episodes(SCOPE, Setting.parse("200 ms latency"))
     assert hands.begun == ["5", "1", "3", "4", "2", "0"]
+
+
+@pytest.mark.parametrize(
+    ("rule", "shared", "begun_ahead"),
+    [("point", False, True), ("point", True, True), ("evidence", False, True), ("evidence", True, False)],
+)
+def test_idle_slots_begin_with_later_tests_and_beside_others_only_with_what_is_needed_for_sure(
+    rule: str, shared: bool, begun_ahead: bool
+):
+    hands = Hands(slots=4)
+    driving = Campaign(MemoryStore(), hands, Nobody(), metrics="bench2drive")
+    (wanted,) = requirements("DS under 200 ms latency >= 40")
+    driving.planned(SCOPE.plan([wanted]), [SCOPE.reading(wanted, VerdictRule(rule))], shared=shared)
+    driving.episodes(SCOPE, Setting.CLEAN)
+    assert hands.settings[:6] == ["clean"] * 6
+    assert ("200 ms latency" in hands.settings) is begun_ahead
