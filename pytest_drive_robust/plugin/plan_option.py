@@ -10,6 +10,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading
 from pytest_drive_robust.store.base import EpisodeStore
 
@@ -25,7 +26,7 @@ class PlanPlugin:
     """Shows the plan in place of running tests.
 
     `requests` are the episodes of the selected tests by key, `readings` what their verdicts read; both are filled by
-    their collection. `slots` is how many episodes a run would drive at a time.
+    their collection. `executor` is the one that a run would drive with.
     """
 
     config: pytest.Config
@@ -33,7 +34,7 @@ class PlanPlugin:
     store: EpisodeStore
     requests: Mapping[str, EpisodeRequest]
     readings: Sequence[Reading]
-    slots: int
+    executor: Executor
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> bool:
@@ -46,7 +47,8 @@ class PlanPlugin:
                 self.store.get,
                 likely=likely,
                 possible=possible,
-                slots=self.slots,
+                slots=self.executor.slots,
+                together=getattr(self.executor, "together", lambda agent: 1),
                 colour=reporter.hasmarkup,
             )
             reporter.section("drive-robust plan")

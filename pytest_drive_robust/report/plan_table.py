@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable
 from math import fsum
+from statistics import fmean
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.numbers import duration_text
@@ -18,39 +20,45 @@ def plan_text(
     likely: Collection[str],
     possible: Collection[str],
     slots: int,
+    together: Callable[[str], int] = lambda agent: 1,
     colour: bool,
 ) -> str:
     """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
 
     `likely` are the keys of the episodes that the verdicts probably take, `possible` those that they take at most:
-    some verdicts may come early, some are in. The time rests on the stored episodes of the plan; where there are none
-    it is not known.
+    some verdicts may come early, some are in. The time rests on the stored episodes, of the same agent where it has
+    any; where there are none it is not known. An episode holds its slot `together(agent)` times its own seconds.
     """
     counts: dict[tuple[str, str], list[int]] = {}
-    walls: list[float] = []
-    left = 0
+    walls_s: dict[str, list[float]] = defaultdict(list)
+    left: Counter[str] = Counter()
     for request in requests:
-        count = counts.setdefault((request.episode.agent, request.episode.setting), [0, 0, 0])
+        agent = request.episode.agent
+        count = counts.setdefault((agent, request.episode.setting), [0, 0, 0])
         count[0] += 1
         stored = find(request.key)
         if stored is not None:
             count[1] += 1
-            walls.append(stored.wall_s)
+            walls_s[agent].append(stored.wall_s)
         elif request.key in possible:
             count[2] += 1
-            left += request.key in likely
+            left[agent] += request.key in likely
     page = Page(colour=colour)
     rows = [(*names, *map(str, numbers)) for names, numbers in counts.items()]
     page.table(("episodes", "stored", "to drive"), rows, setting_width=48, verdicts=False)
+    usual_s = [wall_s for of_agent in walls_s.values() for wall_s in of_agent]
+    held_s = [
+        count * together(agent) * fmean(walls_s[agent] or usual_s) for agent, count in left.items() if usual_s and count
+    ]
     most = sum(to_drive for _, _, to_drive in counts.values())
-    return f"{page.text}\n{_sentence(left, most, walls, slots)}"
+    return f"{page.text}\n{_sentence(left.total(), most, held_s, slots)}"
 
 
-def _sentence(left: int, most: int, walls: list[float], slots: int) -> str:
+def _sentence(left: int, most: int, held_s: list[float], slots: int) -> str:
     if not most:
         return "Every verdict is in: nothing would be driven."
     driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
     driven = f"{driven if left < most else f'{most} episodes would be driven'}, {slots} at a time"
-    if not walls:
+    if not held_s:
         return f"{driven}; how long that takes shows when the first ones are stored."
-    return f"{driven}, in about {duration_text(left * fsum(walls) / len(walls) / slots)}."
+    return f"{driven}, in about {duration_text(fsum(held_s) / slots)}."

@@ -17,11 +17,19 @@ SCOPE = Scope("driver", "many", tuple(fake_route(str(number)) for number in rang
 REQUESTS = SCOPE.plan([WANTED])
 
 
-def last_line(rule: str, *stored: str) -> str:
+def last_line(rule: str, *stored: str, together: int = 1) -> str:
     reading = SCOPE.reading(WANTED, VerdictRule(rule))
     found = {key: replace(make_result(), wall_s=3.0) for key in stored}
     likely = {request.key for request in reading.likely}
-    text = plan_text(REQUESTS.values(), found.get, likely=likely, possible=REQUESTS, slots=2, colour=False)
+    text = plan_text(
+        REQUESTS.values(),
+        found.get,
+        likely=likely,
+        possible=REQUESTS,
+        slots=2 * together,
+        together=lambda agent: together,
+        colour=False,
+    )
     return text.splitlines()[-1]
 
 
@@ -37,3 +45,18 @@ def test_what_is_stored_is_not_driven_and_says_how_long_the_rest_takes() -> None
     )
     assert last_line("point", *list(REQUESTS)[:20]) == "20 episodes would be driven, 2 at a time, in about 30 s."
     assert last_line("point", *REQUESTS) == "Every verdict is in: nothing would be driven."
+
+
+def test_those_that_are_driven_together_share_their_time() -> None:
+    assert last_line("point", *list(REQUESTS)[:20], together=8) == (
+        "20 episodes would be driven, 16 at a time, in about 30 s."
+    )
+
+
+def test_an_agent_takes_the_time_of_its_own_stored_episodes() -> None:
+    slow = Scope("slow", "many", SCOPE.routes, (0,)).plan([WANTED])
+    found = {key: replace(make_result(), wall_s=1.0) for key in REQUESTS}
+    found |= {key: replace(make_result(), wall_s=30.0) for key in list(slow)[:10]}
+    both = REQUESTS | slow
+    text = plan_text(both.values(), found.get, likely=both, possible=both, slots=1, colour=False)
+    assert text.splitlines()[-1] == "30 episodes would be driven, 1 at a time, in about 15 min."
