@@ -1,10 +1,9 @@
-"""Learned agents with one thing changed, as agents of the registry: `variant:uniad/target-rule`.
+"""Learned agents with one thing changed, as agents of the registry: `variant:uniad/our-numbers`.
 
-Each change is one factor of what stands between the network and the car. `published` and `our-numbers` change all of
-them at once, whichever of the two an agent does not ship with; `ours-but-...` changes one factor of ours where it ships
-with the published. `target-rule`, `steering` and `pedals` take the published numbers with the car that they are for:
-what it steers, or its pedals, are then given to the car as they are, while ours are converted from a plain car
-(`_planning/plain_car.py`).
+Each change is one factor of what stands between the network and the car. `our-numbers` changes all of them at once, as
+agents ship with the published ones; `ours-but-...` changes one factor of ours. `ours-but-target-rule`, `-steering` and
+`-pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are then given to
+the car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
 """
 
 from __future__ import annotations
@@ -88,12 +87,15 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         UniAD,
         {
             "as-shipped": _NOTHING,
-            "target-rule": _TARGET_RULE,
-            "steering": _STEERING,
-            "pedals": _pedals(),
             "no-cap-of-5-mps": _NO_CAP,
             "memory-by-speedometer": _SPEEDOMETER,
-            "published": Change(options={"tuning": "published"}),
+            **_ours(
+                target_rule=_TARGET_RULE,
+                steering=_STEERING,
+                pedals=_pedals(),
+                no_cap_of_5_mps=_NO_CAP,
+                memory_by_speedometer=_SPEEDOMETER,
+            ),
         },
     ),
     "vad": (
