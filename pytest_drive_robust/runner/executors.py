@@ -115,7 +115,7 @@ class LocalExecutor:
             self._drivers = self._make_drivers(request.episode.agent)
             self._idle += self._drivers
         future: Future[EpisodeResult] = Future()
-        if self._width > 1 and not self._shares(request.episode.agent):
+        if self._width > 1 and self.together(request.episode.agent) == 1:
             self._singles.add(future)
         with self._lock:
             self._waiting.append((request, future))
@@ -170,7 +170,7 @@ class LocalExecutor:
     ) -> Generator[None, None, None]:
         """Drive `first`, with others of its agent where it shares. `taken` are those without a result yet, by key."""
         agent = first.episode.agent
-        width = self._width if self._width > 1 and self._shares(agent) else None
+        width = self._width if self.together(agent) > 1 else None
 
         def take() -> EpisodeRequest | None:
             with self._lock:

@@ -39,7 +39,7 @@ def test_where_the_verdict_is_in_nothing_is_left(plan, pytester, driven):
     assert last == "Every verdict is in: nothing would be driven."
 
 
-def test_another_limit_takes_what_it_takes_beyond_what_is_stored(plan, pytester, driven):
+def test_another_rule_takes_what_it_takes_beyond_what_is_stored(plan, pytester, driven):
     pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence")
     took = len(driven())
     *_, row, last, _ = plan("--drive-verdict", "point")
