@@ -127,7 +127,7 @@ def _facts(driven: DrivenAgent) -> tuple[object, ...]:
     Code may be of another day where weights tell what drives: that it still drives the same is what a clean run shows.
     """
     versions = sorted((name, version) for name, version in driven.versions.items() if name not in _OUR_CODE)
-    return driven.called, driven.made_of["weights"] or driven.made_of["source"], *versions
+    return driven.called, driven.stuck_stop_s, driven.made_of["weights"] or driven.made_of["source"], *versions
 
 
 def _in_order(settings: Mapping[str, Scores]) -> dict[str, Scores]:

@@ -45,8 +45,8 @@ def read_file(path: Path) -> Results:
         return results_of(document)
     if isinstance(document, dict) and str(document.get("format")).startswith(_KIND):
         raise UsageError(
-            f"{path} is of the format {document['format']!r}. Expected {FORMAT!r}, which has both readings, comfort "
-            "and seeds: drive its agents again and give the reports."
+            f"{path} is of the format {document['format']!r}. Expected {FORMAT!r}, which says of each agent when "
+            "a standing car is stopped: drive its agents again and give the reports."
         )
     if isinstance(document, dict) and document.get("schema") == 1 and "episodes" in document:
         return _of_report(document, path)
@@ -82,11 +82,11 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
             fingerprint["agents"][spec],
             kept,
             _driven(episodes[spec], list(routes), comfort.get(spec, {}), f"{path}: {spec}"),
+            settings["stuck_stop_s"],
         )
         for name, spec in called.items()
     }
-    world = {"simulator": versions["simulator"], "stuck_stop_s": settings["stuck_stop_s"]}
-    return Results(world, tuple(settings["seeds"]), routes, agents)
+    return Results({"simulator": versions["simulator"]}, tuple(settings["seeds"]), routes, agents)
 
 
 def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str, dict[str, list[_Episode]]]:

@@ -17,7 +17,7 @@ from pytest_drive_robust.arithmetic.signals import mean
 
 __all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
 
-FORMAT = "drive-robust paper table 3"
+FORMAT = "drive-robust paper table 4"
 """What the compact file says it is. The first one had one reading and no comfort, the second one seed."""
 
 
@@ -71,21 +71,23 @@ def _mean_of_known(values: Iterable[float | None]) -> float | None:
 class DrivenAgent:
     """Everything that one agent drove, by setting. `called` is its name with its options, `simlingo:tuning=published`.
 
-    `made_of` identifies its code and weights, `versions` what it ran on.
+    `made_of` identifies its code and weights, `versions` what it ran on. Its episodes ended when the car had stood
+    still for `stuck_stop_s`, or only as the evaluator ends them (None).
     """
 
     called: str
     made_of: Mapping[str, str]
     versions: Mapping[str, str]
     settings: Mapping[str, Scores]
+    stuck_stop_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
     """`routes` maps each route id to its scenario type and the digest of its definition.
 
-    `world` is what all agents must share: simulator with its version, when a standing car is stopped. `seeds` are those
-    with which each route was driven, in rising order.
+    `world` is what all agents must share: simulator with its version. `seeds` are those with which each route was
+    driven, in rising order.
     """
 
     world: Mapping[str, object]
@@ -106,6 +108,7 @@ def text_of(results: Results) -> str:
             "called": driven.called,
             "made_of": driven.made_of,
             "versions": driven.versions,
+            "stuck_stop_s": driven.stuck_stop_s,
             "settings": {
                 setting: {
                     "driving_score": [one.driving_score for one in scores.of_seeds],
@@ -147,6 +150,7 @@ def results_of(document: Mapping[str, Any]) -> Results:
                 setting: Scores(tuple(map(_of_seed, *(lists[name] for name in _LISTS))))
                 for setting, lists in driven["settings"].items()
             },
+            driven["stuck_stop_s"],
         )
         for name, driven in document["agents"].items()
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -76,13 +77,21 @@ def table_text(results: Results) -> str:
 
 
 def _stop(results: Results) -> list[str]:
-    stop_s = results.world["stuck_stop_s"]
-    if stop_s is None:
+    agents: dict[float | None, list[str]] = {}
+    for name, driven in results.agents.items():
+        agents.setdefault(driven.stuck_stop_s, []).append(f"`{name}`")
+    if list(agents) == [None]:
         return ["Every episode was driven to its end, as there."]
-    return [
-        f"An episode ended when its car had stood still for {stop_s:g} s (`drive_stuck_stop`); there it goes on,",
-        "and some cars get away after all.",
+    said = [
+        f"{stop_s:g} s" + (f" (of {', '.join(of)})" if len(agents) > 1 else "")
+        for stop_s, of in agents.items()
+        if stop_s is not None
     ]
+    return textwrap.wrap(
+        f"An episode ended when its car had stood still for {' or '.join(said)}, by `drive_stuck_stop`; there it goes "
+        "on, and some cars get away after all.",
+        96,
+    )
 
 
 def _missing(results: Results) -> list[str]:

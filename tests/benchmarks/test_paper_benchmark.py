@@ -175,8 +175,8 @@ def test_a_report_that_is_no_table_is_refused(
 
 
 def test_a_file_of_the_former_format_is_refused(tmp_path: Path) -> None:
-    (former,) = saved(tmp_path, {"format": "drive-robust paper table 2", "agents": {}})
-    with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 3', .* drive its agents again"):
+    (former,) = saved(tmp_path, {"format": "drive-robust paper table 3", "agents": {}})
+    with pytest.raises(UsageError, match=r"Expected 'drive-robust paper table 4', .* drive its agents again"):
         joining.read([former])
 
 
@@ -204,12 +204,27 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stop_s", "said"), [(30.0, "its car had stood still for 30 s"), (None, "Every episode was driven to its end")]
+    ("stop_s", "said"),
+    [
+        (30.0, "its car had stood still for 30 s, by `drive_stuck_stop`"),
+        (None, "Every episode was driven to its end"),
+    ],
 )
 def test_the_table_says_whether_standing_cars_were_stopped(tmp_path: Path, stop_s: float | None, said: str) -> None:
     document = report("tcp", ALIKE)
     document["settings"]["stuck_stop_s"] = stop_s
     assert said in texts.table_text(joining.read(saved(tmp_path, document)))
+
+
+def test_agents_may_be_stopped_after_different_times_and_one_agent_may_not(tmp_path: Path) -> None:
+    longer = report("simlingo", ALIKE)
+    longer["settings"]["stuck_stop_s"] = 45.0
+    found = joining.read(saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE), longer))
+    assert "for 30 s (of `tcp`, `vad`) or 45 s (of `simlingo`)," in " ".join(texts.table_text(found).split())
+    other = report("tcp", ALIKE)
+    other["settings"] |= {"seeds": [1], "stuck_stop_s": None}
+    with pytest.raises(ComparisonError, match="tcp was driven with other weights, options or versions"):
+        joining.read(saved(tmp_path, report("tcp", ALIKE), other))
 
 
 @given(ratios=st.lists(st.floats(0.0, 3000.0)))

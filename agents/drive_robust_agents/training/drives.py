@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 
 __all__ = ["degradation", "drive", "summary"]
 
-_STUCK_STOP_S = 30.0
+_STUCK_STOP_S = 45.0
+"""Later than the 40 s after which `simlingo` rolls on by itself, as the published agent does."""
 
 Driven = dict[tuple[str, str], list["EpisodeResult"]]
 """Results by (agent, setting), in the order of the routes."""
