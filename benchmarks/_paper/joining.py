@@ -115,8 +115,8 @@ def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAge
     if changed or _facts(earlier) != _facts(later):
         raise ComparisonError(
             f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other "
-            "weights, options, versions or processor). A setting is compared with its own clean run: drive those "
-            "again, too."
+            "weights, options, versions, --drive-stuck-stop or processor). A setting is compared with its own clean "
+            "run: drive those again, too."
         )
     return replace(later, settings=_in_order({**earlier.settings, **later.settings}))
 
@@ -203,6 +203,6 @@ def _check_same_drives(name: str, first: DrivenAgent | None, second: DrivenAgent
         )
     if len({_facts(one) for one in (first, second) if one is not None}) > 1:
         raise ComparisonError(
-            f"{name} was driven with other weights, options or versions in these: {of[0]}, {of[1]}. Drive one of them "
-            "again."
+            f"{name} was driven with other weights, options, versions or --drive-stuck-stop in these: {of[0]}, "
+            f"{of[1]}. Drive one of them again."
         )

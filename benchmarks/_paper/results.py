@@ -18,7 +18,8 @@ from pytest_drive_robust.arithmetic.signals import mean
 __all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
 
 FORMAT = "drive-robust paper table 4"
-"""What the compact file says it is. The first one had one reading and no comfort, the second one seed."""
+"""What the compact file says it is. The first one had one reading and no comfort, the second one seed, the
+third one stop of standing cars for all agents."""
 
 
 @dataclass(frozen=True, slots=True)
