@@ -106,7 +106,9 @@ def test_every_seed_holds_the_same_drives(tmp_path: Path) -> None:
     heavier = with_seed(report("tcp", ALIKE), 1)
     for made_of in heavier["fingerprint"]["agents"].values():
         made_of["weights"] = "cc"
-    with pytest.raises(ComparisonError, match="with other weights, options or versions in these: seed 0, seed 1"):
+    with pytest.raises(
+        ComparisonError, match="with other weights, options, versions or --drive-stuck-stop in these: seed 0, seed 1"
+    ):
         joining.read(saved(tmp_path, report("tcp", ALIKE), heavier))
     with pytest.raises(ComparisonError, match="tcp was driven with seed 1 on 7 routes, tcp with seed 0 on 8"):
         joining.read(saved(tmp_path, report("tcp", ALIKE), with_seed(report("tcp", ALIKE, routes=7), 1)))
