@@ -50,13 +50,19 @@ _EDGE_M = 0.3
 
 
 class Expert:
-    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past."""
+    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past.
+
+    `room_s` is how many more seconds it leaves to those whose way it crosses, `halt_s` how long it stands at a stop
+    sign. As it knows exactly where everybody is, it needs neither; who learns from it by looking does
+    (`training.data.expert_episode`).
+    """
 
     privileged = True
     portable_bits = True
     consumes: frozenset[str] = frozenset()
 
-    def __init__(self) -> None:
+    def __init__(self, *, room_s: float = 0.0, halt_s: float = 0.0) -> None:
+        self._room_s, self._halt_s = room_s, halt_s
         self.reset(GlobalPlan(()), 0)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -68,7 +74,7 @@ class Expert:
         self._scene: StaticScene | None = None
         self._lanes: LaneChanges | None = None
         self._traffic = Traffic()
-        self._right_of_way = RightOfWay()
+        self._right_of_way = RightOfWay(self._halt_s)
         self._siren = Siren()
         self._speed = SpeedChoice()
         self._pass: Pass | None = None
@@ -143,10 +149,12 @@ class Expert:
         elapsed_s = TICK_S * self._ticks
         self._traffic.update(world, scene.graph, elapsed_s)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
-        stop = self._right_of_way.stop_row(scene, world, row)
+        stop = self._right_of_way.stop_row(scene, world, row, elapsed_s=elapsed_s)
         turned = math.remainder(ego.yaw_rad - float(scene.route[scene.index(row), 2]), math.tau)
         drift = tan(min(max(turned, -1.2), 1.2))
-        return Situation(scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop, elapsed_s)
+        return Situation(
+            scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop, elapsed_s, self._room_s
+        )
 
     # --- where ---
 
@@ -155,7 +163,9 @@ class Expert:
         if self._parked is None:
             self._parked = abs(now.right_m - float(lanes.profile[0])) > _PARKED_FROM_M
         if self._parked:
-            self._parked = not self._is_free(lanes.profile, now, now.row + 40.0, within_s=_CHANGE_FREE_S)
+            self._parked = not is_free(
+                now, now.path(lanes.profile), now.row + 40.0, within_s=_CHANGE_FREE_S, room_s=self._room_s
+            )
         return self._parked
 
     def _choose_lane(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Obstacle | None:

@@ -27,13 +27,18 @@ _SOON_STEPS = 31
 
 
 class RightOfWay:
-    """Remembers at which stop signs the ego came to rest."""
+    """Remembers at which stop signs the ego came to rest, and stayed so for `halt_s`."""
 
-    def __init__(self) -> None:
+    def __init__(self, halt_s: float = 0.0) -> None:
+        self._halt_s = halt_s
+        self._halted_s: dict[int, float] = {}
         self._stopped_at: set[int] = set()
 
-    def stop_row(self, scene: StaticScene, world: WorldState, row: float) -> float:
-        """Return the row that the front bumper must not pass: a red light, or a stop sign not yet honoured."""
+    def stop_row(self, scene: StaticScene, world: WorldState, row: float, *, elapsed_s: float) -> float:
+        """Return the row that the front bumper must not pass: a red light, or a stop sign not yet honoured.
+
+        It was asked before `elapsed_s` ago.
+        """
         nearest, v = math.inf, world.ego.speed_mps
         for index, at in scene.stops:
             if not -2.0 < at - row < _LOOK_M:
@@ -41,7 +46,9 @@ class RightOfWay:
             light = int(world.lights[index])
             front = at - row - world.ego.length_m / 2.0
             if light == _STOP_SIGN and index not in self._stopped_at:
-                if v < 0.09 and front < 3.0:
+                halted = v < 0.09 and front < 3.0
+                self._halted_s[index] = self._halted_s.get(index, 0.0) + elapsed_s if halted else 0.0
+                if halted and self._halted_s[index] > self._halt_s:
                     self._stopped_at.add(index)
                 else:
                     nearest = min(nearest, at - _SIGN_GAP_M)

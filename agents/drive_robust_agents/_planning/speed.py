@@ -59,7 +59,8 @@ class Situation:
     """What the decisions of one tick share.
 
     The ego is `right_m` metres beside the route at `row` and gains `drift` metres to the right on each metre of it.
-    The decisions before were `elapsed_s` ago.
+    The decisions before were `elapsed_s` ago. It leaves `room_s` more than it must to those whose way it crosses, until
+    it has waited for long.
     """
 
     scene: StaticScene
@@ -71,23 +72,33 @@ class Situation:
     speed_mps: float
     stop_row: float
     elapsed_s: float = TICK_S
+    room_s: float = 0.0
 
     def path(self, profile: Floats) -> Floats:
         """Return the path from where the ego is onto a profile: see `lateral.path_of`."""
         return path_of(self.scene, profile, self.row, self.right_m, speed_mps=self.speed_mps, drift=self.drift)
 
 
-def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf) -> bool:
-    """Return whether a path can be driven up to a row, or for `within_s` seconds, without hindering others much."""
+def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf, room_s: float = 0.0) -> bool:
+    """Return whether a path can be driven up to a row, or for `within_s` seconds, without hindering others much.
+
+    Those whose way it crosses have `room_s` more than they need.
+    """
     plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
+    margins = _with_room(_MARGINS if now.speed_mps > 4.0 else _START_MARGINS, room_s)
     found, driven = rollouts(
         path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans, scene.limits,
-        _NO_BOXES, now.stop_row, _MARGINS if now.speed_mps > 4.0 else _START_MARGINS, _FOLLOWER_BRAKES_MPS2,
-        traffic.forecast.shape[1] - 1,
+        _NO_BOXES, now.stop_row, margins, _FOLLOWER_BRAKES_MPS2, traffic.forecast.shape[1] - 1,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
+
+
+def _with_room(margins: Floats, room_s: float) -> Floats:
+    """Return margins (length in m, width in m, seconds) with so many more seconds."""
+    roomy: Floats = margins + np.array([0.0, 0.0, room_s])
+    return roomy
 
 
 class SpeedChoice:
@@ -148,7 +159,7 @@ class _SpeedTrial:
         inside = any(first + 0.5 < front and rear < last for first, last in self.boxes.tolist())
         self.hurry = hurry or inside
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
-        first = _TIGHT_MARGINS if inside else _MARGINS
+        first = _TIGHT_MARGINS if inside else _with_room(_MARGINS, 0.0 if pushy else now.room_s)
         self.tiers: tuple[tuple[Floats, bool], ...] = (
             (first, True),
             (first, False),

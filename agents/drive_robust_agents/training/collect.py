@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drive_robust_agents.training.data.dagger import Mixture, agent_of
+from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import read_done
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
@@ -31,7 +32,10 @@ __all__ = [
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
 """These may grow later: more routes come behind those that are there."""
-_DRAWS = ("route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "simulator")
+_MOST_S = 5.0
+_DRAWS = (
+    "route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "room_s", "halt_s", "simulator",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,8 @@ class Collection:
 
     `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
     `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
-    that shares the driving, each episode under one of `settings` (none: clean).
+    that shares the driving, each episode under one of `settings` (none: clean). The expert leaves others `room_s` more
+    than it must and stands for `halt_s` at stop signs (`Teacher`).
     """
 
     agent: str
@@ -54,6 +59,8 @@ class Collection:
     beta: float = 0.5
     types: tuple[str, ...] = ()
     settings: tuple[str, ...] = ()
+    room_s: float = 0.0
+    halt_s: float = 0.0
 
     def check(self) -> None:
         """Raise `UsageError` for what cannot be collected."""
@@ -66,6 +73,9 @@ class Collection:
             raise UsageError(f"--routes is {self.routes}, expected at least 1.")
         if not 0.0 <= self.beta <= 1.0:
             raise UsageError(f"--beta is {self.beta!r}, expected the expert's share of the time: 0 to 1.")
+        for name in ("room_s", "halt_s"):
+            if not 0.0 <= getattr(self, name) <= _MOST_S:
+                raise UsageError(f"--{name[:-2]} is {getattr(self, name)!r}, expected 0 to {_MOST_S:g} seconds.")
         for sentence in self.settings:
             Setting.parse(sentence)
         if self.settings and self.dagger is None:
@@ -78,11 +88,14 @@ class Collection:
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """Return all shards of the collection."""
         keys = training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)[: self.routes]
-        step, seed, mixture = self.shard_routes, self.data_seed, self._mixture
+        step, teacher = self.shard_routes, Teacher(self.room_s, self.halt_s)
         return tuple(
-            Shard(folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, seed, mixture)
+            Shard(
+                folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, self.data_seed,
+                self._mixture, teacher,
+            )
             for k in range(-(-len(keys) // step))
-        )
+        )  # fmt: skip
 
     @property
     def _mixture(self) -> Mixture | None:
@@ -136,7 +149,7 @@ def _claim(collection: Collection, out: Path) -> None:
     asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
-        there = json.loads(file.read_text(encoding="utf-8"))
+        there = {"room_s": 0.0, "halt_s": 0.0, **json.loads(file.read_text(encoding="utf-8"))}
         other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
@@ -217,6 +230,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dagger", default=None, metavar="WEIGHTS_OR_AGENT", help="an agent that shares the driving")
     parser.add_argument("--beta", type=float, default=0.5, help="with --dagger: the expert's share of the time")
     parser.add_argument(
+        "--room", type=float, default=0.0, dest="room_s", help="seconds more that the expert leaves others"
+    )
+    parser.add_argument("--halt", type=float, default=0.0, dest="halt_s", help="seconds that it stands at a stop sign")
+    parser.add_argument(
         "--settings", nargs="+", default=[], metavar="SETTING",
         help='with --dagger: each episode is under one of these, such as "GPS noise 15 m" or clean',
     )  # fmt: skip
@@ -227,6 +244,7 @@ def collection_of(given: argparse.Namespace) -> Collection:
     return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
         given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
+        given.room_s, given.halt_s,
     )  # fmt: skip
 
 

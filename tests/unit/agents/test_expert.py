@@ -18,8 +18,8 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 
 
-def act(truth: GroundTruth, *, ticks: int = 1) -> Control:
-    agent, control = Expert(), Control()
+def act(truth: GroundTruth, *, ticks: int = 1, room_s: float = 0.0) -> Control:
+    agent, control = Expert(room_s=room_s), Control()
     agent.reset(GlobalPlan(()), 0)
     for tick in range(ticks):
         control = agent.act(observation(truth, tick))
@@ -50,6 +50,24 @@ def test_it_leaves_a_parking_space_only_into_a_gap() -> None:
     coming = actor(12.0, 0.0, speed_mps=9.0)
     assert act(street(coming, right_m=2.9)).throttle == 0.0
     assert act(street(right_m=2.9)).throttle > 0.3
+
+
+def test_with_room_it_leaves_a_gap_that_is_only_just_enough() -> None:
+    coming = street(actor(-4.0, 0.0, speed_mps=9.0), right_m=2.9)
+    assert act(coming).throttle > 0.3
+    assert act(coming, room_s=1.0).throttle == 0.0
+
+
+@pytest.mark.parametrize("every_ticks", [1, 5])
+@pytest.mark.parametrize(("halt_s", "waits"), [(0.0, False), (1.0, True)])
+def test_it_stands_at_a_stop_sign_as_long_as_it_is_told(halt_s: float, waits: bool, every_ticks: int) -> None:
+    agent = Expert(halt_s=halt_s)
+    still, held_s = street(light=(36.0, LightState.STOP_SIGN), x_m=32.6, speed_mps=0.0), []
+    for tick in range(0, 46, every_ticks):
+        agent.act(observation(still, tick))
+        held_s += [0.05 * tick] if math.isfinite(agent.intent().stop_row) else []
+    assert bool(held_s) == waits
+    assert not waits or max(held_s) == pytest.approx(halt_s, abs=0.05 * (every_ticks + 1) + 1e-9)
 
 
 def behind_a_braking_car(*, every_ticks: int) -> float:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents.training.data.draws import draws
-from drive_robust_agents.training.data.expert_episode import TICK_CAP, ExpertEpisode
+from drive_robust_agents.training.data.expert_episode import SHIPPED, TICK_CAP, ExpertEpisode, Teacher
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
 from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
@@ -90,13 +90,15 @@ def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np
     return mine
 
 
-def drive_mixture(route: Route, *, agent: Agent, mixture: Mixture, data_seed: int, seed: int) -> list[Sample]:
+def drive_mixture(
+    route: Route, *, agent: Agent, mixture: Mixture, data_seed: int, seed: int, teacher: Teacher = SHIPPED
+) -> list[Sample]:
     """Drive an episode and return its samples: kept moments up to the first fault, labelled by the expert.
 
     Moments from which even the expert cannot but break a rule are left out.
     """
     cameras = tuple(agent.sensors())
-    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S)
+    episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S, teacher=teacher)
     simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
     failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)

@@ -18,9 +18,29 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 
-__all__ = ["STUCK_S", "TICK_CAP", "ExpertEpisode", "faults", "seen_by_expert"]
+__all__ = ["SHIPPED", "STUCK_S", "TICK_CAP", "ExpertEpisode", "Teacher", "faults", "seen_by_expert"]
 
 TICK_CAP, STUCK_S = 4000, 40.0
+
+
+@dataclass(frozen=True, slots=True)
+class Teacher:
+    """How the expert drives that somebody learns from: what it leaves to others, how long it stands (`Expert`).
+
+    It goes through gaps and halts at signs with nothing to spare, because it knows where everybody is. Who sees the
+    world by a camera, and has no memory, cannot tell such a halt from driving on.
+    """
+
+    room_s: float = 0.0
+    halt_s: float = 0.0
+
+    def expert(self) -> Expert:
+        """Return a new expert that drives so."""
+        return Expert(room_s=self.room_s, halt_s=self.halt_s)
+
+
+SHIPPED = Teacher()
+"""The expert as it stands in every table."""
 
 
 @dataclass(slots=True)
@@ -47,11 +67,12 @@ class ExpertEpisode:
         seed: int,
         cameras: Sequence[CameraSpec] = (),
         stuck_s: float = STUCK_S,
+        teacher: Teacher = SHIPPED,
     ) -> ExpertEpisode:
         """Start an episode and return its first moment."""
         simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=TICK_CAP, stuck_stop_s=stuck_s))
         simulator.reset(route, seed=seed, cameras=cameras)
-        expert, plan = Expert(), simulator.plan()
+        expert, plan = teacher.expert(), simulator.plan()
         expert.reset(plan, seed)
         planners = RoutePlanner(plan, min_m=MIN_M), RoutePlanner(plan, min_m=MIN_SIMLINGO_M)
         night = route.weather.sun_altitude_angle < 0.0

@@ -12,7 +12,15 @@ import numpy as np
 
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.draws import draws
-from drive_robust_agents.training.data.expert_episode import STUCK_S, TICK_CAP, ExpertEpisode, faults, seen_by_expert
+from drive_robust_agents.training.data.expert_episode import (
+    SHIPPED,
+    STUCK_S,
+    TICK_CAP,
+    ExpertEpisode,
+    Teacher,
+    faults,
+    seen_by_expert,
+)
 from drive_robust_agents.training.data.labels import BRANCH_TICKS, ExpertMoment
 from drive_robust_agents.training.data.noise import burst_plan, burst_steer
 from drive_robust_agents.training.data.poses import Pose, draw_pose
@@ -100,12 +108,12 @@ def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
     return None
 
 
-def drive_expert(route: Route, *, data_seed: int, seed: int) -> list[Sample]:
+def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = SHIPPED) -> list[Sample]:
     """Return the samples of an episode of the expert in the order of time, without those with a fault ahead.
 
     `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own.
     """
-    episode = ExpertEpisode.begin(route, seed=seed)
+    episode = ExpertEpisode.begin(route, seed=seed, teacher=teacher)
     noise = burst_plan(draws(data_seed, route.id, seed, "noise"), TICK_CAP + BRANCH_TICKS)
     rng = draws(data_seed, route.id, seed, "moments")
     phase = int(rng.integers(KEEP_TICKS))

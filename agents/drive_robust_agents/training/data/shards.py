@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drive_robust_agents.training.data.dagger import Mixture, agent_of, drive_mixture
+from drive_robust_agents.training.data.expert_episode import SHIPPED, Teacher
 from drive_robust_agents.training.data.frames import write_shard
 from drive_robust_agents.training.data.labels import Row
 from drive_robust_agents.training.data.rigs import agent_rig
@@ -31,6 +32,7 @@ class Shard:
     episodes: int
     data_seed: int
     mixture: Mixture | None = None
+    teacher: Teacher = SHIPPED
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +64,10 @@ def write(shard: Shard) -> WrittenShard:
 
 def _driver(shard: Shard) -> Callable[[Route, int], list[Sample]]:
     """Return what drives an episode of a route with a seed."""
-    if shard.mixture is None:
-        return lambda route, seed: drive_expert(route, data_seed=shard.data_seed, seed=seed)
-    mixture, agent = shard.mixture, agent_of(shard.mixture)
-    return lambda route, seed: drive_mixture(route, agent=agent, mixture=mixture, data_seed=shard.data_seed, seed=seed)
+    data_seed, teacher, mixture = shard.data_seed, shard.teacher, shard.mixture
+    if mixture is None:
+        return lambda route, seed: drive_expert(route, data_seed=data_seed, seed=seed, teacher=teacher)
+    agent = agent_of(mixture)
+    return lambda route, seed: drive_mixture(
+        route, agent=agent, mixture=mixture, data_seed=data_seed, seed=seed, teacher=teacher
+    )

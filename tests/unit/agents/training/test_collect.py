@@ -11,7 +11,8 @@ from training_drives import data_seed, key_of, route_of, samples_of
 
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
-from drive_robust_agents.training.collect import Collection, check_world, collect, main
+from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of, main
+from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import ON_WAY
@@ -102,6 +103,41 @@ def fake_write(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
 
     monkeypatch.setattr(collect_module, "written", driven)
     return asked
+
+
+def test_a_teacher_of_its_own_is_noted_and_data_from_before_there_was_one_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_write(monkeypatch)
+    collect(Collection("tcp", routes=2, room_s=1.0, halt_s=0.5), tmp_path / "calm", progress=False)
+    assert {name: draws_of(tmp_path / "calm")[name] for name in ("room_s", "halt_s")} == {"room_s": 1.0, "halt_s": 0.5}
+    with pytest.raises(UsageError, match=r"room_s: 1.0 there, 0.0 now"):
+        collect(Collection("tcp", routes=2, halt_s=0.5), tmp_path / "calm", progress=False)
+    collect(Collection("tcp", routes=2), tmp_path / "old", progress=False)
+    asked = json.loads((tmp_path / "old" / "collect.json").read_text())
+    del asked["room_s"], asked["halt_s"]
+    (tmp_path / "old" / "collect.json").write_text(json.dumps(asked))
+    assert collect(Collection("tcp", routes=2), tmp_path / "old", progress=False).rows == 1
+
+
+@pytest.mark.parametrize("option", ["--room", "--halt"])
+def test_a_teacher_that_waits_for_ever_is_refused(option: str, tmp_path: Path, capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["--agent", "tcp", "--out", str(tmp_path / "frames"), option, "-1"])
+    assert caught.value.code == 4
+    assert f"{option} is -1.0, expected 0 to 5 seconds." in capsys.readouterr().err
+    assert not (tmp_path / "frames").exists()
+
+
+def test_the_teacher_drives_and_labels_with_its_room_and_halt(tmp_path: Path) -> None:
+    made = []
+    for teacher in (Teacher(), Teacher(room_s=1.0, halt_s=1.0)):
+        key = key_of("VanillaNonSignalizedTurnEncounterStopsign")
+        shard = Shard(tmp_path / str(teacher.halt_s), 0, (key,), 0, "tcp", 1, 0, teacher=teacher)
+        assert list(written([shard], 1))
+        made.append(np.load(shard.folder / "shard-00000" / "future.npy"))
+    stands = [int((np.hypot(future[:, 3, 0], future[:, 3, 1]) < 0.1).sum()) for future in made]
+    assert stands[0] < stands[1]
 
 
 def test_shards_that_are_complete_are_not_driven_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
