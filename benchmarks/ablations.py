@@ -127,7 +127,8 @@ def driven(given: argparse.Namespace) -> list[Row]:
     changes = list(dict.fromkeys([given.base, *(given.changes or VARIANTS[given.agent][1])]))
     settings = [str(Setting.parse(sentence)) for sentence in given.settings]
     baselines = {setting: str(Setting.parse(setting).baseline) for setting in settings}
-    names = {change: f"variant:{given.agent}/{change}" for change in changes}
+    # the agent as it ships goes by its own name, so that what the store has of it is not driven again
+    names = {change: given.agent if change == "as-shipped" else f"variant:{given.agent}/{change}" for change in changes}
     results = drive(
         list(names.values()),
         list(dict.fromkeys([*baselines.values(), *settings])),

@@ -64,10 +64,10 @@ README_FILM = Case("classical", "2701", "3 s burst frame drop")
 """Agent, route and setting of the film on the first page."""
 CASES = {
     "burst": Case("simlingo", "4001", "3 s burst frame drop", until_s=8.0),
-    "occlusion": Case("simlingo", "4201", "occlusion 0.5", until_s=14.0),
+    "occlusion": Case("simlingo", "2401", "occlusion 0.5"),
     "gps": Case("tcp", "4001", "GPS noise 15 m", from_s=3.0, until_s=22.0),
-    "speed": Case("simlingo", "4001", "speed noise 0.2", until_s=6.0),
-    "latency": Case("simlingo", "2501", "500 ms latency (reading=released)", until_s=13.0),
+    "speed": Case("simlingo", "2701", "speed noise 0.5"),
+    "latency": Case("simlingo", "2501", "500 ms latency (reading=released)", from_s=5.0),
 }
 """The film of each case study of the gallery, by its failure."""
 LEARNED_AGENTS = ("tcp", "simlingo", "uniad", "vad")
