@@ -13,11 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.memory import LAG_TICKS
 from drive_robust_agents._wrappers.path_controller import PathController
-from drive_robust_agents._wrappers.pid import Gains, WaypointController
+from drive_robust_agents._wrappers.pid import Gains, Point, WaypointController
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
 from drive_robust_agents.uniad import UniAD
@@ -34,7 +37,8 @@ class Change:
     """What is changed: options of the agent, numbers of its controller, and what is not converted for the car.
 
     `moved_by_speed`: how far the car came since the memory is its measured speed times 0.5 s, not a difference of GPS.
-    `behind_m`: GPS tells a place that far behind, along the compass.
+    `behind_m`: GPS tells a place that far behind, along the compass. `to_target`: the plan is turned, by this share of
+    the angle, from where it leads to where the target point lies: 1 steers straight at it.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -43,6 +47,7 @@ class Change:
     pedals_as_they_are: bool = False
     moved_by_speed: bool = False
     behind_m: float = 0.0
+    to_target: float = 0.0
 
 
 _TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
@@ -50,6 +55,7 @@ _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True
 _NO_CAP = Change(numbers={"coast_above_mps": float("inf")})
 _SPEEDOMETER = Change(moved_by_speed=True)
 _BEHIND = Change(behind_m=20.0)
+_HALFWAY, _STRAIGHT = Change(to_target=0.5), Change(to_target=1.0)
 _NOTHING = Change()
 
 
@@ -76,6 +82,8 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         {
             "as-shipped": _NOTHING,
             "place-20-m-behind": _BEHIND,
+            "half-to-the-target": _HALFWAY,
+            "straight-to-the-target": _STRAIGHT,
             **_ours(
                 target_rule=_TARGET_RULE,
                 steering=_STEERING,
@@ -119,12 +127,26 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "raw-gps": Change(options={"position_filter": "none"}),
             "half-the-gain": Change(numbers={"turn": _halved(tuning.SIMLINGO_PUBLISHED.turn)}),
             "place-20-m-behind": _BEHIND,
+            "half-to-the-target": _HALFWAY,
+            "straight-to-the-target": _STRAIGHT,
             "commentary": Change(options={"commentary": True}),
             **_ours(),
         },
     ),
 }
 """Of each learned agent: its class, and what can be changed by name. `as-shipped` changes nothing."""
+
+
+_PLANS = {"path", "waypoints"}
+"""What of a network's outputs is a plan: (N, 2) metres, forward and right of the ego."""
+
+
+def _turned(plan: NDArray[Any], target: Point, share: float) -> NDArray[Any]:
+    """Turn a plan about the ego, by that share of the angle from its last point to the target."""
+    (ahead, right), (target_ahead, target_right) = plan[-1].tolist(), target
+    angle = share * math.remainder(math.atan2(target_right, target_ahead) - math.atan2(right, ahead), math.tau)
+    c, s = math.cos(angle), math.sin(angle)
+    return plan @ np.array([[c, s], [-s, c]], dtype=plan.dtype)
 
 
 class _Changed(LearnedAgent):
@@ -149,6 +171,14 @@ class _Changed(LearnedAgent):
             moved = (observation.speed.mps * 0.05 * LAG_TICKS, 0.0)
             row.inputs["motion"][:2] = row.inputs["can_bus"][4:] = moved
         return row
+
+    def _follow(
+        self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
+    ) -> Control:
+        if self.change.to_target:
+            turned = {name: _turned(outputs[name], targets[0], self.change.to_target) for name in _PLANS & set(outputs)}
+            outputs = {**outputs, **turned}
+        return super()._follow(observation, targets, outputs)
 
     def _given(self, control: Control, speed_mps: float) -> Control:
         converted = super()._given(control, speed_mps)

@@ -82,6 +82,23 @@ def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatc
     assert str(rows[0].inputs) == str(rows[1].inputs)
 
 
+@pytest.mark.parametrize(("agent", "plans"), [("tcp", {"waypoints": 4}), ("simlingo", {"path": 20, "waypoints": 10})])
+def test_a_plan_is_turned_to_the_target_and_keeps_its_lengths(agent: str, plans: dict[str, int], monkeypatch) -> None:
+    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    straight = {name: np.array([[k + 1.0, 0.0] for k in range(count)], np.float32) for name, count in plans.items()}
+    target = (10.0, 10.0)  # 45 degrees to the right
+    for change, degrees in (("as-shipped", 0.0), ("half-to-the-target", 22.5), ("straight-to-the-target", 45.0)):
+        driven = Variant(agent, change)()
+        driven.reset(GlobalPlan(()), 0)
+        sensed = (Gps(0.0, 0.0, 0), Compass(0.0, 0), Imu(0.0, 0.0, 0.0, 0), Speed(4.0, 0))
+        driven._follow(Observation(0, *sensed, {}), (target, target), straight)
+        for plan in (driven.plan().path, driven.plan().speed_points):
+            assert len(plan) in plans.values()
+            for k, (ahead, right) in enumerate(plan):
+                assert math.isclose(math.degrees(math.atan2(right, ahead)), degrees, abs_tol=1e-4)
+                assert math.isclose(math.hypot(ahead, right), k + 1.0, abs_tol=1e-4)
+
+
 def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_published_ones() -> None:
     written = [(agent, repr(Variant(agent, name).configuration)) for agent, name in NAMES]
     assert len(set(written)) == len(written)
