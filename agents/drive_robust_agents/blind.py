@@ -1,7 +1,6 @@
 """`blind`: follows the plan by clean GPS at one speed and looks at nothing. What it passes, no camera is needed for.
 
-A score below or near its own says nothing about what an agent sees, and no failure of a camera can cost an agent more
-than what lies above it.
+A score below or near its own says nothing about what an agent sees.
 """
 
 from __future__ import annotations
