@@ -4,8 +4,8 @@ Never the original: 1.3 M parameters in place of about 27 M, trained in the embe
 and what ties them, the measurements (speed, target point, command), the target point as an input of the waypoint GRU,
 and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
 four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
-wrapper is why GPS noise hurts it and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what
-of the network is not kept. Gains, target rule and caps are the published ones; those of `tuning="ours"` were found for
+wrapper is why it creeps and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what of the
+network is not kept. Gains, target rule and caps are the published ones; those of `tuning="ours"` were found for
 a plain car (`_wrappers.tuning`).
 
 `mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
