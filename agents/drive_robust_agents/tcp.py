@@ -1,12 +1,12 @@
 """`tcp`: a compact re-implementation of TCP, "Trajectory-guided Control Prediction" (Wu et al., NeurIPS 2022).
 
 Never the original: 1.3 M parameters in place of about 27 M, trained in the embedded world. Kept are the two branches
-and what ties them, the measurements (speed, target point, command), the target point as an input of the waypoint GRU,
-and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a route planner that drops points by it, a PID on
-four waypoints that falls back to the target point, a throttle cap above walking pace, the first tick coasting. That
-wrapper is why it creeps and why a speedometer that reads too low makes it drive faster. `_nets.tcp` tells what of the
-network is not kept. Gains, target rule and caps are the published ones; those of `tuning="ours"` were found for
-a plain car (`_wrappers.tuning`).
+and what ties them, three front cameras joined in one picture, the measurements (speed, target point, command), the
+target point as an input of the waypoint GRU, and the whole wrapper of Bench2Drive's `tcp_b2d_agent.py`: raw GPS, a
+route planner that drops points by it, a PID on four waypoints that falls back to the target point, a throttle cap above
+walking pace, the first tick coasting. That wrapper is why it creeps and why a speedometer that reads too low makes it
+drive faster. `_nets.tcp` tells what of the network is not kept. Gains, target rule and caps are the published ones;
+those of `tuning="ours"` were found for a plain car (`_wrappers.tuning`).
 
 `mode="traj"`, the reference, drives by the trajectory branch alone, as the agent in the tables of Bench2Drive does;
 `"ctrl"` by the control branch alone; `"fused"` by both, as the paper does.
@@ -28,15 +28,28 @@ from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
 from drive_robust_agents._wrappers.tuning import Tuning
-from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["CAMERA", "TCP", "Fusion", "Mode"]
+__all__ = ["CAMERAS", "TCP", "Fusion", "Mode", "joined"]
 
 Mode = Literal["traj", "ctrl", "fused"]
 
-CAMERA = CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128)
-"""One wide camera in place of the three that the published agent joins into one picture."""
+Pixels = NDArray[np.uint8]
+
+CAMERAS = rig("tcp", width_px=160, height_px=96)
+"""The three front cameras of the published agent, left to right, at a tenth of its resolution."""
+
+
+def joined(pictures: Sequence[Pixels]) -> Pixels:
+    """Return the pictures of the three cameras, (..., 96, 160, 3) each, as one of (..., 96, 384, 3), left to right.
+
+    Neighbours see the same at their edges, so a tenth of the width is left out on either side of each. (Published: an
+    eighth, which would leave a width that the strides of the network do not divide.) Source: Bench2DriveZoo
+    `team_code/tcp_b2d_agent.py`, `tick`.
+    """
+    edge = pictures[0].shape[-2] // 10
+    return np.concatenate([picture[..., edge:-edge, :] for picture in pictures], axis=-2)
 
 
 class Fusion:
@@ -67,7 +80,7 @@ class Fusion:
 
 
 class TCP(LearnedAgent):
-    """One front camera, raw GPS, compass and speed in; four waypoints, an action, a control out.
+    """Three front cameras, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
     `tuning` is that of `LearnedAgent`.
 
@@ -107,8 +120,8 @@ class TCP(LearnedAgent):
         super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Return one wide camera at the front edge of the roof."""
-        return (CAMERA,)
+        """Return the three front cameras."""
+        return CAMERAS
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
@@ -121,7 +134,7 @@ class TCP(LearnedAgent):
         gps, target = observation.gps, self._target(observation.gps.x_m, observation.gps.y_m)
         aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
         inputs: dict[str, NDArray[Any]] = {
-            "image": observation.cameras[CAMERA.name].pixels,
+            "image": joined([observation.cameras[camera.name].pixels for camera in CAMERAS]),
             "speed": np.array(observation.speed.mps, dtype=np.float32),
             "target": np.array(aim, dtype=np.float32),
             "command": np.array(int(target.command), dtype=np.int64),

@@ -11,8 +11,8 @@ from drive_robust_agents._nets.tcp import TcpNet, TcpSpec
 from drive_robust_agents.training.loop.export import write_weights
 from drive_robust_agents.training.loop.trainer import TrainingOptions
 
-SPEC = TcpSpec(height_px=32, width_px=64, widths=(8, 8), stem=8, feature=16, state=16, hidden=16)
-CAMERAS = {"front": (32, 64)}
+SPEC = TcpSpec(height_px=32, width_px=48, widths=(8, 8), stem=8, feature=16, state=16, hidden=16)
+CAMERAS = {"front_left": (32, 20), "front": (32, 20), "front_right": (32, 20)}
 
 
 def tiny_net(seed: int = 0) -> TcpNet:

@@ -5,9 +5,9 @@ used; speed, target point and command as one measurement vector; a GRU that writ
 from (last waypoint, target point); a control branch that attends to the map by the measurements, then at each of four
 future steps by its own and the *trajectory's* hidden state, with Beta distributions of steering and acceleration; a
 speed head that sees the image only; a value head on either branch.
-Not kept: ResNet-34 with ImageNet weights (a four-stage residual net of 0.68 M parameters), three joined cameras (one
-wide one), the reinforcement-learnt expert whose features and values are distilled (the values here say how free the
-way is, known to the simulator; there is no feature loss).
+Not kept: ResNet-34 with ImageNet weights (a four-stage residual net of 0.68 M parameters), the reinforcement-learnt
+expert whose features and values are distilled (the values here say how free the way is, known to the simulator; there
+is no feature loss).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _SPEED_MPS, _TARGET_M = 12.0, 20.0
 class TcpSpec:
     """Sizes: the image in pixels, the channels of the encoder, the width of features, the waypoints."""
 
-    height_px: int = 128
-    width_px: int = 256
+    height_px: int = 96
+    width_px: int = 384
     widths: tuple[int, ...] = (48, 96, 192)
     stem: int = 32
     feature: int = 256

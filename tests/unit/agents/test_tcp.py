@@ -18,7 +18,7 @@ from drive_robust_agents._nets.tcp import TcpNet, TcpSpec  # noqa: E402
 from drive_robust_agents._planning.mkz import Pedals  # noqa: E402
 from drive_robust_agents._planning.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
-from drive_robust_agents.tcp import CAMERA, TCP, Fusion, Mode  # noqa: E402
+from drive_robust_agents.tcp import CAMERAS, TCP, Fusion, Mode, joined  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402
 from drive_robust_agents.training.loop.trainer import TrainingOptions  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
@@ -29,7 +29,7 @@ from pytest_drive_robust.testing import check_agent  # noqa: E402
 
 SMALL = TcpSpec(widths=(8, 16), stem=8, feature=32, state=16, hidden=16)
 PLAN = GlobalPlan(tuple(PlanPoint(20.0 * k, 0.0, RoadOption.LANE_FOLLOW) for k in range(5)))
-PIXELS = np.zeros((CAMERA.height_px, CAMERA.width_px, 3), dtype=np.uint8)
+PICTURES = [np.full((96, 160, 3), 10 * k, dtype=np.uint8) for k in range(1, 4)]
 
 
 class Scripted:
@@ -50,7 +50,8 @@ class Scripted:
 
 def seen(tick: int = 0, *, x_m: float = 0.0, y_m: float = 0.0, speed: float = 4.0, yaw: float = 0.0) -> Observation:
     sensors = (Gps(x_m, y_m, tick), Compass(yaw + math.pi / 2.0, tick), Imu(0.0, 0.0, 0.0, tick), Speed(speed, tick))
-    return Observation(tick, *sensors, {CAMERA.name: Image(PIXELS, tick)})
+    pictures = {camera.name: Image(pixels, tick) for camera, pixels in zip(CAMERAS, PICTURES, strict=True)}
+    return Observation(tick, *sensors, pictures)
 
 
 def driver(network: Scripted, mode: Mode = "traj", **options: Any) -> TCP:
@@ -85,7 +86,17 @@ def test_the_network_is_given_the_measured_speed_target_and_command() -> None:
     assert asked["speed"].tolist() == [7.5]
     assert asked["target"].tolist() == [[18.0, -5.0]]
     assert asked["command"].tolist() == [int(RoadOption.LANE_FOLLOW)]
-    assert asked["image"].shape == (1, 128, 256, 3)
+    assert np.array_equal(asked["image"], joined(PICTURES)[None])
+
+
+def test_three_pictures_are_joined_from_left_to_right_without_their_edges() -> None:
+    columns = [np.arange(160) + shift for shift in (0, 20, 40)]
+    pictures = [np.broadcast_to(column[None, :, None], (96, 160, 3)).astype(np.uint8) for column in columns]
+    picture = joined(pictures)
+    assert [camera.name for camera in CAMERAS] == ["front_left", "front", "front_right"]
+    assert picture.shape == (96, 384, 3)
+    assert np.array_equal(picture[0, :, 0], np.concatenate([column[16:144] for column in columns]))
+    assert np.array_equal(joined([np.stack([one, one]) for one in pictures])[1], picture)
 
 
 def test_a_wrong_gps_moves_the_target_and_what_it_dropped_does_not_come_back() -> None:

@@ -28,7 +28,7 @@ _AROUND = rig("nuscenes", width_px=160, height_px=96)
 TRAINING_RIGS: Mapping[str, TrainingRig] = MappingProxyType(
     {
         "simlingo": TrainingRig(rig("simlingo", width_px=256, height_px=128), perception=False),
-        "tcp": TrainingRig((CameraSpec("front", 0.8, 0.0, 1.6, fov_deg=100.0, width_px=256, height_px=128),), False),
+        "tcp": TrainingRig(rig("tcp", width_px=160, height_px=96), perception=False),
         "uniad": TrainingRig(_AROUND, perception=True),
         "vad": TrainingRig(_AROUND, perception=True),
     }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec
-from drive_robust_agents.training.data.rigs import agent_rig
+from drive_robust_agents.tcp import CAMERAS, joined
 from drive_robust_agents.training.recipes.augment import occlude, tcp_hard
 from drive_robust_agents.training.recipes.failures import MOST_HIDDEN, gps_errors, late, misread
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
@@ -25,6 +25,7 @@ __all__ = ["TcpRecipe", "beta_nll"]
 
 Floats = NDArray[np.float32]
 
+_PICTURES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 _HALF_SECONDS = (1, 3, 5, 7)
 """Columns of `future` (a quarter of a second apart) that are the waypoints."""
 _FREE_M, _FREE_S = 4.0, 1.5
@@ -36,13 +37,13 @@ class TcpRecipe:
     """TCP's losses: L1 of waypoints, 0.1 x NLL of actions (now and four later), 0.05 x speed, 0.001 x value.
 
     `robust` adds what deployment does to the inputs (the labels stay those of the true state, so that the network
-    learns to look through it): a black rectangle in every second image, GPS noise of 0 to 15 m on the target point and
-    a sensed speed that is too low, for a third each; and waypoints that begin up to half a second late, so that a
-    control that arrives late still fits.
+    learns to look through it): a black rectangle in every second picture of each camera, GPS noise of 0 to 15 m on the
+    target point and a sensed speed that is too low, for a third each; and waypoints that begin up to half a second
+    late, so that a control that arrives late still fits.
     """
 
     name = "tcp"
-    needs = ("cam_front", "speed", "target", "command", "future", "future_ok", "controls", "gap")
+    needs = (*_PICTURES, "speed", "target", "command", "future", "future_ok", "controls", "gap")
     history = ()
     stages = (TrainingStage(),)
     defaults = Defaults(batch=64, lr=1e-3, weight_decay=0.01, clip=1.0, visits=1_500_000)
@@ -52,8 +53,8 @@ class TcpRecipe:
 
     @property
     def rig(self) -> tuple[CameraSpec, ...]:
-        """One wide front camera."""
-        return agent_rig(self.name).cameras
+        """The three front cameras."""
+        return CAMERAS
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
@@ -61,14 +62,15 @@ class TcpRecipe:
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return inputs named as `TcpNet.forward` wants them, targets named `true_...`."""
-        image = np.array(arrays["cam_front"])
+        image = joined([arrays[picture] for picture in _PICTURES])
         speed, target = arrays["speed"].astype(np.float32), arrays["target"][:, 0, 0].astype(np.float32)
         future, ok = arrays["future"].astype(np.float32), arrays["future_ok"]
         sensed = speed.copy()
         if training:
             tcp_hard(image, generator, strength=generator.random())
             if self.robust:
-                occlude(image, generator, chance=0.5, most=MOST_HIDDEN)
+                for third in np.split(image, len(CAMERAS), axis=2):
+                    occlude(third, generator, chance=0.5, most=MOST_HIDDEN)
                 target = (target + gps_errors(len(target), generator)).astype(np.float32)
                 sensed, future = misread(speed, generator), late(future, generator)
         numbers = {

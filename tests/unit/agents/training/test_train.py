@@ -26,6 +26,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
+RIG = ["front_left", "front", "front_right"]
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
 
 
@@ -36,7 +37,7 @@ def _one_thread() -> None:
 
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    cameras = {"front": (128, 256)}
+    cameras = dict.fromkeys(RIG, (96, 160))
     return write_frames(tmp_path_factory.mktemp("frames"), rows=48, cameras=cameras, episodes=6)
 
 
@@ -66,7 +67,7 @@ def test_training_leaves_candidates_that_load_and_a_log(run: Path) -> None:
     steps = [int(path.parent.name) for path in sorted(run.glob("weights/*/tcp.safetensors"))]
     assert steps == [3, 4, 5]
     _, entry = load("tcp", TcpNet.build, weights=run / "weights" / "000000005" / "tcp.safetensors")
-    assert entry.parameters == 1_287_689
+    assert entry.parameters == 1_288_209
     assert entry.size_bytes < 6_000_000
     assert entry.provenance["trainer"]["batch"] == 8
     assert [json.loads(line)["step"] for line in (run / "log.jsonl").read_text().splitlines()][-1] == 5
@@ -106,7 +107,7 @@ def test_the_best_of_the_evaluated_candidates_is_published_with_its_score(run: P
     assert (entry.version, entry.sha256) == ("1.0", chosen.sha256)
     assert entry.provenance["score"] == {"driving_score": 10.0, "episodes": 1, "routes": "held-out"}
     assert entry.provenance["note"] == "one core"
-    assert [camera["name"] for camera in entry.provenance["rig"]] == ["front"]
+    assert [camera["name"] for camera in entry.provenance["rig"]] == RIG
     assert (tmp_path / "tcp.safetensors").read_bytes() == (
         run / "weights" / "000000004" / "tcp.safetensors"
     ).read_bytes()

@@ -13,7 +13,7 @@ def test_rigs_are_the_cameras_that_the_agents_ask_for() -> None:
     from drive_robust_agents import simlingo, tcp
     from drive_robust_agents._wrappers import bev_agent
 
-    assert agent_rig("tcp").cameras == (tcp.CAMERA,)
+    assert agent_rig("tcp").cameras == tcp.CAMERAS
     assert agent_rig("simlingo").cameras == tuple(simlingo.CAMERAS)
     assert agent_rig("uniad").cameras == agent_rig("vad").cameras == tuple(bev_agent.CAMERAS)
 

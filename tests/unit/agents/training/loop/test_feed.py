@@ -11,6 +11,7 @@ import numpy as np
 from frames_on_disk import write_frames
 from tiny_tcp import CAMERAS
 
+from drive_robust_agents.tcp import joined
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.recipes.tcp import TcpRecipe
@@ -56,7 +57,8 @@ def test_no_episode_is_trained_on_and_validated_on(frames: Frames) -> None:
 def test_validation_shows_images_as_they_are(frames: Frames) -> None:
     feed = Feed(frames, TcpRecipe(), batch=8, seed=0)
     images = torch.cat([batch["image"] for batch in feed.validating(1000)])
-    assert np.array_equal(images.numpy(), frames.column("cam_front")[feed.validation])
+    pictures = [frames.column(f"cam_{name}")[feed.validation] for name in CAMERAS]
+    assert np.array_equal(images.numpy(), joined(pictures))
 
 
 def test_the_frame_half_a_second_before_comes_along_where_there_is_one(frames: Frames) -> None:

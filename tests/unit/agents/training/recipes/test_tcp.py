@@ -14,7 +14,10 @@ from frames_on_disk import made_row
 from numpy.typing import NDArray
 from tiny_tcp import CAMERAS, tiny_net
 
+from drive_robust_agents.tcp import joined
 from drive_robust_agents.training.recipes.tcp import TcpRecipe, beta_nll
+
+PICTURES = ("cam_front_left", "cam_front", "cam_front_right")
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -34,7 +37,7 @@ def test_waypoints_are_half_seconds_of_the_future_and_the_command_is_that_of_the
     batch = TcpRecipe().batch(arrays, rng(), training=False)
     assert np.allclose(batch["true_waypoints"][:, 2].numpy(), arrays["future"][:, 5, :2])
     assert np.array_equal(batch["command"].numpy(), arrays["command"][:, 0])
-    assert np.array_equal(batch["image"].numpy(), arrays["cam_front"])
+    assert np.array_equal(batch["image"].numpy(), joined([arrays[name] for name in PICTURES]))
     assert np.array_equal(batch["target"].numpy(), arrays["target"][:, 0, 0])
     assert batch["true_ok"].shape == (60, 4)
 
@@ -79,9 +82,9 @@ def test_waypoints_that_nobody_drove_cost_nothing(arrays: dict[str, NDArray[Any]
 
 
 def test_plain_training_changes_images_only(arrays: dict[str, NDArray[Any]]) -> None:
-    kept = arrays["cam_front"].copy()
+    kept = [arrays[name].copy() for name in PICTURES]
     plain, trained = (TcpRecipe().batch(arrays, rng(), training=training) for training in (False, True))
-    assert np.array_equal(arrays["cam_front"], kept)
+    assert all(np.array_equal(arrays[name], before) for name, before in zip(PICTURES, kept, strict=True))
     assert [name for name in plain if not torch.equal(plain[name], trained[name])] == ["image"]
 
 
