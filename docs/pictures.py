@@ -65,7 +65,7 @@ README_FILM = Case("classical", "2701", "3 s burst frame drop")
 CASES = {
     "burst": Case("simlingo", "4001", "3 s burst frame drop", until_s=8.0),
     "occlusion": Case("simlingo", "2401", "occlusion 0.5"),
-    "gps": Case("tcp", "4001", "GPS noise 15 m", from_s=3.0, until_s=22.0),
+    "gps": Case("tcp", "4001", "GPS noise 15 m", from_s=3.0, until_s=20.0),
     "speed": Case("simlingo", "2701", "speed noise 0.5"),
     "latency": Case("simlingo", "2501", "500 ms latency (reading=released)", from_s=5.0),
 }
