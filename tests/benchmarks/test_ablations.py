@@ -13,6 +13,7 @@ from _variants import VARIANTS, Variant
 from drive_robust_agents._nets.inference import Policy
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.bev_agent import CAMERAS
+from drive_robust_agents.tcp import CAMERAS as TCP_CAMERAS
 from drive_robust_agents.vad import VAD
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed
@@ -72,12 +73,12 @@ def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps
 
 def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatch) -> None:
     monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
-    rows = []
+    rows, pictures = [], {camera.name: Image(np.zeros((96, 160, 3), np.uint8), 0) for camera in TCP_CAMERAS}
     for change in ("as-shipped", "place-20-m-behind"):
         agent = Variant("tcp", change)()
         agent.reset(GlobalPlan(tuple(PlanPoint(0.0, y_m, RoadOption.LANE_FOLLOW) for y_m in (0.0, 99.0))), 0)
         sensed = (Gps(0.0, 30.0, 0), Compass(math.pi, 0), Imu(0.0, 0.0, 0.0, 0), Speed(4.0, 0))
-        rows.append(agent._look(Observation(0, *sensed, {"front": Image(np.zeros((128, 256, 3), np.uint8), 0)})))
+        rows.append(agent._look(Observation(0, *sensed, pictures)))
     assert [row.inputs.pop("target").round(3).tolist() for row in rows] == [[69.0, 0.0], [89.0, 0.0]]
     assert str(rows[0].inputs) == str(rows[1].inputs)
 
