@@ -48,8 +48,9 @@ def joined(pictures: Sequence[Pixels]) -> Pixels:
     eighth, which would leave a width that the strides of the network do not divide.) Source: Bench2DriveZoo
     `team_code/tcp_b2d_agent.py`, `tick`.
     """
-    edge = pictures[0].shape[-2] // 10
-    return np.concatenate([picture[..., edge:-edge, :] for picture in pictures], axis=-2)
+    width = pictures[0].shape[-2]
+    edge = width // 10
+    return np.concatenate([picture[..., edge : width - edge, :] for picture in pictures], axis=-2)
 
 
 class Fusion:

@@ -103,6 +103,18 @@ def test_robust_training_changes_what_is_sensed_for_some_rows_but_not_what_is_tr
     assert torch.equal(TcpRecipe(robust=True).batch(arrays, rng(1), training=True)["image"], robust["image"])
 
 
+def test_robust_training_hides_parts_of_each_camera_on_its_own(
+    arrays: dict[str, NDArray[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drive_robust_agents.training.recipes.tcp.tcp_hard", lambda *_, **__: None)
+    for name in PICTURES:
+        arrays[name][:] = 200
+    image = TcpRecipe(robust=True).batch(arrays, rng(3), training=True)["image"].numpy()
+    hit = np.stack([(third == 0).any((1, 2, 3)) for third in np.split(image, 3, axis=2)])
+    assert np.all((hit.mean(axis=1) > 0.3) & (hit.mean(axis=1) < 0.7))
+    assert 0.2 < (hit[0] != hit[1]).mean() < 0.8
+
+
 def test_late_waypoints_of_a_straight_drive_begin_at_the_later_place(arrays: dict[str, NDArray[Any]]) -> None:
     metres = 2.0 * np.arange(1, 13)
     arrays["future"][:] = np.stack([metres, np.zeros(12), np.zeros(12), np.full(12, 8.0)], axis=1)
