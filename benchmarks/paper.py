@@ -21,6 +21,11 @@ put over the committed results:
     python benchmarks/paper.py tcp.json uniad.json vad.json simlingo.json --write benchmarks/paper
     python benchmarks/paper.py benchmarks/paper/results.json --write elsewhere
 
+New weights drive all routes again. Their reports take the place of what the first file holds of the old ones:
+
+    python benchmarks/paper.py benchmarks/paper/results.json tcp.json tcp-2.json tcp-3.json --replace tcp \\
+        --write benchmarks/paper
+
 Written are `results.json` (score, success and efficiency of every episode, comfort of every row and seed), `table.md`,
 `patterns.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
 `explanations.md` of the same folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`,
@@ -32,12 +37,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from _paper.figures import heat_map, latency_curves, retention_radar
 from _paper.joining import read
 from _paper.patterns import patterns_of
+from _paper.published import AGENTS
 from _paper.readings import READINGS, Drives
 from _paper.results import text_of
 from _paper.texts import explanations, patterns_text, table_text
@@ -49,13 +55,24 @@ from pytest_drive_robust.store.whole_file import write_whole
 def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a report of --drive-json, or results.json")
+    parser.add_argument(
+        "--replace",
+        nargs="+",
+        default=[],
+        choices=AGENTS,
+        metavar="AGENT",
+        help="leave out what the first FILE has of it",
+    )
     parser.add_argument("--write", type=Path, required=True, metavar="FOLDER", help="where everything is written")
     return parser.parse_args(argv)
 
 
-def render(files: Sequence[Path], folder: Path) -> None:
-    """Read `files`, then write everything into `folder`: all of it or, when the files are refused, nothing."""
-    results = read(files)
+def render(files: Sequence[Path], folder: Path, replaced: Collection[str] = ()) -> None:
+    """Read `files`, then write everything into `folder`: all of it or, when the files are refused, nothing.
+
+    What the first file has of the agents in `replaced` is left out.
+    """
+    results = read(files, replaced)
     patterns = {reading: patterns_of(Drives(results, reading)) for reading in READINGS}
     explained = explanations(folder / "explanations.md", patterns[READINGS[0]])
     written = {
@@ -81,7 +98,7 @@ def render(files: Sequence[Path], folder: Path) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     given = parsed(argv)
     try:
-        render(given.files, given.write)
+        render(given.files, given.write, given.replace)
     except DriveRobustError as error:
         sys.exit(f"error: {error}")
 

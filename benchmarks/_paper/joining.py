@@ -7,7 +7,7 @@ mixed: one world, one definition of each route, and of each agent the same weigh
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -33,21 +33,25 @@ class _Part:
     driven: DrivenAgent
 
 
-def read(paths: Sequence[Path]) -> Results:
+def read(paths: Sequence[Path], replaced: Collection[str] = ()) -> Results:
     """Read all files as one.
 
     Of an agent that several files hold on the same routes, each setting is that of the last file which has it. Files
-    of other routes or seeds are more drives of the same, and must hold the same agents and settings.
+    of other routes or seeds are more drives of the same, and must hold the same agents and settings. What the first
+    file holds of the agents in `replaced` is left out: it was driven with other weights than what the others hold.
 
-    Raises what `read_file` raises, and `ComparisonError` for files of different worlds or definitions of a route, for
-    files that share some of their routes only, for settings of one agent that belong to different clean runs, and for
-    agents, routes or seeds that lack what others have.
+    Raises what `read_file` raises, `UsageError` for an agent in `replaced` that the first file or all others lack, and
+    `ComparisonError` for files of different worlds or definitions of a route, for files that share some of their
+    routes only, for settings of one agent that belong to different clean runs, and for agents, routes or seeds that
+    lack what others have.
     """
     world: Mapping[str, object] = {}
     routes: dict[str, tuple[str, str]] = {}
     parts: dict[tuple[str, int], list[_Part]] = defaultdict(list)
-    for path in paths:
+    for number, path in enumerate(paths):
         found = read_file(path)
+        if number == 0:
+            found = _without(found, replaced, path)
         _check_world(world or found.world, found.world, path)
         world = found.world
         _check_definitions(routes, found.routes, path)
@@ -56,6 +60,9 @@ def read(paths: Sequence[Path]) -> Results:
             _put(parts[name, seed], part, f"{path}: {name}")
     if not parts:
         raise UsageError("no file was given. Expected JSON reports of suites/paper, or a results.json.")
+    not_again = [name for name in replaced if name not in {key[0] for key in parts}]
+    if not_again:
+        raise UsageError(f"{', '.join(not_again)} to be replaced: no file after the first holds it. Give its reports.")
     whole = {key: _of_all_routes(key[0], of_key) for key, of_key in parts.items()}
     _check_same_routes(whole)
     seeds = tuple(sorted({seed for _, seed in whole}))
@@ -65,6 +72,16 @@ def read(paths: Sequence[Path]) -> Results:
         if any(name == key[0] for key in whole)
     }
     return Results(world, seeds, {route: routes[route] for route in sorted(routes, key=place_of)}, agents)
+
+
+def _without(found: Results, replaced: Collection[str], path: Path) -> Results:
+    unknown = [name for name in replaced if name not in found.agents]
+    if unknown:
+        raise UsageError(
+            f"{', '.join(unknown)} to be replaced: {path}, the first file, holds {', '.join(found.agents)}."
+        )
+    kept = {name: driven for name, driven in found.agents.items() if name not in replaced}
+    return replace(found, agents=kept)
 
 
 def _parts_of(found: Results) -> Iterator[tuple[str, int, _Part]]:
@@ -100,7 +117,7 @@ def _put(parts: list[_Part], part: _Part, what: str) -> None:
             raise ComparisonError(
                 f"{what}: {len(shared)} of its {len(part.routes)} routes ({', '.join(shared[:5])}) are in a file "
                 f"before it, too, which holds {len(earlier.routes)}. Give files of the same routes, or of none that "
-                "are the same."
+                "are the same; --replace leaves out what the first file has of an agent."
             )
     parts.append(part)
 

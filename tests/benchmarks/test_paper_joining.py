@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_drives import ALIKE, CLEAN_DS, as_published, report, saved
 
-from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.errors import ComparisonError, UsageError
 
 WARM = called_in("released", NO_LATENCY)
 
@@ -35,6 +35,31 @@ def test_a_new_report_replaces_its_agent_only(tmp_path: Path) -> None:
     found = joining.read(saved(tmp_path, old, vad, new))
     assert found.agents["tcp"] == joining.read(saved(tmp_path, new)).agents["tcp"]
     assert found.agents["vad"] == joining.read(saved(tmp_path, vad)).agents["vad"]
+
+
+def test_other_weights_replace_their_agent_on_all_routes_at_once(tmp_path: Path) -> None:
+    newer = report("tcp", {"clean": 0.9, "occlusion 0.5": 0.5}, routes=8)
+    newer["fingerprint"]["agents"]["tcp"]["weights"] = "tcp@9.9:00000000"
+    files = saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE), newer)
+    old, tcp = tmp_path / "results.json", files[2]
+    old.write_text(results.text_of(joining.read(files[:2])))
+    with pytest.raises(ComparisonError, match="of another clean run"):
+        joining.read([old, tcp])
+    found = joining.read([old, tcp], replaced=["tcp"])
+    assert found.agents["tcp"] == joining.read([tcp]).agents["tcp"]
+    assert found.agents["vad"] == joining.read(files[1:2]).agents["vad"]
+
+
+@pytest.mark.parametrize(
+    ("replaced", "said"),
+    [
+        (["uniad"], r"uniad to be replaced: .*0\.json, the first file, holds tcp\."),
+        (["tcp"], "tcp to be replaced: no file after the first holds it. Give its reports"),
+    ],
+)
+def test_an_agent_is_replaced_by_something(tmp_path: Path, replaced: list[str], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        joining.read(saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE)), replaced)
 
 
 def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
