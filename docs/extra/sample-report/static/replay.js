@@ -170,7 +170,7 @@ driveRobust.views.set("episode", (() => {
           this.playButton,
           h("button", { type: "button", "aria-label": "One tick back", onclick: () => this.step(-1) }, "\u2039"),
           h("button", { type: "button", "aria-label": "One tick on", onclick: () => this.step(1) }, "\u203a"),
-          h("button", { type: "button", onclick: () => this.next(-1) }, "Last mark"),
+          h("button", { type: "button", onclick: () => this.next(-1) }, "Previous mark"),
           h("button", { type: "button", onclick: () => this.next(1) }, "Next mark"),
           this.clock, speed, h("label", { class: "zoom" }, "zoom", zoom), plan, this.linkButton),
         this.range,
@@ -421,7 +421,7 @@ driveRobust.views.set("episode", (() => {
     }
   }
 
-  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and last mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
 
   return { render, KINDS };
 })());
