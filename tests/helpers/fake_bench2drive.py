@@ -113,6 +113,7 @@ class SensorInterface(object):
         return {
             "GPS": (frame, np.array([0.001 * rng.rand(), 0.002, 3.0])),
             "SPEED": (frame, {"speed": 4.0 + rng.rand()}),
+            "CAM_FRONT": (frame, rng.randint(0, 256, (6, 9, 4)).astype(np.uint8)),
         }
 """
 
@@ -159,9 +160,13 @@ class Agent(object):
         self.sensor_interface = SensorInterface()
         self.seen = []
 
+    def sensors(self):
+        return [{"type": "sensor.camera.rgb", "id": "CAM_FRONT"}]
+
     def __call__(self):
         data = self.sensor_interface.get_data(GameTime.get_frame())
-        self.seen.append([list(data["GPS"][1]), data["SPEED"][1]["speed"]])
+        pixels = data["CAM_FRONT"][1].tolist()
+        self.seen.append([list(data["GPS"][1]), data["SPEED"][1]["speed"], pixels])
         control = Control()
         control.throttle = (GameTime.get_frame() - 49) / 100.0
         return control

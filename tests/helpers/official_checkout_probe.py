@@ -34,7 +34,7 @@ def main(inject_path: str, out: str) -> None:
     from srunner.scenariomanager.carla_data_provider import CarlaDataProvider
     from srunner.scenariomanager.timer import GameTime
 
-    load(inject_path).install(job["environ"])
+    load(inject_path).seams.install(job["environ"])
     world = SimpleNamespace(get_spectator=lambda: None, get_actors=list, tick=lambda: None)
     CarlaDataProvider.get_world = staticmethod(lambda: world)
     given = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -58,6 +59,29 @@ def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
     assert drive["env"]["SCENARIO_RUNNER_ROOT"] == str(tmp_path / "b2d/scenario_runner")
     (line,) = (folder / "injected/202.jsonl").read_text().splitlines()
     assert json.loads(line)["schedule"] == [["gps-noise", "gps", 0, 29], ["inference-latency", "control", 0, 29]]
+
+
+OLD_PYTHON = os.environ.get("PDR_TEST_OLD_PYTHON", "")
+"""An interpreter as CARLA's clients need it, 3.7 or later, that has numpy and nothing else."""
+
+
+@pytest.mark.skipif(not OLD_PYTHON, reason="PDR_TEST_OLD_PYTHON names no Python with numpy")
+def test_an_old_python_is_given_the_same_to_the_last_bit(official_run: Callable[..., Any], tmp_path: Path) -> None:
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:202"
+    setting = (
+        "1 s burst frame drop (probability=0.3) and occlusion 0.5 (fill=blur) and GPS noise 5 m and "
+        "speed noise 0.2 and 100 ms sensor delay and 3 frame blend and 200 ms latency (mode=hold)"
+    )
+    told = []
+    for name, python in (("ours", sys.executable), ("old", OLD_PYTHON)):
+        given = ("--setting", setting, "--routes", route, "--python", python, "--out", str(tmp_path / name))
+        code, said = official_run("ok", *given)
+        assert code == 0, said
+        (folder,) = (tmp_path / name).iterdir()
+        drive = json.loads((folder / "results/drive-202.json").read_text())
+        told.append((drive["seen"], drive["applied"], (folder / "injected/202.jsonl").read_text()))
+    assert 0 < len(told[0][0]) < 30  # the agent is busy in the other ticks
+    assert told[0] == told[1]
 
 
 def test_results_of_another_setting_lie_beside(official_run: Callable[..., Any], tmp_path: Path) -> None:

@@ -27,6 +27,10 @@ from official_stream import (
 
 from pytest_drive_robust.bench2drive.evaluator import inject
 from pytest_drive_robust.bench2drive.evaluator.drive import setting_as_json
+from pytest_drive_robust.bench2drive.evaluator.injection.injector import Injector
+from pytest_drive_robust.bench2drive.evaluator.injection.payloads import cameras_of
+from pytest_drive_robust.bench2drive.evaluator.injection.plan import SettingRefusedError, plan_from
+from pytest_drive_robust.bench2drive.evaluator.injection.seams import wrap
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import (
     BUILTIN,
@@ -80,8 +84,8 @@ def injected(stream: list[dict[str, Any]], environ: dict[str, str], route: str, 
     if log is not None:
         environ = {**environ, "PDR_LOG": str(log)}
     drive = OfficialDrive(classes, stream)
-    injector = inject.Injector(inject.plan_from(environ))
-    inject.wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: drive.frame)
+    injector = Injector(plan_from(environ))
+    wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: drive.frame)
     return drive.drive(route)
 
 
@@ -169,8 +173,8 @@ def test_the_variables_of_the_released_code_mean_the_same_as_in_the_package(vari
 def test_variables_that_the_package_refuses_are_refused_with_their_name(variables: dict[str, str]) -> None:
     with pytest.raises(UsageError):
         Setting.from_env(variables)
-    with pytest.raises(inject.SettingRefusedError, match=list(variables)[-1]):
-        inject.plan_from(variables)
+    with pytest.raises(SettingRefusedError, match=list(variables)[-1]):
+        plan_from(variables)
 
 
 @pytest.mark.parametrize(
@@ -182,18 +186,18 @@ def test_variables_that_the_package_refuses_are_refused_with_their_name(variable
     ],
 )  # fmt: skip
 def test_a_setting_that_cannot_be_injected_is_refused_before_anything_is_driven(text: str) -> None:
-    with pytest.raises(inject.SettingRefusedError):
-        inject.plan_from({"PDR_SETTING": text})
+    with pytest.raises(SettingRefusedError):
+        plan_from({"PDR_SETTING": text})
 
 
 def test_masks_and_bursts_are_those_of_the_cameras_places_whatever_their_ids() -> None:
     sensors = [{"type": "sensor.other.imu", "id": "IMU"}, *({"type": "sensor.camera.rgb", "id": tag} for tag in "ba")]
-    assert [camera.name for camera in inject.cameras_of(sensors)] == ["b", "a"]
+    assert [camera.name for camera in cameras_of(sensors)] == ["b", "a"]
 
 
 def test_the_clean_setting_hands_over_the_very_objects() -> None:
     stream = recorded(2)
-    injector = inject.Injector(inject.plan_from({"PDR_SETTING": setting_as_json(Setting.CLEAN, seed=0)}))
+    injector = Injector(plan_from({"PDR_SETTING": setting_as_json(Setting.CLEAN, seed=0)}))
     raw = {tag: (FIRST_FRAME, payload) for tag, payload in stream[0].items()}
     control = object()
 
@@ -221,8 +225,8 @@ def test_a_second_route_in_the_same_process_starts_from_nothing(tmp_path: Path) 
     classes, log = fresh_classes(), tmp_path / "log.jsonl"
     stream = recorded(TICKS)
     drive = OfficialDrive(classes, stream)
-    plan = inject.plan_from({"PDR_SETTING": setting_as_json(setting, seed=5, log=str(log))})
-    inject.wrap(inject.Injector(plan), classes.interface, classes.wrapper, classes.manager, lambda: drive.frame)
+    plan = plan_from({"PDR_SETTING": setting_as_json(setting, seed=5, log=str(log))})
+    wrap(Injector(plan), classes.interface, classes.wrapper, classes.manager, lambda: drive.frame)
     for route, rep in (("7", 0), ("8", 0), ("7", 1), ("7", 0)):
         drive.sensor_interface.reads.clear()
         same_bits(drive.drive(route, rep=rep), through_package(stream, setting, route=route, seed=5 + rep))
@@ -235,8 +239,8 @@ def test_a_second_route_in_the_same_process_starts_from_nothing(tmp_path: Path) 
 
 def test_noise_far_from_the_equator_is_as_many_metres_on_the_ground() -> None:
     fix = np.array([42.0, 2.0, 11.0])
-    plan = inject.plan_from({"PDR_SETTING": setting_as_json(Setting.of(GpsNoise(10.0)), seed=0)})
-    injector = inject.Injector(plan)
+    plan = plan_from({"PDR_SETTING": setting_as_json(Setting.of(GpsNoise(10.0)), seed=0)})
+    injector = Injector(plan)
     injector.begin("1", 0)
     moved = [injector.data(lambda: {"GPS": (tick, fix)}, tick)["GPS"][1] for tick in range(2000)]  # noqa: B023
     metres_per_degree = np.array([111_194.9, 111_194.9 * np.cos(np.radians(42.0))])
@@ -257,9 +261,7 @@ def test_a_fault_of_ours_is_raised_as_the_exception_that_does_not_blame_the_agen
     class NoDataError(Exception):
         pass
 
-    injector = inject.Injector(
-        inject.plan_from({"PDR_SETTING": setting_as_json(Setting.of(GpsNoise()), seed=0)}), NoDataError
-    )
+    injector = Injector(plan_from({"PDR_SETTING": setting_as_json(Setting.of(GpsNoise()), seed=0)}), NoDataError)
     broken = {"GPS": (1, np.array([91.0, 0.0, 0.0]))}
     with pytest.raises(NoDataError, match="the injection failed"):
         injector.step(lambda: injector.data(lambda: broken, 1), lambda: None)
@@ -267,10 +269,10 @@ def test_a_fault_of_ours_is_raised_as_the_exception_that_does_not_blame_the_agen
 
 def test_wrapping_twice_is_refused() -> None:
     classes = fresh_classes()
-    injector = inject.Injector(inject.plan_from({}))
-    inject.wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: 0)
-    with pytest.raises(inject.SettingRefusedError, match="already wrapped"):
-        inject.wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: 0)
+    injector = Injector(plan_from({}))
+    wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: 0)
+    with pytest.raises(SettingRefusedError, match="already wrapped"):
+        wrap(injector, classes.interface, classes.wrapper, classes.manager, lambda: 0)
 
 
 def test_the_module_and_all_that_it_imports_are_python_3_7_with_numpy_alone() -> None:

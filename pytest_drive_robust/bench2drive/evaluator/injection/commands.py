@@ -1,0 +1,31 @@
+"""Commands to CARLA's vehicle: copies of them, and the one that does nothing."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+from typing import Any
+
+__all__ = ["copied", "neutral_like"]
+
+_FIELDS = ("throttle", "steer", "brake", "hand_brake", "reverse", "manual_gear_shift", "gear")
+
+
+def copied(control: Any) -> Any:
+    """Return a command of its own: agents and scenarios change theirs in place."""
+    try:
+        made = type(control)()
+    except TypeError:
+        return copy.copy(control)
+    for name in _FIELDS:
+        if hasattr(control, name):
+            setattr(made, name, getattr(control, name))
+    return made
+
+
+def neutral_like(control: Any) -> Any:
+    """Return no throttle, no steering, no brake; of the class of `control`, or CARLA's when there was none yet."""
+    made = importlib.import_module("carla").VehicleControl() if control is None else copied(control)
+    made.throttle = made.steer = made.brake = 0.0
+    made.hand_brake = made.reverse = False
+    return made
