@@ -5,6 +5,7 @@ Each part is a function without arguments in `reference_parts` that returns reSt
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import MISSING, fields, is_dataclass
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ class Generated(SphinxDirective):
         part = reference_parts.PARTS.get(self.arguments[0])
         if part is None:
             raise self.error(f"there is no part {self.arguments[0]!r}. Known: {', '.join(reference_parts.PARTS)}.")
-        self.env.note_dependency(reference_parts.__file__)
+        self.env.note_dependency(inspect.getfile(part))
         return self.parse_text_to_nodes(part(), allow_section_headings=True)
 
 
